@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* A user of the node and of the float form: every call of their headers links, and the literal form's torque is printed. */
+/* A user of the node and of the float form: each call links; print the torque of the literal form. */
 #include <component_calls.h>
 #include <stdio.h>
 

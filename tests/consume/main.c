@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* What a user writes: 100 counts on a 14-bit encoder, printed in N m. */
+/* A user's program: print the torque in N m after 100 counts of a 14-bit encoder. */
 #include <dahl.h>
 #include <dahl_encoder.h>
 #include <all_calls.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The headers from C++: every public function is named, so that each one links.
+// The headers from C++: each public function links.
 #include <dahl.h>
 #include <dahl_encoder.h>
 #include <all_calls.h>

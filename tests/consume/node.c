@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* What a firmware does with dahl::node: frames in, frames out. Here two angles, and the torque after the second, F/Fc. */
+/* A firmware with dahl::node: pass two angles, print F/Fc of the second answer. */
 #include <dahl_node.h>
 #include <stdio.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// dahl.hpp beside the C calls: the same bits, sizes that a compiler knows, and static objects that nothing makes at start.
+// dahl.hpp against the C calls: the same bits, known sizes, and static objects without constructors at start.
 #include <dahl.hpp>
 
 #include <cstdint>
@@ -7,7 +7,7 @@
 #include <type_traits>
 
 static_assert(dahl::state_size == 8, "the state of one bearing");
-static_assert(dahl::plan_size == sizeof(dahl::Plan) && dahl::encoder_size == sizeof(dahl::Encoder), "nothing is added");
+static_assert(dahl::plan_size == sizeof(dahl::Plan) && dahl::encoder_size == sizeof(dahl::Encoder), "the wrapper adds no member");
 static_assert(sizeof(dahl::Bearing) == dahl::state_size + 8 || sizeof(void *) != 8, "a state and a pointer");
 static_assert(std::is_trivially_destructible<dahl::Bearing>::value && std::is_trivially_copyable<dahl::Bearing>::value, "");
 static_assert(std::is_standard_layout<dahl::Plan>::value && std::is_trivially_copyable<dahl::Encoder>::value, "");
@@ -15,7 +15,7 @@ static_assert(std::is_standard_layout<dahl::Plan>::value && std::is_trivially_co
 static dahl::Plan plan, softer;
 static dahl::Bearing bearing(plan);
 static dahl::Encoder encoder;
-constexpr dahl::Plan nothing; // a constant expression, so no code runs for it at start
+constexpr dahl::Plan zeros; // constant, so no code runs for it at start
 
 static std::uint32_t random_word()
 {
@@ -29,7 +29,7 @@ static bool same(float a, float b)
     return !(a < b) && !(b < a);
 }
 
-// What is left out: forward, no limit, a counter of 32 bits, no encoder.
+// Defaults: sign forward, no step limit, a counter of 32 bits, no count.
 static bool defaults_are_those_of_the_header()
 {
     dahl::Plan by_angle;
@@ -55,7 +55,7 @@ int main()
         return 1;
     }
     if (plan.prepare(-1.0f, 0.5f) != DAHL_ERR_PARAM || encoder.init(1) != DAHL_ERR_RANGE) {
-        return 2; // and both are as they were
+        return 2; // a refusal keeps both
     }
     dahl_encoder_home(&c_encoder, 65500);
     encoder.home(65500);
@@ -77,7 +77,7 @@ int main()
         return 4;
     }
     bearing.set_torque(0.125f);
-    dahl::Bearing still(nothing), flash(c_plan);
+    dahl::Bearing still(zeros), flash(c_plan);
     if (!same(bearing.torque(), 0.125f) || !same(still.step_counts(100), 0.0f) || !bearing.state_ok() || !(flash.step_counts(3) > 0.1f) ||
         encoder.jumps() != c_encoder.jumps || encoder.jumps() < 100 || !defaults_are_those_of_the_header() ||
         dahl::counts_between(65535, 2, 65536) != 3 ||

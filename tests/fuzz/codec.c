@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Frames both ways. Unpacking any bytes: taken iff the form is that of a classic data frame of 8 bytes and the CRC, made
- * here bit by bit, is right; what is refused leaves the output alone; what is taken packs to the same bytes but those that
- * mean nothing. Packing any values: unpacked they are the same but for bits that the frame has no room for.
+ * Frames in both directions. A frame is accepted if and only if it is a classic data frame of 8 bytes with the right CRC,
+ * computed here bit by bit. A refused frame leaves the output unchanged. An accepted frame packs to the same bytes, except for
+ * unused bits.
  */
 #include "dahl_frames.h"
 #include "fuzz.h"
@@ -10,7 +10,7 @@
 typedef struct {
     uint32_t id;
     uint8_t kind;
-    uint8_t means[8]; /* bits of the data that mean something */
+    uint8_t used[8]; /* bits of the data */
 } kind_t;
 
 static const kind_t kinds[] = {
@@ -43,7 +43,7 @@ static uint8_t shift_in(uint8_t crc, uint8_t byte)
     return crc;
 }
 
-/* AUTOSAR E2E profile 2, in words of its text: bytes 1 to 7, then the data id that the counter chooses. */
+/* AUTOSAR E2E profile 2: bytes 1 to 7, then the data id that the counter selects. */
 static uint8_t crc_of(const uint8_t *data, uint8_t kind)
 {
     uint8_t crc = 0xFF;
@@ -90,7 +90,7 @@ static void check_repack(size_t kind, const dahl_can_frame_t *frame, const conte
     LAW(again.id == (kinds[kind].id | (frame->id & 15)) && again.length == 8 && again.flags == 0, "packing sets the whole head");
     LAW(again.data[0] == crc_of(again.data, kinds[kind].kind), "packing makes the CRC");
     for (int i = 1; i < 8; i++) {
-        LAW(again.data[i] == (frame->data[i] & kinds[kind].means[i]), "packing what was unpacked gives the same bytes");
+        LAW(again.data[i] == (frame->data[i] & kinds[kind].used[i]), "an unpacked frame packs to the same bytes");
     }
 }
 
@@ -103,25 +103,24 @@ static dahl_frames_check_t check_unpack(size_t kind, const dahl_can_frame_t *fra
     dahl_frames_check_t wanted = !is_classic(frame)                                             ? DAHL_FRAMES_BAD_FORMAT
                             : frame->data[0] == crc_of(frame->data, kinds[kind].kind) ? DAHL_FRAMES_GOOD
                                                                                         : DAHL_FRAMES_BAD_CRC;
-    LAW(got == wanted, "taken iff the form and the CRC are right");
+    LAW(got == wanted, "a frame is accepted if and only if format and CRC are right");
     if (got == DAHL_FRAMES_GOOD) {
         check_repack(kind, frame, &content);
     } else {
-        LAW(memcmp(&content, &untouched, sizeof content) == 0, "what is refused leaves the output alone");
+        LAW(memcmp(&content, &untouched, sizeof content) == 0, "a refused frame leaves the output unchanged");
     }
     return got;
 }
 
-/* One or two wrong bits never pass, in no kind. */
 static void check_flips(size_t kind, dahl_can_frame_t frame, uint8_t one, uint8_t two)
 {
     frame.data[one >> 3 & 7] ^= (uint8_t)(1u << (one & 7u));
     frame.data[two >> 3 & 7] ^= (uint8_t)(1u << (two & 7u));
     if (((one ^ two) & 63) != 0) {
-        LAW(check_unpack(kind, &frame) == DAHL_FRAMES_BAD_CRC, "two wrong bits are seen");
+        LAW(check_unpack(kind, &frame) == DAHL_FRAMES_BAD_CRC, "two wrong bits are detected");
     } else {
         frame.data[one >> 3 & 7] ^= (uint8_t)(1u << (one & 7u));
-        LAW(check_unpack(kind, &frame) == DAHL_FRAMES_BAD_CRC, "a wrong bit is seen");
+        LAW(check_unpack(kind, &frame) == DAHL_FRAMES_BAD_CRC, "a wrong bit is detected");
     }
 }
 
@@ -137,7 +136,7 @@ static void check_pack(size_t kind, fuzz_bytes_t *bytes)
         memcpy(&content.encoder.valid, &flag, 1);
     }
     pack(kind, &frame, node, &content);
-    LAW(check_unpack(kind, &frame) == DAHL_FRAMES_GOOD, "what was packed is good");
+    LAW(check_unpack(kind, &frame) == DAHL_FRAMES_GOOD, "a packed frame is good");
     for (size_t other = 0; other < KINDS; other++) {
         LAW(other == kind || check_unpack(other, &frame) == DAHL_FRAMES_BAD_CRC, "no frame passes for another kind");
     }

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * What the fuzzers share. Each is one LLVMFuzzerTestOneInput (libFuzzer): bytes in, laws checked, nothing kept, so that an
- * input alone repeats what it found. Bytes that have run out read as 0, so that every input means something.
- */
+/* Common code of the fuzzers. Each is one LLVMFuzzerTestOneInput (libFuzzer) without state, so an input alone repeats a
+ * failure. Bytes beyond the end of the input read as 0. */
 #ifndef FUZZ_H
 #define FUZZ_H
 
@@ -50,7 +48,7 @@ static inline float fuzz_float_of(uint32_t bits)
     return x;
 }
 
-/* What must hold, in words. A unit test that includes a fuzzer has its own way to say so. */
+/* A unit test that includes a fuzzer defines LAW before. */
 #ifndef LAW
 static inline void fuzz_broken(const char *law, const char *file, int line)
 {
@@ -60,7 +58,7 @@ static inline void fuzz_broken(const char *law, const char *file, int line)
 #define LAW(condition, words) ((condition) ? (void)0 : fuzz_broken(words, __FILE__, __LINE__))
 #endif
 
-/* The same laws without libFuzzer: so many inputs of random bytes, each byte small in every other input. */
+/* The same laws without libFuzzer, for random inputs. Every other input has many small bytes. */
 static inline void fuzz_at_random(uint32_t inputs, size_t length)
 {
     uint8_t input[512];

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""The fuzzers: of what each is made, how it is built, run for some seconds, and run for hours.
+"""The fuzzers: their sources, how to build them, and runs of seconds or hours.
 
-Programs, found inputs and states of long runs live in build/fuzz/NAME. An input that broke a law
-stays there as crash-... and is tried again by every later run until it passes.
+Programs, found inputs and states of long runs are in build/fuzz/NAME. An input that broke a law
+stays there as crash-... and each later run tries it again until it passes.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ NUMBERS = ["-fno-sanitize-coverage=trace-cmp"]  # no magic words to find in numb
 
 @dataclass(frozen=True)
 class Fuzzer:
-    """One target. In C: NAME.c and what it is linked with; in Python: readers.py NAME."""
+    """One target: NAME.c and its sources, or readers.py NAME if there are none."""
 
     name: str
     length: int  # bytes of an input at most
-    floor: int  # executions in a minute that any machine passes, far below what it does
+    floor: int  # executions in a minute, far below what a slow machine reaches
     sources: list[str | Path] = field(default_factory=list)
     options: list[str] = field(default_factory=list)
     libraries: list[str] = field(default_factory=list)
@@ -89,7 +89,7 @@ FUZZERS = {
 
 @dataclass(frozen=True)
 class Run:
-    """What libFuzzer said."""
+    """The result of libFuzzer."""
 
     executions: int
     edges: int
@@ -105,7 +105,7 @@ def home(name: str) -> Path:
 
 
 def digest(fuzzer: Fuzzer, root: Path = ROOT) -> str:
-    """Of everything that a program is made of."""
+    """The digest of all sources of a program."""
     sums = hashlib.sha256(repr(fuzzer).encode())
     parts = (HERE, "tools/dahl") if fuzzer.is_python else PARTS
     for part in parts:
@@ -134,7 +134,7 @@ def python_command(name: str, folder: Path, root: Path = ROOT) -> list[str]:
 
 
 def program_of(name: str) -> list[str]:
-    """The command of a fuzzer, built where its sources have changed."""
+    """The command of a fuzzer; build it if its sources have changed."""
     fuzzer, folder = FUZZERS[name], home(name)
     if fuzzer.is_python:
         return python_command(name, folder)
@@ -146,7 +146,7 @@ def program_of(name: str) -> list[str]:
 
 
 def options_of(name: str, folder: Path) -> list[str]:
-    """What every run of a fuzzer gets."""
+    """The options of each run."""
     fuzzer = FUZZERS[name]
     words = ROOT / HERE / f"{name}.dict"
     found = [f"-dict={words}"] if words.exists() else []
@@ -165,7 +165,7 @@ def options_of(name: str, folder: Path) -> list[str]:
 
 
 def seeds_of(name: str) -> list[Path]:
-    """Folders with inputs to begin with."""
+    """Folders with seeds."""
     folder = home(name)
     seeds = [ROOT / HERE / "corpus" / name]
     if FUZZERS[name].is_python:
@@ -180,7 +180,7 @@ def seeds_of(name: str) -> list[Path]:
 
 
 def call(command: list[str], limit: float) -> Run:
-    """Run libFuzzer to its end, and read what it says."""
+    """Run libFuzzer to its end and parse its output."""
     environment = os.environ | {"ASAN_OPTIONS": "quarantine_size_mb=8:detect_leaks=1"}
     done = subprocess.run(
         command,
@@ -204,7 +204,7 @@ def call(command: list[str], limit: float) -> Run:
 
 
 def fuzz(name: str, program: list[str], folder: Path, seconds: int, *more: str) -> Run:
-    """Run for some seconds; inputs that are worth it stay in folder/found."""
+    """Run for some seconds; inputs that add coverage stay in folder/found."""
     (folder / "found").mkdir(parents=True, exist_ok=True)
     options = [*options_of(name, folder), f"-max_total_time={seconds}", *more]
     corpora = [str(folder / "found"), *map(str, seeds_of(name))]
@@ -212,7 +212,7 @@ def fuzz(name: str, program: list[str], folder: Path, seconds: int, *more: str) 
 
 
 def replay(name: str) -> Run:
-    """Every seed once, and every input that once broke a law; what passes now is forgotten."""
+    """Run each seed, and each input that broke a law; delete those that pass now."""
     folder = home(name)
     old = sorted(folder.glob("crash-*"))
     run = call(
@@ -228,17 +228,18 @@ def replay(name: str) -> Run:
 
 
 def complaint(name: str, run: Run) -> str:
-    """How a failed run is told: the law, the input, and how to see it again."""
+    """The message of a failed run: the law, the input, and the command to repeat it."""
     law = re.search(r".*(law broken|runtime error|ERROR: |Error: |Uncaught).*", run.text)
     again = " ".join([*program_of(name), str(run.crash)])
     return f"{name}: {law[0] if law else run.text[-2000:]}\n  again: {again}"
 
 
 def soak(
-    name: str, folder: Path, goal: int, seconds: int, told: Callable[[str], None], chunks: int = 0
+    name: str, folder: Path, goal: int, seconds: int, report: Callable[[str], None], chunks: int = 0
 ) -> int:
-    """Run until there were `goal` executions of these sources, one process a core, in chunks of
-    some seconds; an interrupted run goes on at the last chunk. chunks: stop after so many.
+    """Run `goal` executions of these sources in chunks of some seconds, one process for each core.
+
+    An interrupted run continues at its last chunk. If chunks is not 0, stop after that many.
     """
     state, sums = folder / "soak.json", digest(FUZZERS[name])
     kept = json.loads(state.read_text(encoding="utf-8")) if state.exists() else {}
@@ -255,7 +256,7 @@ def soak(
         state.write_text(json.dumps({"sources": sums, "executions": total}), encoding="utf-8")
         hours = max(goal - total, 0) / max(now, 1) * seconds / 3600
         speed = f"{now / seconds:.3g}/s, {hours:.1f} h to go"
-        told(f"{name}: {total:.3g} of {goal:.0e} executions, {speed}")
+        report(f"{name}: {total:.3g} of {goal:.0e} executions, {speed}")
         chunks -= 1
         if chunks == 0:
             break

@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Ticks of every model on any plan, from rest: the contract of tests/lib/laws.h, and what only one model has: memory, no creep, work,
- * the way back, and the fast form of a sum.
- */
+/* Ticks of each model on any plan, from rest: the contract of tests/lib/laws.h, and laws of single models. */
 #include "dahl_batch.h"
 #include "plans.h"
 #define HOLDS(condition, words) LAW(condition, words)
@@ -19,7 +16,7 @@ typedef struct {
     int32_t dcounts[STEPS_MAX];
 } walk_t;
 
-/* All but the symmetry of ties, by which the mirrored walk of a bristle may differ. */
+/* Without the mirrored walk, which may differ at ties. */
 static void check_contract(const walk_t *walk)
 {
     static subject_t subject;
@@ -37,7 +34,6 @@ static void check_contract(const walk_t *walk)
     }
 }
 
-/* A loop back to where it came from leaves no trace, if nothing slips further than before. */
 static void check_memory(const walk_t *walk)
 {
     dahl_slip_params_t params = {1, walk->params[0].theta_per_count, {walk->params[0].sigma0}, {walk->params[0].Fc}};
@@ -54,7 +50,6 @@ static void check_memory(const walk_t *walk)
     LAW(memcmp(&state, &kept, sizeof state) == 0, "slip: return-point memory");
 }
 
-/* To and fro below the breakaway. */
 static void check_no_creep(const walk_t *walk)
 {
     const model_t *model = model_with(MORE_IS_BREAKAWAY);
@@ -72,7 +67,7 @@ static void check_no_creep(const walk_t *walk)
     LAW(state.dahl.w == 0, "elasto-plastic: no creep below breakaway");
 }
 
-/* A Dahl and a slip element by the fast form, against those that are exact. */
+/* A Dahl and a slip element: fast form against exact form. */
 static void check_fast_sum(const walk_t *walk)
 {
     const dahl_params_t *p = &walk->params[0];
@@ -93,7 +88,7 @@ static void check_fast_sum(const walk_t *walk)
     for (int i = 0; i < walk->moves; i++) {
         float F = dahl_parallel_step_counts(parts, 2, walk->dcounts[i]);
         LAW(fabsl((long double)F - (long double)G[i]) <= 1.1L * ulp_of_sum((long double)p->Fc + (long double)other.Fc),
-            "parallel: the fast form, within both bounds");
+            "fast: within both bounds of the exact form");
     }
 }
 
@@ -119,10 +114,10 @@ static void check_work(const walk_t *walk)
     long double bound = 0x1p-22L * fabsl(exact) + 0x1p-24L * energy + 0x1p-50L * way * (long double)p->Fc + 0x1p-120L;
     LAW(isinf(got) || fabsl(got - exact) <= bound,
         "work: the integral of the torque");
-    LAW(!(dahl_work(p, &work) < -0x1p-28f * p->Fc / p->sigma0 * p->Fc), "work: from rest nothing is given");
+    LAW(!(dahl_work(p, &work) < -0x1p-28f * p->Fc / p->sigma0 * p->Fc), "work: a bearing at rest returns no energy");
 }
 
-static void check_way_back(const walk_t *walk, uint32_t part_of_Fc)
+static void check_inverse(const walk_t *walk, uint32_t part_of_Fc)
 {
     const dahl_params_t *p = &walk->params[0];
     dahl_plan_t plan;
@@ -138,17 +133,16 @@ static void check_way_back(const walk_t *walk, uint32_t part_of_Fc)
     dahl_state_t there = state, before = state;
     if (err != DAHL_OK) {
         float most = dahl_step_counts(&plan, &there, s * INT32_MAX);
-        LAW(found == 77 && (s > 0 ? most < F : most > F), "way back: refused only where no move reaches it");
+        LAW(found == 77 && (s > 0 ? most < F : most > F), "inverse: refused only if no move reaches the torque");
         return;
     }
     float reached = dahl_step_counts(&plan, &there, found);
-    LAW(F == here ? found == 0 : s > 0 ? reached >= F : reached <= F, "way back: reaches the torque");
+    LAW(F == here ? found == 0 : s > 0 ? reached >= F : reached <= F, "inverse: the move reaches the torque");
     LAW(F == here || (s > 0 ? dahl_step_counts(&plan, &before, found - 1) < F : dahl_step_counts(&plan, &before, found + 1) > F),
-        "way back: no fewer counts do");
+        "inverse: one count less does not");
     LAW(dahl_tip_torque(&plan, part_of_Fc) <= p->Fc, "tips are below Fc");
 }
 
-/* Sizes of moves: a count or so, some digits, any. */
 static int32_t any_counts(fuzz_bytes_t *bytes)
 {
     uint8_t size = fuzz_u8(bytes) % 3u;
@@ -174,6 +168,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     check_no_creep(&walk);
     check_fast_sum(&walk);
     check_work(&walk);
-    check_way_back(&walk, torque);
+    check_inverse(&walk, torque);
     return 0;
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Plans from 12 bytes, most of which dahl_prepare takes: exponents from the whole of its range, any mantissa. */
+/* Plans from 12 bytes, most of them in range: exponents over the whole range, any mantissa. */
 #ifndef FUZZ_PLANS_H
 #define FUZZ_PLANS_H
 
@@ -20,7 +20,7 @@ static inline float fuzz_scaled(uint32_t bits, int exponent)
     return ldexpf(fuzz_float_of(0x3f800000u | (bits & 0x7fffffu)), exponent);
 }
 
-/* Exponents of sigma0 and Fc by their top bits; that of theta_per_count so that a count travels 2^-31 to 2^20. */
+/* A count travels 2^-31 to 2^20. */
 static inline dahl_params_t fuzz_params(fuzz_bytes_t *bytes)
 {
     uint32_t sigma0 = fuzz_u32(bytes), Fc = fuzz_u32(bytes), theta = fuzz_u32(bytes);
@@ -34,7 +34,7 @@ static inline dahl_params_t fuzz_params(fuzz_bytes_t *bytes)
     return params;
 }
 
-/* Preparing takes longer than the steps: the last plan is kept for as long as its bytes stay. */
+/* Keep the last plan if its bytes are the same, because dahl_prepare is slower than the steps. */
 static inline const fuzz_plan_t *fuzz_plan(fuzz_bytes_t *bytes, fuzz_plan_t *kept)
 {
     dahl_params_t params = fuzz_params(bytes);
@@ -55,20 +55,19 @@ static inline int fuzz_is_in_limits(float x)
     return x >= DAHL_TORQUE_MIN && x < DAHL_TORQUE_MAX;
 }
 
-/* The travel of one count, sigma0 theta / Fc, against limit without dividing: -1, 0, 1. */
+/* Compare the travel of a count, sigma0 theta / Fc, with a limit, exactly: -1, 0, 1. */
 static inline int fuzz_compare_travel(const dahl_params_t *p, long double limit)
 {
     long double left = (long double)p->sigma0 * (long double)p->theta_per_count, right = (long double)p->Fc * limit;
     return (left > right) - (left < right);
 }
 
-/* Of all parameters that there are. */
 static inline int fuzz_do_all(int (*test)(float), const dahl_params_t *p)
 {
     return test(p->sigma0) && test(p->Fc) && (p->theta_per_count == 0 || test(p->theta_per_count));
 }
 
-/* What dahl_prepare says of these. */
+/* The result that dahl_prepare must return. */
 static inline dahl_err_t fuzz_judge(const dahl_params_t *p)
 {
     if (!fuzz_do_all(fuzz_is_positive, p)) {
@@ -83,7 +82,7 @@ static inline dahl_err_t fuzz_judge(const dahl_params_t *p)
     return fuzz_compare_travel(p, DAHL_TRAVEL_MIN) >= 0 && fuzz_compare_travel(p, DAHL_TRAVEL_MAX) < 0 ? DAHL_OK : DAHL_ERR_RANGE;
 }
 
-/* Travel of a move by the parameters themselves, in presliding lengths. */
+/* The travel of a move, in presliding lengths. */
 static inline long double fuzz_travel(const dahl_params_t *params, long double theta)
 {
     return fabsl(theta) * (long double)params->sigma0 / (long double)params->Fc;

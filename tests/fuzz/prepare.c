@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Any bytes as parameters of every model: accepted iff in range, by exact comparisons in long double (products of two mantissas of 24
- * bits fit); what is refused leaves the plan untouched; a plan's entries are 1 - exp(-u) and grow; all the way in one direction is
- * that direction's Fc.
+ * Any bytes as parameters of each model. They are accepted if and only if they are in range, compared exactly in long double. A
+ * refusal leaves the plan unchanged. The entries of a plan are 1 - exp(-u) and increase; a long way in one direction ends at
+ * its Fc.
  */
 #include "dahl_batch.h"
 #include "dahl_float.h"
@@ -27,13 +27,13 @@ static long double counts_of(int i)
 static void check_entries(const dahl_plan_t *plan, const dahl_params_t *p)
 {
     long double travel = fuzz_travel(p, (long double)p->theta_per_count);
-    LAW(entry_of(plan, 0) == 0, "no counts, no travel");
+    LAW(entry_of(plan, 0) == 0, "entry 0 is 0");
     for (int i = 1; i < ENTRIES; i++) {
         long double exact = -expm1l(-travel * counts_of(i)), got = ldexpl((long double)entry_of(plan, i), -64);
         LAW(fabsl(got - exact) <= PREPARED * exact, "an entry is 1 - exp(-u) within 2^-32 of itself");
         LAW(entry_of(plan, i) >= entry_of(plan, i - 1), "the plan is monotone");
         LAW(p->theta_per_count == 0 || i > DENSE || entry_of(plan, i) > entry_of(plan, i - 1) || exact > 0.999L,
-            "more counts, more travel, while there is any left");
+            "the dense entries grow strictly until they saturate");
     }
 }
 
@@ -41,10 +41,10 @@ static void check_plan(const dahl_plan_t *plan, const dahl_params_t *p)
 {
     long double a = (long double)p->sigma0 / (long double)p->Fc * 1.44269504088896340736L;
     long double got = ldexpl((long double)plan->a_mantissa, plan->a_exponent);
-    LAW(plan->a_mantissa >> 31 == 1 && plan->Fc_mantissa >> 31 == 1, "mantissas have their top bit set");
+    LAW(plan->a_mantissa >> 31 == 1 && plan->Fc_mantissa >> 31 == 1, "mantissas are normalised");
     LAW(fabsl(got - a) <= 0x1p-31L * a, "a/ln 2 within a unit");
-    LAW(dahl_torque(plan, &(dahl_state_t){(int64_t)1 << 62}) == p->Fc, "all of w is Fc");
-    LAW(dahl_torque(plan, &(dahl_state_t){-((int64_t)1 << 62)}) == -p->Fc, "all of -w is -Fc");
+    LAW(dahl_torque(plan, &(dahl_state_t){(int64_t)1 << 62}) == p->Fc, "w = 1 gives Fc");
+    LAW(dahl_torque(plan, &(dahl_state_t){-((int64_t)1 << 62)}) == -p->Fc, "w = -1 gives -Fc");
 }
 
 typedef struct {
@@ -58,13 +58,11 @@ static dahl_err_t both(dahl_err_t a, dahl_err_t b)
     return a == DAHL_ERR_PARAM || b == DAHL_ERR_PARAM ? DAHL_ERR_PARAM : a == DAHL_OK ? b : a;
 }
 
-/* Parts move by counts only. */
 static dahl_err_t judge(const dahl_params_t *p)
 {
     return p->theta_per_count == 0 ? DAHL_ERR_PARAM : fuzz_judge(p);
 }
 
-/* Noise, or numbers that are seldom out of range. */
 static given_t any_given(fuzz_bytes_t *bytes)
 {
     given_t given = {.elements = fuzz_u8(bytes) % 10u};
@@ -90,11 +88,11 @@ static void check_untouched(const void *plan, size_t size)
 {
     const uint8_t *bytes = (const uint8_t *)plan;
     for (size_t i = 0; i < size; i++) {
-        LAW(bytes[i] == 0xA5, "what is refused leaves the plan untouched");
+        LAW(bytes[i] == 0xA5, "a refusal leaves the plan unchanged");
     }
 }
 
-/* Dahl's element in all its forms. Counts of none are for dahl_prepare and the literal form only. */
+/* All forms of Dahl's element. Only dahl_prepare and the literal form accept a theta_per_count of 0. */
 static void check_element(const dahl_params_t *p)
 {
     const dahl_throughput_params_t wide = {(double)p->sigma0, (double)p->Fc, (double)p->theta_per_count};
@@ -103,9 +101,9 @@ static void check_element(const dahl_params_t *p)
     dahl_plan_t plan;
     dahl_state_t state = {0};
     memset(&plan, 0xA5, sizeof plan);
-    LAW(dahl_prepare(&plan, p) == wanted, "accepts iff in range, and says why not");
+    LAW(dahl_prepare(&plan, p) == wanted, "the error code of dahl_prepare is right");
     LAW(dahl_float_prepare(&literal, p) == wanted, "the literal form has the same limits");
-    LAW(p->theta_per_count == 0 || dahl_throughput_counts(&wide, &state, NULL, NULL, 0) == wanted, "the throughput form, too");
+    LAW(p->theta_per_count == 0 || dahl_throughput_counts(&wide, &state, NULL, NULL, 0) == wanted, "the throughput form has the same limits");
     if (wanted == DAHL_OK) {
         check_entries(&plan, p);
         check_plan(&plan, p);
@@ -114,13 +112,12 @@ static void check_element(const dahl_params_t *p)
     }
 }
 
-/* One that the contract of all models has a row for. */
 static void check_model(dahl_err_t (*prepare)(any_plan_t *, const set_t *), const set_t *set, dahl_err_t wanted)
 {
     static subject_t subject;
     any_plan_t plan;
     memset(&plan, 0xA5, sizeof plan);
-    LAW(prepare(&plan, set) == wanted, "a model accepts iff in range, and says why not");
+    LAW(prepare(&plan, set) == wanted, "the error code of the model is right");
     if (wanted != DAHL_OK) {
         check_untouched(&plan, sizeof plan);
         return;
@@ -153,7 +150,7 @@ static void prepare_slip(const given_t *given)
         }
     }
     memset(&plan, 0xA5, sizeof plan);
-    LAW(dahl_slip_prepare(&plan, &params) == wanted, "slip: accepts iff in range, and says why not");
+    LAW(dahl_slip_prepare(&plan, &params) == wanted, "slip: the error code is right");
     if (wanted != DAHL_OK) {
         check_untouched(&plan, sizeof plan);
         return;
@@ -161,7 +158,7 @@ static void prepare_slip(const given_t *given)
     for (int way = 1; way >= -1; way -= 2) {
         (void)dahl_slip_step_counts(&plan, &state, way * INT32_MAX);
         float F = dahl_slip_step_counts(&plan, &state, way * INT32_MAX);
-        LAW(fabsl((long double)F - (long double)way * sum) <= 0.55L * ulp_of_sum(sum), "slip: all the way is the sum of Fc");
+        LAW(fabsl((long double)F - (long double)way * sum) <= 0.55L * ulp_of_sum(sum), "slip: both ends are the sum of Fc");
     }
 }
 
@@ -175,10 +172,10 @@ static void check_table(const dahl_velocity_plan_t *plan, const dahl_velocity_pa
     for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
         int32_t counts = (int32_t)((uint32_t)(k + 1) << params->segment_bits);
         float F = dahl_velocity_torque(plan, counts);
-        LAW(fabsl((long double)F - (long double)params->torque[k]) <= (0x1p-31L + 0x1p-24L) * largest, "a value of the table");
-        LAW(dahl_velocity_torque(plan, -counts) == -F, "a table is odd");
+        LAW(fabsl((long double)F - (long double)params->torque[k]) <= (0x1p-31L + 0x1p-24L) * largest, "table: the torque at a value is that value");
+        LAW(dahl_velocity_torque(plan, -counts) == -F, "table: the torque is odd");
     }
-    LAW(dahl_velocity_torque(plan, 0) == 0, "rest has none");
+    LAW(dahl_velocity_torque(plan, 0) == 0, "table: rest has no torque");
 }
 
 static void prepare_velocity(const given_t *given)
@@ -194,7 +191,7 @@ static void prepare_velocity(const given_t *given)
         largest = fmaxl(largest, fabsl((long double)x));
     }
     memset(&plan, 0xA5, sizeof plan);
-    LAW(dahl_velocity_prepare(&plan, &params) == wanted, "table: accepts iff in range, and says why not");
+    LAW(dahl_velocity_prepare(&plan, &params) == wanted, "table: the error code is right");
     if (wanted != DAHL_OK) {
         check_untouched(&plan, sizeof plan);
     } else {

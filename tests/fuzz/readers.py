@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""readers.py tables|buses FOLDER [libFuzzer options]: read logs of any bytes.
-readers.py seeds FOLDER tables|buses: write first inputs of the binary formats.
+"""readers.py tables|buses FOLDER [libFuzzer options]: pass any bytes to the Python readers.
+readers.py seeds FOLDER tables|buses: write seeds of the binary formats.
 
-Only dahl.Error may be raised, in one line; columns are finite and of one length. test_fuzz.py runs
-this by atheris (libFuzzer), with the file in FOLDER. The readers are called directly, since the
-command would cost most of the time.
+A reader may raise dahl.Error only, with one line. All columns are finite and of one length. FOLDER
+holds the file under test. The readers are called without the command, which would be slower.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ def check_arrays(arrays: list[np.ndarray]) -> None:
 
 
 def read_table(path: Path, choice: int) -> None:
-    """Columns by their names, and columns that are found."""
+    """The reader of named columns, or the one that detects columns."""
     if choice & 1:
         check_arrays([*readers.read_columns(path, {"angle": "1", "time": "2"})[1].values()])
         return
@@ -51,7 +50,7 @@ def read_table(path: Path, choice: int) -> None:
 
 
 def read_bus(path: Path, choice: int) -> None:
-    """Frames of a log, signals of a log, and the bus description itself."""
+    """Frames of a log, signals of a log, or the bus description."""
     dbc = path.with_name("bus.dbc")
     if choice & 1:
         dbc.write_text(DBC, encoding="utf-8")
@@ -67,7 +66,7 @@ def read_bus(path: Path, choice: int) -> None:
 
 
 def fuzz(folder: Path, kinds: tuple[str, ...], read: Callable[[Path, int], None]) -> None:
-    """Give libFuzzer the function to call: the first byte chooses kind and way."""
+    """Run libFuzzer; the first byte chooses the format and the reader."""
 
     def one(data: bytes) -> None:
         if not data:
@@ -84,7 +83,7 @@ def fuzz(folder: Path, kinds: tuple[str, ...], read: Callable[[Path, int], None]
 
 
 def make_seeds(folder: Path, what: str) -> None:
-    """Small logs of the binary kinds, each after the byte that chooses it."""
+    """Write small logs of the binary formats, each after the byte that chooses its format."""
     import can
     import pandas as pd
     from scipy.io import savemat

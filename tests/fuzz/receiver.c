@@ -1,15 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The node, fed with any frames at any times, from noise to good ones with foolish contents. It stays whole: each frame has
- * one fate, each answer is a good frame within the limit, the bristle moves only with an answer and then as the library
- * moves it, silence ends only with enough good frames in a row. A twin on another clock, with another zero of the encoder
- * and another number, gives the same answers bit for bit.
+ * The node receives any frames at any times. Each frame increases one count. Each answer is a good frame within the limit. The
+ * bristle moves only with an answer, and as in the library. A timeout ends only after enough good frames. A twin with another
+ * clock, another zero of the encoder and another number sends the same answers, bit for bit.
  */
 #include "dahl_frames.h"
 #include "fuzz.h"
 #include "dahl_node.h"
 
-enum { DAHL_FRAMES_MAX = 24 };
+enum { INPUT_FRAMES_MAX = 24 };
 
 static const uint32_t TWIN_COUNT = 0x8765ABCDu, TWIN_US = 0xC0FFEE01u;
 
@@ -23,17 +22,17 @@ typedef struct {
     uint32_t last_good;
     uint8_t torque_counter, status_counter;
     dahl_node_counts_t cleared; /* counts at the last Reset */
-    uint8_t heard_good; /* this is an EncoderState of its own with a good CRC */
+    uint8_t is_good;   /* the frame is an EncoderState for this node with a good CRC */
     uint8_t is_silent; /* no starting point since a timeout or bus-off */
 } receiver_t;
 
-static uint64_t fates(const dahl_node_counts_t *n)
+static uint64_t sum_of_counts(const dahl_node_counts_t *n)
 {
     return (uint64_t)n->ok + n->repeated + n->wrong_sequence + n->crc + n->format + n->invalid + n->jump + n->rearm +
            n->ignored + n->params + n->resets + n->bus_off;
 }
 
-/* By the first byte: what kind, next in sequence or not, CRC put right or not. */
+/* The first byte chooses the kind, whether the counter is near the last one, and whether the CRC is right. */
 static dahl_can_frame_t any_frame(fuzz_bytes_t *bytes, const receiver_t *r)
 {
     uint8_t what = fuzz_u8(bytes), step = fuzz_u8(bytes);
@@ -49,7 +48,7 @@ static dahl_can_frame_t any_frame(fuzz_bytes_t *bytes, const receiver_t *r)
             frame.data[2 + i] = (uint8_t)(count >> (8 * i));
         }
     }
-    if (kind == 3 && what & 0x20u) { /* values that may be taken */
+    if (kind == 3 && what & 0x20u) { /* a parameter and a value in range */
         frame.data[2] %= 10;
         frame.data[6] = 0;
         frame.data[7] = 0;
@@ -72,14 +71,14 @@ static int is_encoder(const receiver_t *r, const dahl_can_frame_t *in)
 static void note_sequence(receiver_t *r, const dahl_can_frame_t *in)
 {
     dahl_encoder_state_t seen;
-    r->heard_good = 0;
+    r->is_good = 0;
     if (dahl_can_is_bus_off(in)) {
         r->in_a_row = 0;
         return;
     }
     if (is_encoder(r, in)) {
         int good = dahl_frames_unpack_encoder(in, &seen) == DAHL_FRAMES_GOOD;
-        r->heard_good = (uint8_t)good;
+        r->is_good = (uint8_t)good;
         int next = good && seen.counter == ((r->last_good + 1) & 15u);
         r->in_a_row = good && seen.valid ? (next ? r->in_a_row + 1 : 1) : 0;
         r->last_good = good ? seen.counter : r->last_good;
@@ -91,23 +90,22 @@ static int32_t clamped(int64_t value, int32_t limit)
     return value > limit ? limit : value < -limit ? -limit : (int32_t)value;
 }
 
-/* The bristle was moved by the library, or kept. */
 static void check_torque(receiver_t *r, const dahl_node_t *before, const dahl_can_frame_t *in, const dahl_can_frame_t *out)
 {
     dahl_friction_torque_t torque;
     dahl_encoder_state_t seen;
     LAW(dahl_frames_unpack_torque(out, &torque) == DAHL_FRAMES_GOOD, "the answer is a good frame");
-    LAW(is_encoder(r, in) && dahl_frames_unpack_encoder(in, &seen) == DAHL_FRAMES_GOOD && seen.valid, "only a good frame is answered");
-    LAW(torque.echo == seen.counter && torque.counter == r->torque_counter, "the counter is echoed, the own one goes on");
+    LAW(is_encoder(r, in) && dahl_frames_unpack_encoder(in, &seen) == DAHL_FRAMES_GOOD && seen.valid, "only a good EncoderState is answered");
+    LAW(torque.echo == seen.counter && torque.counter == r->torque_counter, "the answer echoes the counter and increases its own");
     int moved = before->primed && (r->node.state == DAHL_FRAMES_OK || r->node.state == DAHL_FRAMES_LOST);
     dahl_state_t bearing = before->bearing;
     int32_t way = moved ? (int32_t)((uint32_t)seen.count - before->count) : 0;
     int64_t q30 = dahl_step_counts_q30(&before->plan, &bearing, way);
-    LAW(bearing.w == r->node.bearing.w, "the bristle moves as the library moves it, or not at all");
+    LAW(bearing.w == r->node.bearing.w, "the bristle moves as in the library, or keeps its state");
     int32_t limit = (int32_t)(before->limit << 14);
     LAW(torque.torque_q30 == clamped(q30 * r->node.gain_now / (int64_t)DAHL_NODE_ONE, limit), "gain and limit hold");
-    LAW(!r->is_silent || r->in_a_row >= DAHL_NODE_REARM, "silence ends with enough good frames in a row");
-    LAW(r->node.primed && r->node.count == (uint32_t)seen.count, "what was answered is the starting point");
+    LAW(!r->is_silent || r->in_a_row >= DAHL_NODE_REARM, "a timeout ends after enough good frames in a row");
+    LAW(r->node.primed && r->node.count == (uint32_t)seen.count, "an answered count is the new starting point");
     LAW(way == 0 || r->node.max_step == 0 || r->now_us - before->good_us > 1u << 30 ||
             (uint64_t)llabs(way) <= (uint64_t)r->node.max_step * (16u + (r->now_us - before->good_us) / 1000u),
         "MaxStep bounds a move");
@@ -119,12 +117,12 @@ static void check_status(receiver_t *r, const dahl_can_frame_t *out)
 {
     dahl_node_status_t status;
     const dahl_node_counts_t *n = &r->node.counts;
-    LAW(out->id == (DAHL_FRAMES_ID_STATUS | r->node.number), "a Status, with the own number");
+    LAW(out->id == (DAHL_FRAMES_ID_STATUS | r->node.number), "a Status has the number of the node");
     LAW(dahl_frames_unpack_status(out, &status) == DAHL_FRAMES_GOOD, "the Status is a good frame");
     LAW(status.counter == r->status_counter && status.state == r->node.state && status.errors == r->node.errors &&
             status.lost == ((n->lost - r->cleared.lost) & 255u) &&
             status.corrupt == ((n->crc + n->format - r->cleared.crc - r->cleared.format) & 255u),
-        "the Status says what holds");
+        "a Status has the state, errors and counts of the node");
     r->status_counter = (r->status_counter + 1) & 15u;
 }
 
@@ -134,14 +132,14 @@ static void check_reply(const receiver_t *r, const dahl_can_frame_t *in, const d
     dahl_param_write_t asked;
     LAW(dahl_frames_unpack_param_reply(out, &reply) == DAHL_FRAMES_GOOD, "the reply is a good frame");
     LAW(dahl_frames_unpack_param_write(in, &asked) == DAHL_FRAMES_GOOD && reply.counter == asked.counter,
-        "the reply is to what was asked");
+        "the reply has the counter of the request");
     int known = reply.result != DAHL_FRAMES_PARAM_UNKNOWN;
     LAW(known ? reply.param == asked.param : reply.param == DAHL_FRAMES_PARAM_NONE && reply.value == asked.param,
-        "the reply is to what was asked");
+        "the reply has the parameter of the request");
     LAW(asked.write != DAHL_FRAMES_PARAM_WRITE || reply.result != DAHL_FRAMES_PARAM_DONE || reply.value == asked.value ||
             (asked.param <= DAHL_FRAMES_PARAM_THETA && asked.value > 1u << 24),
-        "what was written is read back");
-    LAW(reply.result != DAHL_FRAMES_PARAM_UNKNOWN || asked.param > DAHL_FRAMES_PARAM_LOAD, "known parameters are known");
+        "a written value is read back");
+    LAW(reply.result != DAHL_FRAMES_PARAM_UNKNOWN || asked.param > DAHL_FRAMES_PARAM_LOAD, "only unknown parameters are refused as unknown");
     LAW(r->node.gain <= DAHL_NODE_ONE && r->node.limit <= DAHL_NODE_ONE && r->node.timeout_us >= 1000, "settings stay in range");
 }
 
@@ -169,32 +167,31 @@ static void check_answer(receiver_t *r, const dahl_node_t *before, const dahl_ca
         r->is_silent = reset.what == DAHL_FRAMES_RESET_RESTART ? 0 : r->is_silent;
         break;
     default:
-        LAW((out->id & 0x7F0u) == DAHL_FRAMES_ID_PARAM_REPLY, "an answer is of one of three kinds");
+        LAW((out->id & 0x7F0u) == DAHL_FRAMES_ID_PARAM_REPLY, "an answer is a torque, a Status or a reply");
         check_reply(r, in, out);
     }
 }
 
-/* Only an answer, a parameter or a restart may touch the bristle. */
 static void check_quiet(const receiver_t *r, const dahl_node_t *before)
 {
-    LAW(r->node.bearing.w == before->bearing.w && r->node.count == before->count, "no answer, no move");
+    LAW(r->node.bearing.w == before->bearing.w && r->node.count == before->count, "without an answer the bristle keeps its state");
 }
 
 static void check_node(receiver_t *r, const dahl_node_t *before)
 {
-    uint64_t now = fates(&r->node.counts);
-    LAW(now == fates(&before->counts) + 1, "a frame has one fate");
-    LAW(r->node.gain_now <= DAHL_NODE_ONE, "the state is in range");
-    LAW(r->node.counter < 16 && r->node.candidate < 16 && r->node.state <= DAHL_FRAMES_INIT, "the state is in range");
+    uint64_t now = sum_of_counts(&r->node.counts);
+    LAW(now == sum_of_counts(&before->counts) + 1, "a frame increases one count");
+    LAW(r->node.gain_now <= DAHL_NODE_ONE && r->node.counter < 16 && r->node.candidate < 16 && r->node.state <= DAHL_FRAMES_INIT,
+        "the state of the node is in range");
     int64_t w = r->node.bearing.w, most = ((int64_t)1 << 62) + ((int64_t)1 << 31);
-    LAW(w <= most && w >= -most, "the bristle stays in range");
+    LAW(w <= most && w >= -most, "the bristle is in range");
     if (before->primed && !r->node.primed) {
         r->is_silent = r->node.silenced;
     }
     r->is_silent = r->node.primed ? 0 : r->is_silent;
 }
 
-/* For the twin: the same frame with its number and its zero. */
+/* The same frame for the twin, with its number and its zero. */
 static dahl_can_frame_t moved(const receiver_t *r, const dahl_can_frame_t *in)
 {
     dahl_can_frame_t frame = *in;
@@ -213,8 +210,7 @@ static void check_twin(receiver_t *r, const dahl_can_frame_t *in, int answered, 
 {
     dahl_can_frame_t other, frame = moved(r, in);
     int same = dahl_node_receive(&r->twin, &frame, r->now_us + TWIN_US, &other);
-    LAW(same == answered, "another clock and another zero change no answer");
-    LAW(!same || memcmp(other.data, out->data, 8) == 0, "another clock and another zero change no answer");
+    LAW(same == answered && (!same || memcmp(other.data, out->data, 8) == 0), "clock and zero do not change an answer");
 }
 
 static void tick(receiver_t *r)
@@ -222,7 +218,7 @@ static void tick(receiver_t *r)
     dahl_can_frame_t out, other;
     const dahl_node_t before = r->node;
     int due = dahl_node_tick(&r->node, r->now_us, &out), too = dahl_node_tick(&r->twin, r->now_us + TWIN_US, &other);
-    LAW(due == too && (!due || memcmp(out.data, other.data, 8) == 0), "another clock changes no Status");
+    LAW(due == too && (!due || memcmp(out.data, other.data, 8) == 0), "the clock does not change a Status");
     check_quiet(r, &before);
     if (due) {
         check_status(r, &out);
@@ -239,8 +235,8 @@ static void hear(receiver_t *r, fuzz_bytes_t *bytes)
     const dahl_node_t before = r->node;
     note_sequence(r, &in);
     int32_t age = (int32_t)(r->now_us - before.good_us);
-    if (before.primed && r->heard_good && age > 0 && (uint32_t)age > before.timeout_us) {
-        r->is_silent = 1; /* the first frame after a timeout counts as one of those in a row */
+    if (before.primed && r->is_good && age > 0 && (uint32_t)age > before.timeout_us) {
+        r->is_silent = 1; /* the first frame after a timeout is the first of the row */
         r->in_a_row = r->in_a_row > 0 ? 1 : 0;
     }
     int answered = dahl_node_receive(&r->node, &in, r->now_us, &out);
@@ -258,12 +254,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     fuzz_bytes_t bytes = {data, size};
     const dahl_params_t params = {50.0f, 0.5f, 1e-4f};
     receiver_t r = {.now_us = 0xFFFF0000u};
-    LAW(dahl_node_init(&r.node, &params, 3) == DAHL_OK && dahl_node_init(&r.twin, &params, 0xFC) == DAHL_OK, "good parameters are taken");
-    r.twin.sent_us = TWIN_US; /* both were last heard of at the same time */
+    LAW(dahl_node_init(&r.node, &params, 3) == DAHL_OK && dahl_node_init(&r.twin, &params, 0xFC) == DAHL_OK, "good parameters are accepted");
+    r.twin.sent_us = TWIN_US; /* both start at the same time */
     r.twin.good_us = TWIN_US;
     r.twin.bus_off_us = TWIN_US;
     r.twin.count = TWIN_COUNT;
-    for (int i = 0; i < DAHL_FRAMES_MAX && bytes.left > 0; i++) {
+    for (int i = 0; i < INPUT_FRAMES_MAX && bytes.left > 0; i++) {
         uint8_t pause = fuzz_u8(&bytes);
         r.now_us += pause < 240 ? pause * 16u : pause < 250 ? pause * 1000u : fuzz_u32(&bytes);
         if (pause & 1u) {

@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Measured logs, any bytes: refused with one line, or read to their end from 0 counts on. What the rows are is
- * shown by tables that Python writes (test_loop_virtual.py).
- */
+/* Measured logs of any bytes are refused with one line, or read to their end. tests/python checks the content of rows. */
 #include "recording.h"
 
 #include <math.h>
@@ -19,9 +16,9 @@ static void read_all(double counts_per_unit, const char *time)
     int good = recording_open(&recording, "log", &columns), result = 0;
     for (; good && (result = recording_next(&recording, &count, &load)) == 1; rows++) {
         LAW(rows > 0 || count == 0, "counts begin at 0");
-        LAW(time[0] == '\0' ? load == 0 : isfinite(load), "a load is a finite number, and 0 where there is none");
+        LAW(time[0] == '\0' ? load == 0 : isfinite(load), "a load is finite, and 0 without a column");
     }
-    LAW(result == 0, "what was checked is read without an error, to its end");
+    LAW(result == 0, "an accepted log is read to its end without an error");
     LAW(!good || rows > 0, "a log without rows is refused");
     recording_close(&recording);
     streams_check(good);

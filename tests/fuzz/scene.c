@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Scenes, any bytes: refused with one line, or whole, and then run for some ticks: node, motion and rotor as dahl-loop makes
- * them. The first byte chooses whether settings of the command line stand above the file, taken from its first lines.
- */
+/* Scenes of any bytes are refused with one line, or accepted and run for some ticks: node, motion and rotor as in dahl-loop. If
+ * the first byte is '@', the first lines are settings of the command line. */
 #include "scene.h"
 
 #include <math.h>
@@ -21,7 +19,7 @@ static int is_between(double value, double least, double most)
 
 static void check_friction(const scene_friction_t *f)
 {
-    double u = (double)(float)f->sigma0 / (double)(float)f->Fc * (double)(float)f->theta_per_count; /* as it will run */
+    double u = (double)(float)f->sigma0 / (double)(float)f->Fc * (double)(float)f->theta_per_count; /* as the loop uses it */
     LAW(f->sigma0 > 0 && f->Fc > 0 && is_between(u, DAHL_TRAVEL_MIN * (1 - 1e-15), DAHL_TRAVEL_MAX), "friction is in range");
     LAW(is_between(f->node, 0, 15) && is_between(f->gain, 0, 1) && is_between(f->limit, 0, 1), "node is in range");
     LAW(is_between(f->ramp_ms, 0, 60000) && is_between(f->timeout_ms, 0, 60000), "times are in range");
@@ -36,11 +34,11 @@ static void check_numbers(const scene_t *scene)
     for (int i = 0; i < FAULT_KINDS; i++) {
         LAW(is_between(scene->faults[i], 0, 1), "rates are parts of 1");
     }
-    LAW(!scene->has_control || (scene->has_rotor && scene->has_motion), "a control has a shaft and a way");
-    LAW(!scene->has_motor || (scene->has_rotor && !scene->has_motion), "a motor has a shaft and no way");
+    LAW(!scene->has_control || (scene->has_rotor && scene->has_motion), "a control has a shaft and a motion");
+    LAW(!scene->has_motor || (scene->has_rotor && !scene->has_motion), "a motor has a shaft and no motion");
 }
 
-/* What main.c says in its own words when the parameters, rounded to float, are refused. */
+/* Return 0 if the parameters are refused after their rounding to float. */
 static int start_node(const scene_t *scene, dahl_node_t *node)
 {
     const scene_friction_t *f = &scene->friction;
@@ -62,7 +60,7 @@ static void run_rotor(const scene_t *scene, motion_t *reference)
 static void run_motion(const scene_t *scene, motion_t *motion)
 {
     int32_t count;
-    LAW(motion_open(motion, &scene->motion, "", "", 1), "a scene that is taken can be moved");
+    LAW(motion_open(motion, &scene->motion, "", "", 1), "an accepted scene can move");
     for (int i = 0; i < TICKS && motion_next(motion, &count) == 1; i++) {
     }
 }
@@ -83,7 +81,6 @@ static void run(const scene_t *scene)
     }
 }
 
-/* Cuts lines off the input; they become settings. */
 static int take_sets(const uint8_t **data, size_t *size, char sets[SETS][SET_LENGTH])
 {
     int count = 0;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Bytes from a serial line, as they come. Every line is judged a second time by a reader that sees it whole: what it is,
- * what is answered, which count goes up, and which frame it holds. Frames that come are written again and read back.
- */
+/* Any bytes from a serial line. A second reader judges each line as a whole: its kind, answer, count and frame. Each frame is
+ * written and read back. */
+#include <stddef.h>
+
 #include "fuzz.h"
 #include "slcan/slcan.h"
 
@@ -10,7 +10,7 @@ typedef struct {
     slcan_event_t event;
     const char *answer;
     dahl_can_frame_t frame;
-    int open; /* -1: as it is */
+    int open; /* -1: unchanged */
 } verdict_t;
 
 static int hex_of(char c)
@@ -19,7 +19,7 @@ static int hex_of(char c)
     return at == NULL ? -1 : (int)((at - digits) % 16);
 }
 
-/* Value of digits, all of which must be there; -1: they are not. */
+/* The value of hex digits; -1 if one is missing or wrong. */
 static int64_t number(const char *text, size_t length, size_t from, size_t digits)
 {
     int64_t value = 0;
@@ -64,7 +64,6 @@ static int read_frame(const char *line, size_t length, dahl_can_frame_t *frame)
     return remote ? length == 2 + digits : read_data(line, length, 2 + digits, bytes[count], frame);
 }
 
-/* A line that is one letter. */
 static verdict_t judge_letter(char letter, int refused)
 {
     const struct {
@@ -82,11 +81,11 @@ static verdict_t judge_letter(char letter, int refused)
     return (verdict_t){SLCAN_ANSWER, "\a", {0}, -1};
 }
 
-static verdict_t judge(const char *line, size_t length, const slcan_t *now)
+static verdict_t judge(const char *line, size_t length, const slcan_t *now, int refused)
 {
     verdict_t v = {SLCAN_ANSWER, "\a", {0}, -1};
     if (length == 1) {
-        return judge_letter(line[0], now->refused);
+        return judge_letter(line[0], refused);
     }
     if (length == 0 || (length <= SLCAN_LINE_MAX && memchr("Ss", line[0], 2) != NULL)) {
         v.answer = "\r";
@@ -114,26 +113,26 @@ static void check_written(const dahl_can_frame_t *frame)
     dahl_can_frame_t back;
     uint32_t length = slcan_write(frame, line);
     if (frame->flags & DAHL_CAN_FRAME_FD) {
-        LAW(length == 0, "a node says nothing of CAN FD");
+        LAW(length == 0, "CAN FD is not written");
         return;
     }
-    LAW(length > 0 && length < SLCAN_TEXT_MAX && line[length] == '\0', "a frame has a line");
+    LAW(length > 0 && length < SLCAN_TEXT_MAX && line[length] == '\0', "a frame is written as a line");
     for (uint32_t i = 0; i < length; i++) {
         slcan_event_t event = slcan_take(&reader, (uint8_t)line[i], &back, answer);
-        LAW(event == (i + 1 < length ? SLCAN_NOTHING : SLCAN_FRAME), "what was written is one line");
+        LAW(event == (i + 1 < length ? SLCAN_NOTHING : SLCAN_FRAME), "a written frame is one line");
     }
-    LAW(is_same(&back, frame), "what was written is read back");
+    LAW(is_same(&back, frame), "a written frame is read back");
 }
 
 static void check_line(const slcan_t *before, const slcan_t *after, const verdict_t *v, slcan_event_t event, const char *text,
                        const dahl_can_frame_t *frame)
 {
-    LAW(event == v->event && strcmp(text, v->answer) == 0, "a line has the answer of the table");
-    LAW(after->open == (v->open < 0 ? before->open : v->open != 0), "O and L open, C closes, nothing else does");
-    LAW(refusals(&after->counts) == refusals(&before->counts) + (v->answer[0] == '\a'), "what is refused is counted once");
+    LAW(event == v->event && strcmp(text, v->answer) == 0, "the answer is that of the second reader");
+    LAW(after->open == (v->open < 0 ? before->open : v->open != 0), "O and L open, C closes, other lines do neither");
+    LAW(refusals(&after->counts) == refusals(&before->counts) + (v->answer[0] == '\a'), "a refusal increases one count");
     LAW(after->length == 0, "a line ends with its CR");
     if (event == SLCAN_FRAME) {
-        LAW(is_same(frame, &v->frame), "the frame is what the line says");
+        LAW(is_same(frame, &v->frame) && frame->time_us == 0, "the frame is that of the second reader");
         check_written(frame);
     }
 }
@@ -143,18 +142,20 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     slcan_t self = {0};
     char line[SLCAN_LINE_MAX + 2];
     size_t length = 0;
+    int refused = 0; /* since the last F */
     for (size_t i = 0; i < size; i++) {
         char text[SLCAN_TEXT_MAX];
         dahl_can_frame_t frame;
         const slcan_t before = self;
         slcan_event_t event = slcan_take(&self, data[i], &frame, text);
         if (data[i] == '\r') {
-            verdict_t v = judge(line, length, &before);
+            verdict_t v = judge(line, length, &before, refused);
             check_line(&before, &self, &v, event, text, &frame);
+            refused = v.answer[0] == '\a' || (refused && v.answer[0] != 'F');
             length = 0;
             continue;
         }
-        LAW(event == SLCAN_NOTHING, "nothing is answered before the end of a line");
+        LAW(event == SLCAN_NOTHING, "an answer comes at the end of a line");
         if (data[i] != '\n' && length < sizeof line) {
             line[length++] = (char)data[i];
         }

@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The socketcand protocol: its text against a second reader, the server with up to three clients that join, say anything
- * in any pieces, do not read, hang up; and the client with a server that says anything. Whatever they say, frames are
- * frames, and what goes out is elements of the protocol and nothing else.
+ * The socketcand protocol. A second reader checks its text. Up to three clients join the server, send any bytes in any pieces,
+ * stop reading, or hang up. The client connects to a server that sends any bytes. The product must send elements of the
+ * protocol only.
  */
+#include <stddef.h>
+
 #include "fuzz.h"
 #include "socketcand/client.h"
 #include "socketcand/server.h"
@@ -31,16 +33,18 @@ static int is_same(const dahl_can_frame_t *a, const dahl_can_frame_t *b)
 
 /* --- text --------------------------------------------------------------------------------------------------------- */
 
-/* Words of an element, parted by spaces; -1: one is too long for this reader, which no good element has. */
-static int words_of(const char *element, char words[68][32])
+enum { WORDS_MAX = 68, WORD_SIZE = 130 };
+
+/* Split an element at spaces. Return -1 if a word is longer, or there are more words, than in any good element. */
+static int words_of(const char *element, char words[WORDS_MAX][WORD_SIZE])
 {
     int count = 0;
     for (size_t used = 0; *element != '\0'; element++) {
         used = *element == ' ' ? 0 : used + 1;
-        if (used == 1 && ++count > 68) {
+        if (used == 1 && ++count > WORDS_MAX) {
             return -1;
         }
-        if (used >= 32) {
+        if (used >= WORD_SIZE) {
             return -1;
         }
         if (used > 0) {
@@ -75,16 +79,18 @@ static int read_byte(const char *word, unsigned long most, uint8_t *byte)
     return is_digits(word, 1, 8, 1) && value <= most;
 }
 
+static const char fd_lengths[] = "\14\20\24\30\40\60\100";
+
 static int read_send(const char *element, dahl_can_frame_t *frame)
 {
-    char words[68][32];
+    char words[WORDS_MAX][WORD_SIZE];
     int count = words_of(element, words);
     *frame = (dahl_can_frame_t){0};
     if (count < 3 || strcmp(words[0], "send") != 0 || !read_id(words[1], frame)) {
         return 0;
     }
     uint8_t length, byte;
-    int good = read_byte(words[2], 64, &length) && count == 3 + length && (length <= 8 || strchr("\14\20\24\30\40\60\100", length));
+    int good = read_byte(words[2], 64, &length) && count == 3 + length && (length <= 8 || strchr(fd_lengths, length));
     for (int i = 0; good && i < length; i++) {
         good = read_byte(words[3 + i], 255, &byte);
         frame->data[i < 8 ? i : 7] = i < 8 ? byte : frame->data[7];
@@ -94,52 +100,91 @@ static int read_send(const char *element, dahl_can_frame_t *frame)
     return good;
 }
 
+static int read_time(char *word, dahl_can_frame_t *frame)
+{
+    char *point = strchr(word, '.');
+    if (point == NULL || strlen(word) > 31) {
+        return 0;
+    }
+    *point = '\0';
+    uint64_t seconds = strtoull(word, NULL, 10);
+    frame->time_us = seconds * 1000000u + strtoull(point + 1, NULL, 10);
+    return is_digits(word, 1, 31, 0) && is_digits(point + 1, 6, 6, 0) && seconds <= UINT64_MAX / 2000000u;
+}
+
+static int read_frame(const char *element, dahl_can_frame_t *frame)
+{
+    char words[WORDS_MAX][WORD_SIZE];
+    int count = words_of(element, words);
+    *frame = (dahl_can_frame_t){0};
+    if (count < 3 || count > 4 || strcmp(words[0], "frame") != 0 || !read_id(words[1], frame) || !read_time(words[2], frame)) {
+        return 0;
+    }
+    size_t length = count == 4 ? strlen(words[3]) / 2 : 0;
+    frame->length = (uint8_t)(length <= 8 ? length : 8);
+    frame->flags |= length <= 8 ? 0 : DAHL_CAN_FRAME_FD;
+    for (size_t i = 0; i < frame->length; i++) {
+        const char pair[] = {words[3][2 * i], words[3][2 * i + 1], '\0'};
+        frame->data[i] = (uint8_t)strtoul(pair, NULL, 16);
+    }
+    return count == 3 || (is_digits(words[3], 2, 128, 1) && strlen(words[3]) % 2 == 0 && (length <= 8 || strchr(fd_lengths, (int)length)));
+}
+
 static void check_written(const dahl_can_frame_t *frame)
 {
     char text[TEXT_FRAME_MAX + 1], element[TEXT_FRAME_MAX + 1];
     dahl_can_frame_t back;
     size_t length = text_from_frame(text, frame);
     if (frame->flags & DAHL_CAN_FRAME_FD) {
-        LAW(length == 0 && text_from_send(text, frame) == 0, "CAN FD is not passed on");
+        LAW(length == 0 && text_from_send(text, frame) == 0, "CAN FD is not written");
         return;
     }
-    LAW(length > 4 && length < TEXT_FRAME_MAX && text[0] == '<' && text[length - 1] == '>', "a frame becomes an element");
+    LAW(length > 4 && length < TEXT_FRAME_MAX && text[0] == '<' && text[length - 1] == '>', "a frame is written as an element");
     memcpy(element, text + 1, length - 2);
     element[length - 2] = '\0';
-    LAW(text_to_frame(element, &back) && is_same(&back, frame) && back.time_us == frame->time_us, "frame: written, read back");
+    LAW(text_to_frame(element, &back) && is_same(&back, frame) && back.time_us == frame->time_us, "a written frame is read back");
     length = text_from_send(text, frame);
-    LAW(length > 4 && length < TEXT_FRAME_MAX, "a send becomes an element");
+    LAW(length > 4 && length < TEXT_FRAME_MAX, "a send is written as an element");
     memcpy(element, text + 1, length - 2);
     element[length - 2] = '\0';
-    LAW(text_to_send(element, &back) && is_same(&back, frame), "send: written, read back");
+    LAW(text_to_send(element, &back) && is_same(&back, frame), "a written send is read back");
 }
 
 static void check_words(const char *element)
 {
     dahl_can_frame_t frame, other;
     int good = text_to_send(element, &frame);
-    LAW(good == read_send(element, &other), "a send is taken iff it is one");
-    LAW(!good || is_same(&frame, &other), "the frame is what the words say");
-    if (good || text_to_frame(element, &frame)) {
-        LAW(is_frame(&frame), "what comes out is a frame");
+    LAW(good == read_send(element, &other), "a send is accepted if and only if the second reader accepts it");
+    LAW(!good || (is_same(&frame, &other) && frame.time_us == 0), "a send has the frame of the second reader");
+    LAW(text_is_send(element) || !good, "a send is known by its first word");
+    if (!good) {
+        good = text_to_frame(element, &frame);
+        LAW(good == read_frame(element, &other), "a frame is accepted if and only if the second reader accepts it");
+        LAW(!good || (is_same(&frame, &other) && frame.time_us == other.time_us), "a frame is that of the second reader");
+    }
+    if (good) {
+        LAW(is_frame(&frame), "an accepted frame is in range");
         check_written(&frame);
     }
 }
 
-/* Elements begin with <, end with >, hold no 0 and are at most TEXT_ELEMENT_MAX long. */
+/* An element begins with <, ends with >, has no 0 and at most TEXT_ELEMENT_MAX characters. Each other piece counts as garbage. */
 static void check_text(const uint8_t *data, size_t size)
 {
     text_splitter_t splitter = {0};
-    size_t begin = 0; /* after the last < ; 0: none */
+    size_t begin = 0; /* of the element, after its <; 0: outside */
+    uint64_t garbage = 0;
     for (size_t i = 0; i < size; i++) {
-        int inside = begin > 0 && i - begin < TEXT_ELEMENT_MAX + (data[i] == '>' ? 1u : 0u);
-        int whole = text_feed(&splitter, (char)data[i]);
-        LAW(whole == (inside && data[i] == '>'), "an element ends with > and nothing else");
-        if (whole) {
-            LAW(memcmp(splitter.element, data + begin, i - begin) == 0, "an element is what stands between < and >");
+        int is_end = begin > 0 && data[i] == '>' && i - begin < TEXT_ELEMENT_MAX + 1u;
+        int is_broken = begin > 0 && !is_end && (data[i] == '<' || data[i] == 0 || i - begin >= TEXT_ELEMENT_MAX);
+        LAW(text_feed(&splitter, (char)data[i]) == is_end, "an element ends with > and with nothing else");
+        if (is_end) {
+            LAW(memcmp(splitter.element, data + begin, i - begin) == 0, "an element is the text between < and >");
             check_words(splitter.element);
         }
-        begin = data[i] == '<' ? i + 1 : whole || !inside || data[i] == 0 ? 0 : begin;
+        garbage += is_broken || (begin == 0 && memchr("< \r\n", data[i], 4) == NULL);
+        LAW(splitter.garbage == garbage, "each piece outside elements is counted");
+        begin = data[i] == '<' ? i + 1 : is_end || is_broken ? 0 : begin;
     }
 }
 
@@ -157,7 +202,7 @@ static void check_element(const char *element)
             return;
         }
     }
-    LAW(text_to_frame(element, &frame) && is_frame(&frame), "the server says elements of the protocol only");
+    LAW(text_to_frame(element, &frame) && is_frame(&frame), "the server sends elements of the protocol only");
 }
 
 static void hear(void *context, int peer, const char *bytes, size_t count)
@@ -168,10 +213,10 @@ static void hear(void *context, int peer, const char *bytes, size_t count)
             check_element(heard[peer].element);
         }
     }
-    LAW(heard[peer].garbage == 0, "the server says nothing between elements");
+    LAW(heard[peer].garbage == 0, "the server sends nothing between elements");
 }
 
-/* The outboxes are large, and need not be cleared. */
+/* All but the outboxes, which are large. */
 static void clear_server(void)
 {
     memset(&server, 0, offsetof(socketcand_server_t, queue));
@@ -192,7 +237,7 @@ static void take_frames(dahl_can_bus_t *bus, uint32_t most)
     dahl_can_result_t result = DAHL_CAN_BUS_OK;
     for (uint32_t i = 0; i < most && result == DAHL_CAN_BUS_OK; i++) {
         result = dahl_can_bus_receive(bus, &frame, 1000);
-        LAW(result != DAHL_CAN_BUS_OK || is_frame(&frame), "what comes from a bus is a frame");
+        LAW(result != DAHL_CAN_BUS_OK || is_frame(&frame), "a received frame is in range");
     }
 }
 
@@ -201,7 +246,7 @@ static void send_frames(dahl_can_bus_t *bus, uint32_t count, fuzz_bytes_t *bytes
     dahl_can_frame_t frame = {.id = fuzz_u8(bytes), .length = 8}, back;
     for (uint32_t i = 0; i < count; i++) {
         dahl_can_result_t result = dahl_can_bus_send(bus, &frame);
-        LAW(result == DAHL_CAN_BUS_OK || result == DAHL_CAN_BUS_GONE, "there is room where frames are taken");
+        LAW(result == DAHL_CAN_BUS_OK || result == DAHL_CAN_BUS_GONE, "there is room while frames are received");
         if (result != DAHL_CAN_BUS_OK) {
             return;
         }
@@ -230,7 +275,7 @@ static void join(int i)
     }
 }
 
-/* More than an outbox holds, once, for a client that does not read. */
+/* Once: more frames than an outbox holds, for a client that does not read. */
 static uint32_t flood(const play_peer_t *peer, int *floods, uint8_t size)
 {
     return peer->is_connected && peer->is_deaf && (*floods)++ == 0 ? 4200u + 4u * size : 1u;
@@ -278,7 +323,7 @@ static void hear_client(void *context, int peer, const char *bytes, size_t count
     for (size_t i = 0; i < count; i++) {
         text_feed(&heard[0], bytes[i]);
     }
-    LAW(heard[0].garbage == 0, "the client says elements only");
+    LAW(heard[0].garbage == 0, "the client sends elements only");
 }
 
 static int greets(const uint8_t *data, size_t size)
@@ -310,7 +355,7 @@ static void check_client(const uint8_t *data, size_t size)
     heard[0] = (text_splitter_t){0};
     play.peers[0] = (play_peer_t){.says = data, .says_left = size, .hears = hear_client};
     dahl_can_result_t result = socketcand_join(&member, "host", "1", "vcan0", clock_of_play);
-    LAW((result == DAHL_CAN_BUS_OK) == greets(data, size), "a server is one iff it says so");
+    LAW((result == DAHL_CAN_BUS_OK) == greets(data, size), "the client joins if and only if the server greets");
     if (result == DAHL_CAN_BUS_OK) {
         dahl_can_frame_t frame = {.id = 0x123, .length = 2};
         dahl_can_bus_send(&member.bus, &frame);

@@ -28,7 +28,7 @@ int socket(int domain, int type, int protocol)
     if (domain == AF_INET) {
         return PLAY_LISTENER;
     }
-    play.peers[0].is_connected = 1; /* the client's own */
+    play.peers[0].is_connected = 1; /* socket of the client under test */
     return PLAY_FD;
 }
 
@@ -64,7 +64,7 @@ ssize_t recv(int fd, void *to, size_t size, int flags)
     play_peer_t *peer = peer_of(fd);
     size_t count = peer->says_left < size ? peer->says_left : size;
     (void)flags;
-    if (count == 0) { /* a reset destroys nothing that has come */
+    if (count == 0) { /* a reset keeps bytes that have arrived */
         errno = peer->is_reset ? ECONNRESET : EAGAIN;
         return peer->has_hung_up ? 0 : -1;
     }
@@ -77,12 +77,16 @@ ssize_t recv(int fd, void *to, size_t size, int flags)
 ssize_t send(int fd, const void *bytes, size_t count, int flags)
 {
     play_peer_t *peer = peer_of(fd);
-    LAW(flags & MSG_NOSIGNAL, "a peer that has gone raises no signal");
-    if (peer->is_deaf || peer->is_reset) {
-        errno = peer->is_reset ? EPIPE : EAGAIN;
+    LAW(flags & MSG_NOSIGNAL, "send() to a closed peer raises no signal");
+    const int is_full = peer->is_deaf || (peer->room_per_poll > 0 && peer->room == 0);
+    if (play.send_error != 0 || is_full || peer->is_reset) {
+        errno = play.send_error != 0 ? play.send_error : peer->is_reset ? EPIPE : EAGAIN;
+        play.send_error = 0;
         return -1;
     }
     count = peer->takes > 0 && peer->takes < count ? peer->takes : count;
+    count = peer->room_per_poll > 0 && peer->room < count ? peer->room : count;
+    peer->room -= peer->room_per_poll > 0 ? count : 0;
     peer->hears(peer->context, fd - PLAY_FD, bytes, count);
     return (ssize_t)count;
 }
@@ -105,6 +109,9 @@ static short state_of(int fd, short events)
 static int look(struct pollfd *fds, nfds_t count, uint64_t wait_ns)
 {
     int ready = 0;
+    for (int i = 0; i < PLAY_PEERS; i++) {
+        play.peers[i].room = play.peers[i].room_per_poll;
+    }
     for (nfds_t i = 0; i < count; i++) {
         fds[i].revents = fds[i].fd < 0 ? 0 : state_of(fds[i].fd, fds[i].events);
         ready += fds[i].revents != 0;
@@ -132,7 +139,6 @@ int clock_gettime(clockid_t id, struct timespec *now)
     return 0;
 }
 
-/* A nap may be as long as it likes. */
 int nanosleep(const struct timespec *nap, struct timespec *left)
 {
     (void)nap;

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Sockets of the fuzzer's making: the bus under test is compiled with the calls below renamed to play_..., so that no
- * kernel is asked, nothing waits, and time passes only here. A peer is what it will say, in pieces, and whether it reads.
- */
+/* Simulated sockets. The bus under test is compiled with the calls of the kernel renamed to play_..., so nothing waits and the
+ * clock advances only here. */
 #ifndef FUZZ_SOCKETS_H
 #define FUZZ_SOCKETS_H
 
@@ -12,9 +10,10 @@ enum { PLAY_PEERS = 3, PLAY_LISTENER = 100, PLAY_FD = 101 };
 
 typedef struct {
     int is_connected, waits_at_door, has_hung_up, is_deaf, is_reset;
-    const uint8_t *says; /* the next piece */
+    const uint8_t *says; /* its next bytes */
     size_t says_left;
-    size_t takes;              /* bytes that a send may put in one piece; 0: all */
+    size_t takes;              /* bytes that one send() accepts; 0: all */
+    size_t room_per_poll, room; /* bytes accepted from one poll() to the next; 0: no limit */
     void (*hears)(void *context, int peer, const char *bytes, size_t count);
     void *context;
 } play_peer_t;
@@ -22,7 +21,8 @@ typedef struct {
 typedef struct {
     play_peer_t peers[PLAY_PEERS];
     uint64_t now_ns;
-    int open; /* descriptors that were given and not closed */
+    int open;       /* descriptors */
+    int send_error; /* errno of the next send(); 0: none */
 } play_t;
 
 extern play_t play;

@@ -1,25 +1,22 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Ticks of every form on any plan and any state, with new torques and new plans between them. The laws are those of
- * dahl.h and lib/model/bristle_update.h; the exact solution is expm1l.
- */
+/* Ticks of each form on any plan and any state, with new torques and plans between them. The laws are those of dahl.h and
+ * lib/model/bristle_update.h; the exact solution is expm1l. */
 #include "dahl_batch.h"
 #include "dahl_float.h"
 #include "plans.h"
 
 #define ONE ((int64_t)1 << 62)
-#define PAST ((int64_t)1 << 31) /* a step can pass 1 by less than this */
+#define PAST ((int64_t)1 << 31) /* a step exceeds 1 by less */
 
 enum { COUNTS, ANGLE, REST, SET, CHANGE, PLACE, BETWEEN, TRAVELS, KINDS };
 enum { STEPS_MAX = 12 };
 
-/* The step under test, and beside it the literal form with the errors that it may have gathered, in its own unit. */
 typedef struct {
     const fuzz_plan_t *plan, *other;
     dahl_state_t state;
     dahl_float_plan_t float_plan;
     dahl_float_state_t float_state;
-    double float_errors;
+    double float_errors; /* that the literal form may have accumulated, in DAHL_FLOAT_ERROR */
     int moves;
     int32_t dcounts[STEPS_MAX];
     float F[STEPS_MAX];
@@ -48,7 +45,6 @@ static long double value_of(int64_t w)
     return (long double)w * 0x1p-62L;
 }
 
-/* Half an ulp of itself and 0.012, and never beyond Fc. */
 static void check_torque(const walk_t *walk, int64_t w, float F)
 {
     float Fc = walk->plan->params.Fc;
@@ -63,7 +59,7 @@ static void check_torque(const walk_t *walk, int64_t w, float F)
     LAW(fabsl((long double)F - exact) <= 0.5121L * ulp, "torque within 0.512 ulp of itself");
 }
 
-/* From w to the exact solution: the gap is rounded to Q30, g has a relative error. */
+/* The gap is rounded to Q30, and g has a relative error. */
 static void check_solution(int64_t w, int64_t now, long double u, int forward, long double g_error)
 {
     long double g = -expm1l(-u), target = forward ? 1.0L : -1.0L;
@@ -74,7 +70,7 @@ static void check_solution(int64_t w, int64_t now, long double u, int forward, l
 static void check_direction(int64_t w, int64_t now, int forward)
 {
     LAW(is_in_range(now), "the state stays in range");
-    LAW(forward ? now >= w : now <= w, "never away from the target");
+    LAW(forward ? now >= w : now <= w, "the state moves towards its target");
 }
 
 static void start_float(walk_t *walk)
@@ -83,7 +79,7 @@ static void start_float(walk_t *walk)
     walk->float_errors = 1;
 }
 
-/* The literal form beside it: an error for each reversal, and for each addition to its travel. */
+/* Each reversal and each addition to the travel adds an error. */
 static void check_float(walk_t *walk, float F, float literal)
 {
     float Fc = walk->plan->params.Fc;
@@ -116,7 +112,6 @@ static void move_counts(walk_t *walk, int32_t dcounts, int exact)
     walk->F[walk->moves++] = F;
 }
 
-/* The same counts in one call. */
 static void check_batch(walk_t *walk)
 {
     float F[STEPS_MAX];
@@ -132,7 +127,6 @@ static void begin_batch(walk_t *walk)
     walk->moves = 0;
 }
 
-/* Sizes of moves: within the table, some digits, any. */
 static int32_t any_counts(fuzz_bytes_t *bytes, uint32_t size)
 {
     uint32_t value = fuzz_u32(bytes);
@@ -149,8 +143,8 @@ static float any_angle(const walk_t *walk, fuzz_bytes_t *bytes, uint32_t size)
     return size == 0 ? fuzz_float_of(value) : value >> 31 ? -scaled : scaled;
 }
 
-/* A subnormal move counts as none. */
-static int is_none(float dtheta)
+/* A subnormal angle counts as 0. */
+static int is_zero_angle(float dtheta)
 {
     return fabsf(dtheta) < 0x1p-126f;
 }
@@ -158,7 +152,7 @@ static int is_none(float dtheta)
 static void check_angle(const walk_t *walk, int64_t w, float dtheta)
 {
     long double u = fuzz_travel(&walk->plan->params, (long double)dtheta);
-    if (u >= 0x1p-63L && !is_none(dtheta)) {
+    if (u >= 0x1p-63L && !is_zero_angle(dtheta)) {
         check_solution(w, walk->state.w, u, dtheta > 0, 0x1p-29L);
     }
 }
@@ -171,7 +165,7 @@ static void move_angle(walk_t *walk, float dtheta, int exact)
     float F = dahl_step(plan, &walk->state, dtheta);
     check_torque(walk, walk->state.w, F);
     if (isnan(dtheta) || dtheta == 0) {
-        LAW(walk->state.w == w, "no motion is the identity");
+        LAW(walk->state.w == w, "an angle of 0 or NaN keeps the state");
     } else if (isinf(dtheta)) {
         LAW(walk->state.w == (dtheta > 0 ? ONE : -ONE), "infinity saturates");
     } else {
@@ -182,7 +176,7 @@ static void move_angle(walk_t *walk, float dtheta, int exact)
     if (exact && isfinite(dtheta) && dtheta != 0) {
         check_angle(walk, w, dtheta);
     }
-    check_float(walk, F, dahl_float_step(&walk->float_plan, &walk->float_state, is_none(dtheta) ? 0.0f : dtheta));
+    check_float(walk, F, dahl_float_step(&walk->float_plan, &walk->float_state, is_zero_angle(dtheta) ? 0.0f : dtheta));
     begin_batch(walk);
 }
 
@@ -198,8 +192,8 @@ static void rest(walk_t *walk)
     dahl_set_torque(plan, &walk->state, fuzz_float_of(0x7f800001u));
     dahl_float_step_counts(&walk->float_plan, &walk->float_state, 0);
     dahl_float_step(&walk->float_plan, &walk->float_state, fuzz_float_of(0x7fc00000u));
-    LAW(walk->state.w == w, "no motion is the identity, NaN is none");
-    LAW(memcmp(&literal, &walk->float_state, sizeof literal) == 0, "no motion is the identity in the literal form");
+    LAW(walk->state.w == w, "0 counts, an angle of 0 and NaN keep the state");
+    LAW(memcmp(&literal, &walk->float_state, sizeof literal) == 0, "0 counts and NaN keep the state of the literal form");
 }
 
 static void set(walk_t *walk, float F)
@@ -209,34 +203,34 @@ static void set(walk_t *walk, float F)
     if (!isnan(F)) {
         float wanted = fminf(fmaxf(F, -Fc), Fc);
         float got = dahl_torque(&walk->plan->plan, &walk->state);
-        LAW(walk->state.w <= ONE && walk->state.w >= -ONE, "a torque that is set is clamped");
-        LAW(fabsf(wanted) < 0x1p-36f * Fc || got == wanted, "a torque that is set is read back");
+        LAW(walk->state.w <= ONE && walk->state.w >= -ONE, "a set torque is clamped");
+        LAW(fabsf(wanted) < 0x1p-36f * Fc || got == wanted, "a set torque is read back");
     }
     start_float(walk);
     begin_batch(walk);
 }
 
-/* Clamped to the new Fc, and scaled where the bristle got softer. */
+/* The torque is clamped to the new Fc, and scaled if the bristle becomes softer. */
 static void change(walk_t *walk)
 {
     const dahl_params_t *from = &walk->plan->params, *to = &walk->other->params;
     const fuzz_plan_t *left = walk->plan;
     long double softer = (long double)to->sigma0 / (long double)from->sigma0;
-    long double F = fmaxl(fminl(value_of(walk->state.w), 1.0L), -1.0L) * (long double)from->Fc; /* as a user is told it */
+    long double F = fmaxl(fminl(value_of(walk->state.w), 1.0L), -1.0L) * (long double)from->Fc; /* as dahl_torque returns it */
     dahl_change_plan(&walk->plan->plan, &walk->other->plan, &walk->state);
     long double now = value_of(walk->state.w) * (long double)to->Fc, most = (long double)to->Fc;
     long double wanted = fmaxl(fminl(F * fminl(softer, 1.0L), most), -most);
-    LAW(walk->state.w <= ONE && walk->state.w >= -ONE, "|F| is within the new Fc at once");
+    LAW(walk->state.w <= ONE && walk->state.w >= -ONE, "|F| is within the new Fc");
     LAW(fabsl(now - wanted) <= 0x1p-30L * fabsl(wanted) + 0x1p-61L * ((long double)from->Fc + most), "F is kept, or scaled with sigma0");
-    LAW(now * now / (long double)to->sigma0 <= F * F / (long double)from->sigma0, "stored energy never grows");
+    LAW(now * now / (long double)to->sigma0 <= F * F / (long double)from->sigma0, "the stored energy does not grow");
     walk->plan = walk->other;
     walk->other = left;
-    LAW(dahl_float_prepare(&walk->float_plan, to) == DAHL_OK, "the literal form takes what the plan took");
+    LAW(dahl_float_prepare(&walk->float_plan, to) == DAHL_OK, "the literal form accepts the same parameters");
     start_float(walk);
     begin_batch(walk);
 }
 
-/* A state in range, small ones as often, or any bits, which the next call clamps. */
+/* A state in range, a small one, or any bits, which the next call clamps. */
 static void place(walk_t *walk, uint64_t value, uint32_t size)
 {
     int64_t w = (int64_t)(value % (uint64_t)(ONE + PAST));
@@ -255,11 +249,10 @@ static void between(fuzz_bytes_t *bytes)
     uint32_t before = fuzz_u32(bytes), now = fuzz_u32(bytes), n = fuzz_u32(bytes);
     int64_t turn = n == 0 ? (int64_t)1 << 32 : n;
     int64_t way = dahl_counts_between(before, now, n);
-    LAW(2 * way >= -turn && 2 * way < turn, "the shortest way, half a turn is negative");
-    LAW((before % turn + way - now % turn) % turn == 0, "the way leads there");
+    LAW(2 * way >= -turn && 2 * way < turn, "the move is the shortest one; half a turn is negative");
+    LAW((before % turn + way - now % turn) % turn == 0, "the move leads to the reading");
 }
 
-/* More travel leaves more torque, by angle bit for bit. */
 static void travels(const walk_t *walk, float one, float two)
 {
     dahl_state_t x = walk->state, y = walk->state;
@@ -270,7 +263,7 @@ static void travels(const walk_t *walk, float one, float two)
     }
 }
 
-/* Any float, or a quarter of Fc to half of it. */
+/* Any float, or Fc/4 to Fc/2. */
 static float any_torque(const walk_t *walk, fuzz_bytes_t *bytes, uint32_t size)
 {
     uint32_t value = fuzz_u32(bytes);
@@ -304,7 +297,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (!first.good || !second.good) {
         return 0;
     }
-    LAW(dahl_float_prepare(&walk.float_plan, &first.params) == DAHL_OK, "the literal form takes what the plan took");
+    LAW(dahl_float_prepare(&walk.float_plan, &first.params) == DAHL_OK, "the literal form accepts the same parameters");
     start_float(&walk);
     for (int i = 0; i < STEPS_MAX && bytes.left > 0; i++) {
         act(&walk, &bytes);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* A file that is the fuzzer's input: readers are compiled with fopen renamed to play_fopen. And what they print on stderr. */
+/* A file whose content is the fuzzer's input, and the text that a reader prints on stderr. fopen is renamed to play_fopen. */
 #ifndef FUZZ_STREAMS_H
 #define FUZZ_STREAMS_H
 
@@ -25,13 +25,13 @@ static inline void streams_begin(const uint8_t *data, size_t size)
     memset(streams.words, 0, sizeof streams.words);
 }
 
-/* What every reader does: whole, or one line that says why not; and no file left open. */
+/* Each reader accepts the whole file, or prints one line; it closes the file. */
 static inline void streams_check(int good)
 {
     size_t length = strlen(streams.words);
     LAW(streams.open == 0, "files are closed");
-    LAW(good ? length == 0 : strncmp(streams.words, "error: ", 7) == 0, "whole, or one complaint");
-    LAW(good || strchr(streams.words, '\n') == streams.words + length - 1, "a complaint is one line");
+    LAW(good ? length == 0 : strncmp(streams.words, "error: ", 7) == 0, "a refused file prints an error, an accepted one prints none");
+    LAW(good || strchr(streams.words, '\n') == streams.words + length - 1, "an error is one line");
 }
 
 #endif

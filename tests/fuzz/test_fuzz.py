@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Coverage-guided fuzzers of everything that takes input, each 20 s; every seed at once;
-and 1e9 executions of each where asked to (--soak). Their laws stand in tests/fuzz/*.c and
-readers.py.
+"""Coverage-guided fuzzers of all input: each seed once, then 20 s; 1e9 executions with --soak.
+
+The laws are in tests/fuzz/*.c and readers.py.
 """
 
 from __future__ import annotations
@@ -23,21 +23,17 @@ from fuzzers import (
 )
 
 SECONDS = int(os.environ.get("DAHL_FUZZ_SECONDS", "20"))
-SOAK_SECONDS = 120  # what an interruption can cost
+SOAK_SECONDS = 120  # lost at most by an interruption
 
 
 def run_for_a_while(name: str) -> Run:
-    """From the same seed each time, so that what it finds is of the change at hand; --soak goes new
-    ways.
-    """
+    """Use a fixed seed, so that a new finding is due to a change; --soak uses random seeds."""
     return fuzz(name, program_of(name), home(name), SECONDS, "-seed=1")
 
 
 @pytest.fixture(scope="module")
 def runs(request: pytest.FixtureRequest) -> Iterator[dict[str, Future[Run]]]:
-    """The runs of all fuzzers that are asked for, two beside each other, more where there are more
-    cores.
-    """
+    """The runs of the selected fuzzers, at least two in parallel."""
     wanted = [
         item.callspec.params["name"]
         for item in request.session.items
@@ -69,9 +65,9 @@ def test_fuzz_for_a_while(name: str, runs: dict[str, Future[Run]]) -> None:
 @pytest.mark.timeout(0)
 @pytest.mark.parametrize("name", FUZZERS)
 def test_fuzz_soak(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    def told(line: str) -> None:
+    def report(line: str) -> None:
         with capsys.disabled():
             print(line, flush=True)
 
     goal = FUZZERS[name].soak
-    assert soak(name, home(name), goal, SOAK_SECONDS, told) >= goal
+    assert soak(name, home(name), goal, SOAK_SECONDS, report) >= goal

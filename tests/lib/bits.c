@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Prints the lines of golden_bits.txt. */
+/* Print the lines of golden_bits.txt. */
 #include <inttypes.h>
 #include <stdio.h>
 

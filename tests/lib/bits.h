@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Same bits everywhere: each hard motion, by counts and by angle, 1e5 ticks from dahl_prepare on, folded into one 64-bit
- * hash (FNV-1a) of every plan word, torque, Q30 value and state. golden_bits.txt holds the hashes; every compiler, flag
- * and core must print the same lines. The floats fed are made of bit patterns or pass through memory, so that no
- * compiler flag can change the question.
+ * Golden bits: for each hard motion, by counts and by angle, a 64-bit hash (FNV-1a) of each plan word, torque, Q30 value and
+ * state over 1e5 ticks. Every compiler, flag and core must print the lines of golden_bits.txt. Floats pass through memory, so
+ * that no flag changes the input.
  */
 #ifndef BITS_H
 #define BITS_H
@@ -50,7 +49,7 @@ static inline uint64_t bits_fold_plan(uint64_t hash, const dahl_plan_t *plan)
     for (unsigned n = 0; n < sizeof plan->g / sizeof plan->g[0]; n++) {
         hash = bits_fold(hash, (uint64_t)plan->g[n].hi << 32 | plan->g[n].lo);
     }
-    /* The other words in the form that the plan had when the hashes were taken. */
+    /* The hashes fold these words in another form than the plan has. */
     uint32_t a_shift = (uint32_t)(94 - plan->a_exponent), Fc_scale = (uint32_t)(plan->Fc_exponent + 159) << 24 | 1u;
     hash = bits_fold(hash, (uint64_t)plan->a_mantissa << 32 | plan->Fc_mantissa | 1u);
     return bits_fold(hash, (uint64_t)a_shift << 32 | Fc_scale);

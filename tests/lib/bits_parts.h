@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The lines of the parts: for each parameter set of bits.h the hash of every torque, Q30 value and state, over all hard motions
- * one after the other. A new part is a function and a row of the table. */
+/* Golden bits of the parts: for each parameter set of bits.h the hash of each torque, Q30 value and state, over all hard
+ * motions in turn. A new part is a function and a row of the table. */
 #ifndef BITS_PARTS_H
 #define BITS_PARTS_H
 
@@ -15,7 +15,7 @@ typedef struct {
     const dahl_params_t *params;
 } bits_of_part_t;
 
-/* Three elements around the parameter set, of which one slips far earlier than the others. */
+/* Three elements, of which one slips far earlier. */
 static inline dahl_slip_params_t bits_slip_params(const dahl_params_t *p)
 {
     dahl_slip_params_t slip = {3, p->theta_per_count, {0}, {0}};
@@ -81,7 +81,7 @@ static inline void bits_mix(bits_of_part_t *run)
     }
 }
 
-/* Work, the way to half of the torque and to a quarter, the tip of each stroke, and a Stribeck curve over the moves. */
+/* Work, moves to +Fc/2 and -Fc/4, the tip of each stroke, and a Stribeck curve. */
 static inline void bits_beside(bits_of_part_t *run)
 {
     dahl_velocity_params_t curve = {2, {0}};
@@ -109,7 +109,6 @@ static inline void bits_beside(bits_of_part_t *run)
     }
 }
 
-/* Half of Fc backward. */
 static inline void bits_asymmetric(bits_of_part_t *run)
 {
     const dahl_params_t *p = run->params;
@@ -128,7 +127,6 @@ static inline void bits_asymmetric(bits_of_part_t *run)
     }
 }
 
-/* Loads of all sizes, falling and growing. */
 static inline void bits_loaded(bits_of_part_t *run)
 {
     dahl_plan_t plan;
@@ -196,7 +194,6 @@ static const struct {
 
 #define BITS_PARTS_RUNS (BITS_PARAMS * (sizeof bits_parts / sizeof bits_parts[0]))
 
-/* One part with one parameter set. */
 static inline uint64_t bits_of_part(bits_fold_part_t fold, unsigned set)
 {
     bits_of_part_t part = {14695981039346656037u, motions[0].next, &bits_params[set]};

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * The table of docs/model.md: worst error of the torque over 1e6 ticks of each hard motion, against long double.
- * Prints Markdown. Errors of the float form are of this machine's libm, so they are rounded to one digit.
- */
+/* Print the table of docs/model.md: worst error of the torque over 1e6 ticks of each hard motion, against long double. Errors
+ * of the float form depend on the libm, so they have one digit. */
 #include <stdio.h>
 
 #include "dahl_float.h"
@@ -10,7 +8,7 @@
 #include "reference.h"
 
 #define TICKS 1000000
-#define START 0.875f /* of Fc, so that no motion stays near 0 */
+#define START_RATIO 0.875f /* F/Fc, so that no motion stays near 0 */
 
 typedef struct {
     double counts; /* ulp of Fc */
@@ -35,10 +33,10 @@ static errors_t run(const dahl_params_t *p, motion_fn next)
     if (dahl_prepare(&plan, p) != DAHL_OK || dahl_float_prepare(&float_plan, p) != DAHL_OK) {
         return worst;
     }
-    dahl_set_torque(&plan, &counts, START * p->Fc);
+    dahl_set_torque(&plan, &counts, START_RATIO * p->Fc);
     angle = counts;
-    literal.w_reversal = START;
-    exact.w_reversal = exact_angle.w_reversal = (long double)(START * p->Fc) / p->Fc;
+    literal.w_reversal = START_RATIO;
+    exact.w_reversal = exact_angle.w_reversal = (long double)(START_RATIO * p->Fc) / p->Fc;
     for (int t = 0; t < TICKS; t++) {
         int32_t d = next(&motion);
         float dtheta = (float)d * p->theta_per_count;

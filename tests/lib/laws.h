@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The contract of every model, along any walk: the torque and the Q30 result within what the header promises of the exact solution,
- * both forms leave one state, 0 counts change nothing, the mirrored walk, split travel, and both ends. The unit tests walk the hard
- * motions, the fuzzer any moves with any parameters. Who includes this defines HOLDS(condition, words).
+ * The contract of every model along a walk. Torque and Q30 result keep their bounds against the exact solution and leave the
+ * same state; 0 counts change no bit; the mirrored walk, split travel and both ends agree. Unit tests pass the hard motions,
+ * fuzzers pass random ones. Define HOLDS(condition, words) before the include.
  */
 #ifndef LAWS_H
 #define LAWS_H
@@ -11,7 +11,6 @@
 
 enum { ALL_THE_WAY = 32 }; /* moves of INT32_MAX: 64 presliding lengths at least */
 
-/* One model with one plan, and the states of a walk by its different forms. */
 typedef struct {
     const model_t *model;
     const set_t *set;
@@ -26,7 +25,7 @@ static inline float subject_step(const subject_t *subject, any_state_t *state, i
     return subject->model->step(&subject->plan, state, subject->set, move);
 }
 
-/* Relaxed, with a plan; 0: these parameters are refused. */
+/* Relaxed, with a plan. Return 0 if prepare refuses the parameters. */
 static inline int subject_begin(subject_t *subject, const model_t *model, const set_t *set)
 {
     memset(subject, 0, sizeof *subject);
@@ -40,32 +39,32 @@ static inline void check_exact(subject_t *s, move_t move, float F)
 {
     const long double ratio = s->model->exact(&s->exact, move), whole = whole_of(s->model, s->set);
     HOLDS(fabsl(F - ratio * whole) <= (long double)s->model->ulps * ulp_now(s->model, s->set, move), "the torque is exact");
-    HOLDS(s->model->has_load || (float)whole != whole || fabsf(F) <= (float)whole, "never beyond Fc, where a float has it");
+    HOLDS(s->model->has_load || (float)whole != whole || fabsf(F) <= (float)whole, "the torque stays within Fc if Fc is a float");
     if (s->model->step_q30 != NULL) {
         int32_t q30 = s->model->step_q30(&s->plan, &s->by_q30, move);
         HOLDS(fabsl(q30 * (long double)DAHL_Q30 - ratio) <= (long double)s->model->q30_error, "the Q30 result is exact");
-        HOLDS(memcmp(&s->by_q30, &s->state, sizeof s->state) == 0, "both forms leave one state");
+        HOLDS(memcmp(&s->by_q30, &s->state, sizeof s->state) == 0, "both forms leave the same state");
     }
 }
 
 static inline void check_symmetry(subject_t *s, move_t move, float F)
 {
     const any_state_t before = s->state;
-    HOLDS(subject_step(s, &s->state, 0, move.load_q30) == F, "no counts, the same torque");
-    HOLDS(memcmp(&before, &s->state, sizeof before) == 0, "no counts change nothing");
+    HOLDS(subject_step(s, &s->state, 0, move.load_q30) == F, "0 counts keep the torque");
+    HOLDS(memcmp(&before, &s->state, sizeof before) == 0, "0 counts keep the state");
     if (s->model->is_odd) {
         HOLDS(subject_step(s, &s->mirrored, -move.counts, move.load_q30) == -F, "odd symmetry");
     }
     if (s->model->is_split) {
         any_state_t further = s->state;
         (void)subject_step(s, &s->in_parts, move.counts / 3, move.load_q30);
-        HOLDS(subject_step(s, &s->in_parts, move.counts - move.counts / 3, move.load_q30) == F, "travel may be split");
-        HOLDS(memcmp(&s->in_parts, &s->state, sizeof s->state) == 0, "split travel leaves one state");
-        HOLDS(subject_step(s, &further, 1, move.load_q30) >= F, "the torque never falls with travel");
+        HOLDS(subject_step(s, &s->in_parts, move.counts - move.counts / 3, move.load_q30) == F, "split travel has the same torque");
+        HOLDS(memcmp(&s->in_parts, &s->state, sizeof s->state) == 0, "split travel leaves the same state");
+        HOLDS(subject_step(s, &further, 1, move.load_q30) >= F, "the torque does not fall with travel");
     }
 }
 
-/* One direction ends at its Fc; a float that is the sum of Fc, where they are several. */
+/* Each direction ends at its Fc, or at the float nearest to the sum of several. */
 static inline void check_ends(subject_t *s)
 {
     const int is_asymmetric = s->model->prepare == asymmetric_prepare;

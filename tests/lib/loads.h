@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Loads, as tick by tick they come, in Q30; `most` is the largest. */
+/* Loads per tick in Q30; `most` is the largest one. */
 #ifndef LOADS_H
 #define LOADS_H
 
@@ -15,7 +15,7 @@ static inline uint32_t load_steady(motion_t *m)
     return UINT32_C(1) << 30;
 }
 
-/* 1 and a unit less: each growth is the smallest that there is. */
+/* 1, or one unit less: the load grows by the least step. */
 static inline uint32_t load_wobble(motion_t *m)
 {
     return (UINT32_C(1) << 30) - (motion_random(m) & 1u);
@@ -31,7 +31,7 @@ static inline uint32_t load_any(motion_t *m)
     return motion_random(m) >> 1 >> (motion_random(m) & 31u);
 }
 
-/* At the end of the range, and beyond, where it is the end. */
+/* At the end of the range and beyond it. */
 static inline uint32_t load_top(motion_t *m)
 {
     uint32_t r = motion_random(m);

@@ -1,9 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Every model of dahl.h and dahl_parts.h that takes a tick, in one table: how it is prepared, stepped, and what its exact torque is
- * by the references of reference.h. All have one contract; tests that hold for each model go through this table, and a new
- * model is a row of it. A model without one of the forms (torque, Q30) has NULL there.
- */
+/* The table of all friction models: prepare, step and exact torque of each. Tests of the common contract loop over it, so a new
+ * model is a new row. step_q30 is NULL if the model has no Q30 form. */
 #ifndef MODELS_H
 #define MODELS_H
 
@@ -28,7 +25,7 @@ typedef struct {
 
 typedef struct {
     int32_t counts;
-    uint32_t load_q30; /* of the models that follow one */
+    uint32_t load_q30;
 } move_t;
 
 typedef union {
@@ -52,15 +49,14 @@ typedef union {
     } mix;
 } any_state_t;
 
-/* What the exact torque of any model depends on. */
 typedef struct {
     const set_t *set;
     reference_t curve;
     slip_reference_t slip;
     dahl_slip_params_t slip_params;
     uint32_t load;
-    int64_t counts; /* elastoplastic: since it became elastic */
-    int plastic;    /* elastoplastic: 0, or the direction in which it slides */
+    int64_t counts; /* elastoplastic: since the elastic range began */
+    int plastic;    /* elastoplastic: direction of sliding; 0: elastic */
 } exact_t;
 
 typedef struct {
@@ -69,16 +65,16 @@ typedef struct {
     float (*step)(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move);
     int32_t (*step_q30)(const any_plan_t *plan, any_state_t *state, move_t move);
     void (*begin)(exact_t *exact, const set_t *set);
-    long double (*exact)(exact_t *exact, move_t move); /* in parts of the whole */
-    double ulps, q30_error; /* what the header promises, of whole_of() */
+    long double (*exact)(exact_t *exact, move_t move); /* as a fraction of whole_of() */
+    double ulps, q30_error; /* bounds of the header, relative to whole_of() */
     int by_angle;           /* the move is counts times theta_per_count, as a float */
     int is_odd;             /* the opposite motion has the opposite torque, bit for bit */
-    int is_split;           /* travel may be split without changing a bit */
-    int has_load;           /* 1: the error is of c Fc; 2: of Fc, or of c Fc where that is more */
+    int is_split;           /* split travel has the same bits */
+    int has_load;           /* 1: the error is relative to c Fc; 2: to the larger of Fc and c Fc */
     more_t more;
 } model_t;
 
-/* NAME_step and NAME_q30, the two forms of a model that follows counts alone: its call, and where its plan and state are. */
+/* Define NAME_step and NAME_q30 of a model that depends on counts alone, from its call and its members of plan and state. */
 #define FOLLOWS_COUNTS(name, call, plan_of, state_of)                                                                             \
     static inline float name##_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)                    \
     {                                                                                                                             \
@@ -103,13 +99,13 @@ static inline dahl_err_t dahl_model_prepare(any_plan_t *plan, const set_t *set)
 
 static inline dahl_err_t angle_prepare(any_plan_t *plan, const set_t *set)
 {
-    const dahl_params_t p = {set->p.sigma0, set->p.Fc, 0.0f}; /* the travel of a count may be too small for a plan */
+    const dahl_params_t p = {set->p.sigma0, set->p.Fc, 0.0f}; /* dahl_prepare refuses the travel if a count is too fine */
     return dahl_prepare(&plan->dahl, &p);
 }
 
 static inline float angle_of(const set_t *set, move_t move)
 {
-    volatile float counts = (float)move.counts; /* the float that is fed, whatever the flags */
+    volatile float counts = (float)move.counts; /* rounded to float under every compiler flag */
     return counts * set->p.theta_per_count;
 }
 
@@ -138,9 +134,9 @@ static inline long double angle_exact(exact_t *exact, move_t move)
     return reference_move(&exact->curve, (long double)angle_of(exact->set, move));
 }
 
-/* --- slip elements, and a mix of them with one of Dahl's ----------------------------------------------------------- */
+/* --- slip elements, and a mix of them with a Dahl element ---------------------------------------------------------- */
 
-/* As many as `more`, whose ways to slipping are spread over three decades, with different shares. */
+/* `more` elements with different shares, whose travels to slip spread over three decades. */
 static inline dahl_slip_params_t slip_params(const set_t *set)
 {
     dahl_slip_params_t params = {(uint32_t)set->more, set->p.theta_per_count, {0}, {0}};
@@ -202,7 +198,7 @@ static inline long double mix_exact(exact_t *exact, move_t move)
     return (counts_exact(exact, move) * Fc + slip_reference_move(&exact->slip, move.counts)) / sum;
 }
 
-/* --- Fc of each direction its own ---------------------------------------------------------------------------------- */
+/* --- asymmetric ---------------------------------------------------------------------------------------------------- */
 
 static inline dahl_asymmetric_params_t asymmetric_params(const set_t *set)
 {
@@ -216,7 +212,7 @@ static inline dahl_err_t asymmetric_prepare(any_plan_t *plan, const set_t *set)
     return dahl_asymmetric_prepare(&plan->asymmetric, &params);
 }
 
-/* After a reversal the curve leads to the Fc of the new direction, and has its presliding length. */
+/* After a reversal the curve ends at the Fc of the new direction, with the presliding length of that direction. */
 static inline long double asymmetric_exact(exact_t *exact, move_t move)
 {
     const dahl_asymmetric_params_t params = asymmetric_params(exact->set);
@@ -233,7 +229,7 @@ static inline long double asymmetric_exact(exact_t *exact, move_t move)
     return reference_move(r, move.counts);
 }
 
-/* --- a load: with the stiffness, and without it -------------------------------------------------------------------- */
+/* --- loaded: Fc and sigma0 follow the load; clamped: Fc alone ------------------------------------------------------ */
 
 static inline float loaded_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)
 {
@@ -246,15 +242,15 @@ static inline int32_t loaded_q30(const any_plan_t *plan, any_state_t *state, mov
     return dahl_loaded_step_counts_q30(&plan->dahl, &state->loaded, move.counts, move.load_q30);
 }
 
-static inline uint32_t load_taken(move_t move)
+static inline uint32_t load_in_range(move_t move)
 {
     return move.load_q30 < LOAD_MOST ? move.load_q30 : LOAD_MOST;
 }
 
-/* The curve is that of F/(c Fc): a load that falls takes F with it, one that grows leaves F. */
+/* The curve is that of F/(c Fc). A falling load scales F down, a growing load keeps F. */
 static inline long double loaded_exact(exact_t *exact, move_t move)
 {
-    const uint32_t load = load_taken(move);
+    const uint32_t load = load_in_range(move);
     if (load > exact->load) {
         reference_anchor(&exact->curve, reference_w(&exact->curve) * exact->load / load);
     }
@@ -273,10 +269,10 @@ static inline void clamped_begin(exact_t *exact, const set_t *set)
     exact->curve.end = 0;
 }
 
-/* The curve is that of F/Fc: it ends at the load, within c/a, and F is cut off there when the load falls. */
+/* The curve is that of F/Fc. It ends at the load c, with the presliding length c/a; a falling load clamps F. */
 static inline long double clamped_exact(exact_t *exact, move_t move)
 {
-    const long double c = load_taken(move) * 0x1p-30L, a = (long double)exact->set->p.sigma0 / exact->set->p.Fc;
+    const long double c = load_in_range(move) * 0x1p-30L, a = (long double)exact->set->p.sigma0 / exact->set->p.Fc;
     reference_t *r = &exact->curve;
     if (c != r->end) {
         reference_anchor(r, fmaxl(-c, fminl(c, r->end == 0 ? r->w_reversal : reference_w(r))));
@@ -293,7 +289,7 @@ static inline dahl_err_t breakaway_prepare(any_plan_t *plan, const set_t *set)
     return dahl_elastoplastic_prepare(&plan->elastoplastic, &set->p, set->more);
 }
 
-/* Elastic: w is where the last event was and the counts since then. Plastic: the gap shrinks by kappa = 1/(1 - b). */
+/* Elastic: w changes linearly since the last event. Plastic: the gap shrinks with the rate kappa = 1/(1 - b). */
 static inline long double elastoplastic_w(const exact_t *exact)
 {
     const reference_t *r = &exact->curve;
@@ -318,7 +314,7 @@ static inline long double elastoplastic_exact(exact_t *exact, move_t move)
     if (s == 0) {
         return now;
     }
-    if (exact->plastic != s && to_breakaway <= 0) { /* back to sliding, with part of the range beyond b still to go */
+    if (exact->plastic != s && to_breakaway <= 0) { /* it slides again from beyond the breakaway */
         elastoplastic_event(exact, now, s);
     } else if (exact->plastic != s && travel > to_breakaway) {
         elastoplastic_event(exact, s * b, s);
@@ -331,7 +327,7 @@ static inline long double elastoplastic_exact(exact_t *exact, move_t move)
     return elastoplastic_w(exact);
 }
 
-/* --- all of them --------------------------------------------------------------------------------------------------- */
+/* --- the table ----------------------------------------------------------------------------------------------------- */
 
 #define MIX_ERROR_Q30 DAHL_PARALLEL_ERROR_Q30(2)
 
@@ -386,7 +382,7 @@ static inline const dahl_plan_t *storing_plan(const model_t *model, const any_pl
     return model->more == MORE_IS_BREAKAWAY ? &plan->elastoplastic.plastic : &plan->dahl;
 }
 
-/* What a torque of 1 is of: Fc, the larger one, or the sum of them. */
+/* The torque that a ratio of 1 means: Fc, the larger Fc, or the sum of all Fc. */
 static inline long double whole_of(const model_t *model, const set_t *set)
 {
     if (model->step == slip_step || model->step == mix_step) {
@@ -396,10 +392,10 @@ static inline long double whole_of(const model_t *model, const set_t *set)
     return model->step == asymmetric_step ? fmaxf(set->p.Fc, asymmetric_params(set).Fc_backward) : set->p.Fc;
 }
 
-/* One ulp of the torque that the bound is in parts of. */
+/* One ulp of the torque that the bound is relative to. */
 static inline long double ulp_now(const model_t *model, const set_t *set, move_t move)
 {
-    const long double whole = whole_of(model, set), c = load_taken(move) * 0x1p-30L;
+    const long double whole = whole_of(model, set), c = load_in_range(move) * 0x1p-30L;
     if (model->has_load == 0) {
         return ulp_of_sum(whole);
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The hard motions of the design, as counts per tick. All are deterministic: tick number and a seeded generator only. */
+/* The hard motions, as counts per tick. Each is a function of the tick number and a seeded generator. */
 #ifndef MOTIONS_H
 #define MOTIONS_H
 
@@ -7,7 +7,7 @@
 
 typedef struct {
     uint32_t tick;
-    uint32_t random; /* xorshift32, never 0 */
+    uint32_t random; /* xorshift32, must not be 0 */
 } motion_t;
 
 typedef int32_t (*motion_fn)(motion_t *);
@@ -22,33 +22,31 @@ static inline uint32_t motion_random(motion_t *m)
     return m->random;
 }
 
-/* Long sweeps, 1 count a tick, of growing length. */
+/* Sweeps of growing length, 1 count a tick. */
 static inline int32_t motion_sweep(motion_t *m)
 {
     uint32_t length = UINT32_C(1000) << ((m->tick >> 16) % 10u);
     return (m->tick++ / length) % 2u ? -1 : 1;
 }
 
-/* +-1 count around where a first push left it. */
+/* 40 ticks of 3 counts, then +-1 count. */
 static inline int32_t motion_dither(motion_t *m)
 {
     uint32_t t = m->tick++;
     return t % 100000u < 40u ? 3 : (t & 1u ? -1 : 1);
 }
 
-/* 2 forward, 1 back. */
 static inline int32_t motion_two_one(motion_t *m)
 {
     return m->tick++ & 1u ? -1 : 2;
 }
 
-/* Random walk of -8 .. 8 counts. */
 static inline int32_t motion_walk(motion_t *m)
 {
     return (int32_t)(motion_random(m) % 17u) - 8;
 }
 
-/* Leaps over the whole range of int32_t, INT32_MIN too. */
+/* Any int32_t, INT32_MIN included. */
 static inline int32_t motion_leap(motion_t *m)
 {
     uint32_t r = motion_random(m);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* What every test file needs: a plan from a travel per count, and Unity's hooks. */
+/* Parameters and plans from a travel per count. */
 #ifndef PLANS_H
 #define PLANS_H
 
@@ -9,7 +9,7 @@
 
 #define THETA 3.8e-4f
 
-/* Parameters whose travel per count is near u; the exact travel is what the floats say. */
+/* The travel of a count is near u; the exact travel follows from the floats. */
 static inline dahl_params_t params_for(double u, float Fc)
 {
     dahl_params_t p = {(float)(u * (double)Fc / (double)THETA), Fc, THETA};

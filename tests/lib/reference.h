@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The exact torque by another road than the library's: long double, anchored where the motion last turned or the curve last
- * changed, the travel since then added up exactly, one expm1l per value (the form of Eqs. 7, 18 and 27). Nothing accumulates but
- * one rounding of 2^-64 an anchor. Where long double is double (small cores) the bound of the tests still holds with 2^-53.
+ * The exact torque, computed independently of the library (Eqs. 7, 18 and 27): one expm1l from the last reversal, over the
+ * exact sum of travel since then. Each reversal adds one rounding of a long double. Small cores have a long double of 53 bits,
+ * which still suffices for the bounds under test.
  */
 #ifndef REFERENCE_H
 #define REFERENCE_H
@@ -17,7 +17,7 @@ typedef struct {
     long double w_reversal; /* F/Fc at the last anchor */
     long double travel;     /* counts or radians since then; counts are exact up to 2^64 */
     int direction;          /* 0: no motion yet */
-    long double end;        /* where a long way leads, either way: 1 but for models whose ends move */
+    long double end;        /* |F/Fc| after a long way: 1, but for models whose ends move */
 } reference_t;
 
 static inline long double reference_w(const reference_t *r)
@@ -60,7 +60,7 @@ static inline long double ulp_of(float Fc)
     return (long double)nextafterf(Fc, HUGE_VALF) - Fc;
 }
 
-/* The distance from a torque to the next float away from zero, also where the torque is none: a sum of Fc. */
+/* The same for a sum of Fc, which may be no float. */
 static inline long double ulp_of_sum(long double Fc)
 {
     int exponent;

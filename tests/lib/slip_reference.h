@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The exact torque of slip elements by another road than the library's: an element that slipped last at position n0, in
- * direction s, is at s r + (n - n0) counts from rest, where r = Fc/(sigma0 theta) is the way from rest to slipping. Positions are
- * whole counts and r is a long double, so nothing accumulates. Where long double is double (small cores) that is 2^-53.
+ * The exact torque of slip elements, computed independently of the library. An element that last slipped at position n0 in
+ * direction s has the deflection s r + (n - n0), with r = Fc/(sigma0 theta). Positions are whole counts, so no error
+ * accumulates.
  */
 #ifndef SLIP_REFERENCE_H
 #define SLIP_REFERENCE_H
@@ -14,7 +14,7 @@
 typedef struct {
     long double r[DAHL_SLIP_MAX]; /* counts */
     int64_t slipped_at[DAHL_SLIP_MAX];
-    int direction[DAHL_SLIP_MAX]; /* of the last slip; 0: never */
+    int direction[DAHL_SLIP_MAX]; /* of the last slip; 0: never slipped */
     int64_t position;
     const dahl_slip_params_t *params;
 } slip_reference_t;
@@ -37,7 +37,6 @@ static inline long double slip_reference_Fc(const dahl_slip_params_t *params)
     return sum;
 }
 
-/* Torque of all elements after a move, in N m. */
 static inline long double slip_reference_move(slip_reference_t *reference, int64_t counts)
 {
     long double F = 0;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The guarantee of dahl.h and dahl_parts.h: each model on each hard motion, with each travel per count, against long double. */
+/* The error bounds of dahl.h and dahl_parts.h: each model on each hard motion with each travel per count, against long double. */
 #include <stdio.h>
 
 #include "loads.h"
@@ -9,7 +9,7 @@
 #ifndef TEST_TICKS
 #define TEST_TICKS 200000
 #endif
-#ifndef TEST_PARTS_TICKS /* of each model beside Dahl's */
+#ifndef TEST_PARTS_TICKS /* of each model in dahl_parts.h */
 #define TEST_PARTS_TICKS (TEST_TICKS < 20000 ? TEST_TICKS : TEST_TICKS / 4)
 #endif
 
@@ -27,13 +27,13 @@ typedef struct {
     long double ulps, q30;
 } worst_t;
 
-/* Parameters of the kind k: small and large Fc, and of what a model has beside them the ends and the middle. */
+/* Parameters of the kind k: small and large Fc, and the ends and the middle of `more`. */
 static run_t run_of(const model_t *model, size_t motion, size_t i, size_t k)
 {
     static const float elements[] = {1, 8, 2, 4}, breakaways[] = {0.5f, 0.9f, 1e-6f, 0.25f, 0.999f};
     static const float ratios[] = {1.31f / 1.99f, 24.0f, 0.91f, 0.00125f};
     run_t run = {model, {params_for(travels[i], k % 2 ? 3.99f : 0.0371f), elements[k % 4]}, travels[i], motion, k % LOADS};
-    if (model->prepare == asymmetric_prepare) { /* the travel is that of the larger Fc */
+    if (model->prepare == asymmetric_prepare) { /* travels[i] is relative to the larger Fc */
         run.set.more = ratios[k % 4];
         run.set.p.sigma0 *= fmaxf(run.set.more, 1.0f);
     } else if (model->more == MORE_IS_BREAKAWAY) {
@@ -42,7 +42,7 @@ static run_t run_of(const model_t *model, size_t motion, size_t i, size_t k)
     return run;
 }
 
-/* The errors on the way, from a torque that a first push leaves. */
+/* The worst errors of a motion after a first push. */
 static worst_t errors_of(const run_t *run, int ticks)
 {
     const model_t *model = run->model;
@@ -69,10 +69,10 @@ static worst_t errors_of(const run_t *run, int ticks)
     return worst;
 }
 
-/* Where the headers promise more than for the model as a whole. */
+/* Some cases have a tighter bound than their model. */
 static long double q30_bound(const run_t *run)
 {
-    if (run->model->step == dahl_model_step) { /* docs/accuracy.md for a travel u of one count */
+    if (run->model->step == dahl_model_step) { /* docs/accuracy.md, as a function of the travel of a count */
         return fminl(0x1p-30L + 5 * 0x1p-64L / (long double)run->travel + 0x1p-38L, DAHL_ERROR_Q30);
     }
     if (run->model->step == loaded_step && loads[run->load].most == ONE_Q30) {
@@ -98,7 +98,7 @@ static void check_model(const model_t *model, size_t motion, int ticks)
         TEST_ASSERT_TRUE_MESSAGE(worst.q30 <= q30_bound(&run), model->name);
         over_all = fmaxl(over_all, worst.ulps);
     }
-    TEST_ASSERT_TRUE_MESSAGE(over_all > 0.4L, model->name); /* half an ulp is the rounding to float: the comparison does compare */
+    TEST_ASSERT_TRUE_MESSAGE(over_all > 0.4L, model->name); /* the rounding to float alone is 0.5 ulp */
 }
 
 static void check_motion(size_t motion)
@@ -115,14 +115,14 @@ static void test_two_forward_one_back(void) { check_motion(2); }
 static void test_random_walk(void) { check_motion(3); }
 static void test_leaps(void) { check_motion(4); }
 
-/* A double here would bring soft-double code into firmware whose FPU has floats alone. */
+/* A double would need soft-double code on an FPU of single precision. */
 static void test_the_unit_of_q30_is_a_float(void)
 {
     TEST_ASSERT_EQUAL_size_t(sizeof(float), sizeof(1.0f * DAHL_Q30));
 }
 
-/* A bound that is too small turns the tests above red; one that grows would only make them lenient. */
-static void test_bounds_are_no_wider_than_promised(void)
+/* The tests above read the bounds from the headers, so a wider bound would only make them lenient. */
+static void test_bounds_are_no_wider_than_documented(void)
 {
     TEST_ASSERT_TRUE(DAHL_ULP_COUNTS <= 0.52 && DAHL_ULP_ANGLE <= 0.6 && DAHL_ULP_PARTS <= 0.55);
     TEST_ASSERT_TRUE(DAHL_ERROR_Q30 <= 1.21e-9 && DAHL_Q30 == 0x1p-30f && DAHL_SLIP_ERROR_Q30 <= 3.15e-9);

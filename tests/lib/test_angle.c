@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The kernel g(u) = 1 - exp(-u), as dahl_step shows it: from rest with sigma0 = Fc the state is g, cut to Q62. Its relative error is
- * at most 2^-29 over a dense sample of floats, with --full over each of the 2^31; beside it stand three units of 2^-64 (lib/model/
- * kernel.h) and the cut. The bound of the torque on the hard motions is test_accuracy.c's. */
+/* The kernel g(u) = 1 - exp(-u). From rest with sigma0 = Fc, dahl_step leaves g in the state, cut to Q62. The relative error is
+ * at most 2^-29, plus 3 units of 2^-64 (lib/model/kernel.h) and the cut. The test samples the floats; --full tries all 2^31. */
 #include <stdio.h>
 #include <string.h>
 
@@ -11,10 +10,10 @@
 #define TEST_KERNEL_STRIDE 173u
 #endif
 
-#define FIRST_NORMAL 0x00800000u /* subnormal angles count as none */
+#define FIRST_NORMAL 0x00800000u /* subnormal angles count as 0 */
 #define INFINITE 0x7f800000u
 
-static void test_kernel_bound(void)
+static void test_the_kernel_keeps_its_bound_and_is_monotone(void)
 {
     const dahl_params_t p = {1.0f, 1.0f, 0.0f};
     const dahl_plan_t plan = plan_for(&p);
@@ -26,11 +25,11 @@ static void test_kernel_bound(void)
         float u;
         memcpy(&u, &word, sizeof u);
         (void)dahl_step(&plan, &state, u);
-        TEST_ASSERT_TRUE(state.w >= before); /* monotone */
+        TEST_ASSERT_TRUE(state.w >= before);
         before = state.w;
         long double exact = -expm1l(-(long double)u), error = fabsl(ldexpl(state.w, -62) - exact) - 0x7p-64L;
         worst = fmaxl(worst, error / exact);
     }
     printf("kernel: worst relative error 2^%.2f\n", log2((double)worst));
-    TEST_ASSERT_TRUE(worst <= 0x1p-29L && worst > 0x1p-33L); /* something was measured */
+    TEST_ASSERT_TRUE(worst <= 0x1p-29L && worst > 0x1p-33L);
 }

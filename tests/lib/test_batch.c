@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Batches: the bitwise forms against single steps, bit for bit; the throughput forms against long double. */
+/* Batches: exact forms against single steps, bit for bit; throughput forms against long double. */
 #include <string.h>
 
 #include "dahl_batch.h"
@@ -9,21 +9,28 @@
 #ifndef TEST_TICKS
 #define TEST_TICKS 100000
 #endif
-#define MANY 37 /* channels: two whole chunks and a rest */
+#define MANY 37 /* channels: two whole chunks of 16, and 5 more */
 #define ROWS 3000
 
 static const double travels[] = {1e-8, 1e-6, 1e-4, 1e-2, 0.3, 1.0, 20.0};
 #define TRAVELS (sizeof travels / sizeof travels[0])
 
 static int32_t moves[TEST_TICKS];
-static float angles[TEST_TICKS], F[TEST_TICKS], G[TEST_TICKS];
+static float angles[TEST_TICKS], F[TEST_TICKS + 1], G[TEST_TICKS + 1];
 
-static void fill(motion_fn next, float theta_per_count)
+static struct {
+    dahl_params_t params[MANY];
+    dahl_throughput_params_t wide[MANY];
+    dahl_plan_t plans[MANY];
+    dahl_state_t start[MANY], one[MANY], batch[MANY];
+} channels;
+
+static void fill(motion_fn next)
 {
     motion_t motion = MOTION_START;
     for (int t = 0; t < TEST_TICKS; t++) {
         moves[t] = next(&motion);
-        angles[t] = (float)moves[t] * theta_per_count;
+        angles[t] = (float)moves[t] * THETA;
     }
 }
 
@@ -33,139 +40,138 @@ static dahl_throughput_params_t in_double(const dahl_params_t *p)
     return q;
 }
 
+static void set_channel(size_t c, const dahl_params_t *p)
+{
+    channels.params[c] = *p;
+    channels.wide[c] = in_double(p);
+    channels.plans[c] = plan_for(p);
+    channels.start[c].w = 0;
+}
+
+/* Each channel has another travel and Fc. */
+static void set_channels(void)
+{
+    for (size_t c = 0; c < MANY; c++) {
+        const dahl_params_t p = params_for(travels[c % TRAVELS] * (1.0 + 0.01 * (double)c), 0.5f + 0.37f * (float)c);
+        set_channel(c, &p);
+    }
+}
+
 static void assert_same(const float *got, const float *wanted, size_t n)
 {
     TEST_ASSERT_EQUAL_MEMORY(wanted, got, n * sizeof(float));
 }
 
-/* Runs a check on every motion and travel. */
-static void on_all(void (*check)(const dahl_params_t *), float Fc)
+/* --- the eight forms ------------------------------------------------------------------------------------------------ */
+
+enum { ANGLE = 1, FAST = 2, ONE = 4 }; /* a form is a sum; ONE has one trajectory, that of channel 0 */
+
+static void run(unsigned form, size_t count, size_t rows, float *out)
 {
-    for (size_t m = 0; m < MOTIONS; m++) {
-        for (size_t i = 0; i < TRAVELS; i++) {
-            dahl_params_t p = params_for(travels[i], Fc);
-            fill(motions[m].next, p.theta_per_count);
-            check(&p);
+    dahl_err_t err = DAHL_OK;
+    switch (form) {
+    case 0: dahl_batch_counts_channels(channels.plans, channels.batch, count, moves, out, rows); break;
+    case ANGLE: dahl_batch_channels(channels.plans, channels.batch, count, angles, out, rows); break;
+    case FAST: err = dahl_throughput_counts_channels(channels.wide, channels.batch, count, moves, out, rows); break;
+    case FAST + ANGLE: err = dahl_throughput_channels(channels.wide, channels.batch, count, angles, out, rows); break;
+    case ONE: dahl_batch_counts(channels.plans, channels.batch, moves, out, rows); break;
+    case ONE + ANGLE: dahl_batch(channels.plans, channels.batch, angles, out, rows); break;
+    case ONE + FAST: err = dahl_throughput_counts(channels.wide, channels.batch, moves, out, rows); break;
+    default: err = dahl_throughput(channels.wide, channels.batch, angles, out, rows);
+    }
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, err);
+}
+
+/* The torques of single steps, in F. */
+static void run_single_steps(unsigned form, size_t count, size_t rows)
+{
+    memcpy(channels.one, channels.start, sizeof channels.one);
+    for (size_t i = 0; i < count * rows; i++) {
+        const size_t c = i % count;
+        F[i] = form & ANGLE ? dahl_step(&channels.plans[c], &channels.one[c], angles[i])
+                            : dahl_step_counts(&channels.plans[c], &channels.one[c], moves[i]);
+    }
+}
+
+static long double ratio_in_range(int64_t w)
+{
+    const int64_t one = (int64_t)1 << 62, past = (int64_t)1 << 31;
+    return w >= one + past ? 1 : w < -one - past ? -1 : (long double)w * 0x1p-62L;
+}
+
+static void check_bound(unsigned form, size_t count, size_t rows)
+{
+    reference_t exact[MANY];
+    for (size_t c = 0; c < count; c++) {
+        exact[c] = form & ANGLE ? reference_by_angle(&channels.params[c]) : reference_by_counts(&channels.params[c]);
+        exact[c].w_reversal = ratio_in_range(channels.start[c].w);
+    }
+    for (size_t i = 0; i < count * rows; i++) {
+        const long double move = form & ANGLE ? (long double)angles[i] : (long double)moves[i];
+        assert_torque(reference_move(&exact[i % count], move), &channels.params[i % count], G[i], DAHL_ULP_COUNTS);
+    }
+}
+
+/* Run a form from the start states, in G. Exact forms must have the bits and the states of single steps. */
+static void check(unsigned form, size_t count, size_t rows)
+{
+    const size_t n = count * rows;
+    memcpy(channels.batch, channels.start, sizeof channels.batch);
+    G[n] = 42.0f; /* must stay */
+    run(form, count, rows, G);
+    TEST_ASSERT_TRUE(G[n] == 42.0f);
+    if (form & FAST) {
+        check_bound(form, count, rows);
+        return;
+    }
+    run_single_steps(form, count, rows);
+    assert_same(G, F, n);
+    TEST_ASSERT_EQUAL_MEMORY(channels.one, channels.batch, count * sizeof channels.one[0]);
+}
+
+/* Fc just below a power of two for throughput forms, because there an ulp is smallest relative to Fc. */
+static void test_one_trajectory_on_each_motion_and_travel(void)
+{
+    for (size_t i = 0; i < MOTIONS * TRAVELS; i++) {
+        fill(motions[i / TRAVELS].next);
+        for (unsigned form = ONE; form < 2 * ONE; form++) {
+            const dahl_params_t p = params_for(travels[i % TRAVELS], form & FAST ? 0x1.fffffep+0f : 2.739f);
+            set_channel(0, &p);
+            check(form, 1, TEST_TICKS);
         }
     }
 }
 
-static void check_counts_bits(const dahl_params_t *p)
+static void test_any_number_of_channels(void)
 {
-    dahl_plan_t plan = plan_for(p);
-    dahl_state_t one = {0}, batch = {0};
-    for (int t = 0; t < TEST_TICKS; t++) {
-        F[t] = dahl_step_counts(&plan, &one, moves[t]);
+    set_channels();
+    for (size_t count = 1; count <= MANY; count++) {
+        fill(motions[count % MOTIONS].next);
+        check(0, count, ROWS / count);
+        check(ANGLE, count, ROWS / count);
+        if (count % 4 == 1 || count == 18) {
+            check(FAST, count, TEST_TICKS / MANY);
+            check(FAST + ANGLE, count, 500);
+        }
     }
-    dahl_batch_counts(&plan, &batch, moves, G, TEST_TICKS);
-    assert_same(G, F, TEST_TICKS);
-    TEST_ASSERT_TRUE(one.w == batch.w);
+    check(FAST, 16, 7); /* too few rows for a table to pay */
 }
 
-static void check_angle_bits(const dahl_params_t *p)
-{
-    dahl_plan_t plan = plan_for(p);
-    dahl_state_t one = {0}, batch = {0};
-    for (int t = 0; t < TEST_TICKS; t++) {
-        F[t] = dahl_step(&plan, &one, angles[t]);
-    }
-    dahl_batch(&plan, &batch, angles, G, TEST_TICKS);
-    assert_same(G, F, TEST_TICKS);
-    TEST_ASSERT_TRUE(one.w == batch.w);
-}
+/* --- ties ----------------------------------------------------------------------------------------------------------- */
 
-static void check_throughput_counts(const dahl_params_t *p)
-{
-    dahl_throughput_params_t q = in_double(p);
-    dahl_state_t state = {0};
-    reference_t exact = reference_by_counts(p);
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts(&q, &state, moves, F, TEST_TICKS));
-    for (int t = 0; t < TEST_TICKS; t++) {
-        assert_torque(reference_move(&exact, moves[t]), p, F[t], DAHL_ULP_COUNTS);
-    }
-}
-
-static void check_throughput_angles(const dahl_params_t *p)
-{
-    dahl_throughput_params_t q = in_double(p);
-    dahl_state_t state = {0};
-    reference_t exact = reference_by_angle(p);
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&q, &state, angles, F, TEST_TICKS));
-    for (int t = 0; t < TEST_TICKS; t++) {
-        assert_torque(reference_move(&exact, (long double)angles[t]), p, F[t], DAHL_ULP_COUNTS);
-    }
-}
-
-static void test_exact_forms_have_the_bits_of_single_steps(void)
-{
-    on_all(check_counts_bits, 2.739f);
-    on_all(check_counts_bits, 0x1.fffffep+0f);
-    on_all(check_angle_bits, 2.739f);
-}
-
-/* Fc just below a power of two: there an ulp is smallest beside Fc. */
-static void test_throughput_is_within_the_bound(void)
-{
-    on_all(check_throughput_counts, 0x1.fffffep+0f);
-    on_all(check_throughput_angles, 0x1.fffffep+0f);
-}
-
-/* From half way between two values in Q30 and next to it, either way, by few and by many counts. */
-static void test_counts_from_a_tie(void)
+/* States half way between two values in Q30, and next to it. */
+static void test_counts_from_a_tie_have_the_bits_of_single_steps(void)
 {
     static const uint32_t low[] = {0x7fffffffu, 0x80000000u, 0x80000001u};
     static const int32_t by[] = {1, -1, 8, -8, 9, -9, 1000, -1000, INT32_MAX, INT32_MIN};
-    dahl_params_t p = params_for(0.3, 0.5f);
-    dahl_plan_t plan = plan_for(&p);
+    const dahl_params_t p = params_for(0.3, 0.5f);
+    set_channel(0, &p);
     for (int64_t high = -(1 << 30) + 1; high < 1 << 30; high += 99999989) {
         for (size_t i = 0; i < sizeof low / sizeof low[0] * (sizeof by / sizeof by[0]); i++) {
-            int64_t w = high * ((int64_t)1 << 32) + low[i % 3];
-            dahl_state_t one = {w}, batch = {w};
-            F[0] = dahl_step_counts(&plan, &one, by[i / 3]);
-            dahl_batch_counts(&plan, &batch, &by[i / 3], G, 1);
-            assert_same(G, F, 1);
-            TEST_ASSERT_TRUE(one.w == batch.w);
+            channels.start[0].w = high * ((int64_t)1 << 32) + low[i % 3];
+            moves[0] = by[i / 3];
+            check(ONE, 1, 1);
         }
-    }
-}
-
-typedef struct {
-    dahl_params_t params[MANY];
-    dahl_throughput_params_t in_double[MANY];
-    dahl_plan_t plans[MANY];
-    dahl_state_t one[MANY], batch[MANY];
-} channels_t;
-
-static channels_t channels;
-
-static void set_channels(void)
-{
-    memset(&channels, 0, sizeof channels);
-    for (size_t c = 0; c < MANY; c++) {
-        channels.params[c] = params_for(travels[c % TRAVELS] * (1.0 + 0.01 * (double)c), 0.5f + 0.37f * (float)c);
-        channels.in_double[c] = in_double(&channels.params[c]);
-        channels.plans[c] = plan_for(&channels.params[c]);
-    }
-}
-
-/* Each of 1 .. MANY channels, each motion: its own row of single steps. */
-static void test_channels_are_the_bits_of_single_steps(void)
-{
-    for (size_t count = 1; count <= MANY; count++) {
-        size_t rows = (size_t)ROWS / count;
-        set_channels();
-        fill(motions[count % MOTIONS].next, THETA);
-        for (size_t i = 0; i < rows * count; i++) {
-            F[i] = dahl_step_counts(&channels.plans[i % count], &channels.one[i % count], moves[i]);
-        }
-        dahl_batch_counts_channels(channels.plans, channels.batch, count, moves, G, rows);
-        assert_same(G, F, rows * count);
-        TEST_ASSERT_EQUAL_MEMORY(channels.one, channels.batch, sizeof channels.one);
-        for (size_t i = 0; i < rows * count; i++) {
-            F[i] = dahl_step(&channels.plans[i % count], &channels.one[i % count], angles[i]);
-        }
-        dahl_batch_channels(channels.plans, channels.batch, count, angles, G, rows);
-        assert_same(G, F, rows * count);
     }
 }
 
@@ -179,37 +185,37 @@ static uint64_t inverse_of(uint64_t odd)
     return x;
 }
 
-/* Torque without motion, by each of the batches by counts, alone and beside others, the first of another plan. */
-static void check_still(const dahl_plan_t *plan, int64_t w)
+/* Torque without motion: in channels after one of another plan, and alone. */
+static void check_still(const dahl_params_t *p, int64_t w)
 {
-    enum { COUNT = 3 };
     const dahl_params_t other = {1.0f, 0.3f, 0.0f};
-    const dahl_plan_t plans[COUNT] = {plan_for(&other), *plan, *plan};
-    const int32_t still[COUNT] = {0, 0, 0};
-    dahl_state_t states[COUNT] = {{w / 3}, {-w}, {w}};
-    for (size_t c = 0; c < COUNT; c++) {
-        dahl_batch_counts(&plans[c], &states[c], still, G, 1);
-        F[c] = dahl_torque(&plans[c], &states[c]);
-        assert_same(G, &F[c], 1);
+    set_channel(0, &other);
+    set_channel(1, p);
+    set_channel(2, p);
+    channels.start[0].w = w / 3;
+    channels.start[1].w = -w;
+    channels.start[2].w = w;
+    check(0, 3, 1);
+    channels.plans[0] = channels.plans[1];
+    for (int s = -1; s <= 1; s += 2) {
+        channels.start[0].w = s * w;
+        check(ONE, 1, 1);
     }
-    F[COUNT] = G[COUNT] = 42.0f; /* of somebody else */
-    dahl_batch_counts_channels(plans, states, COUNT, still, G, 1);
-    assert_same(G, F, COUNT + 1);
-    TEST_ASSERT_TRUE(states[0].w == w / 3 && states[1].w == -w && states[2].w == w);
 }
 
-/* The middle between two floats, and every neighbour of it that a double can mistake for it: the first 32 bits t of w
- * whose product with the mantissa of Fc ends in such a middle, or up to `near` beside it. */
-static uint32_t check_ties(const dahl_plan_t *plan, uint64_t half, int64_t near)
+/* Find the upper bits t of w whose product with the mantissa of Fc is half way between two floats, or up to `near` from it: a
+ * double may round it to the wrong side. */
+static uint32_t check_ties(const dahl_params_t *p, uint64_t half, int64_t near)
 {
-    const uint64_t mask = 2 * half - 1, inverse = inverse_of(plan->Fc_mantissa | 1u);
+    const dahl_plan_t plan = plan_for(p);
+    const uint64_t mask = 2 * half - 1, inverse = inverse_of(plan.Fc_mantissa | 1u);
     uint32_t found = 0;
     for (int64_t beside = -near; beside <= near; beside++) {
         uint64_t t = ((half + (uint64_t)beside) * inverse) & mask;
         if (t >> 31 == 1) {
-            for (int more = 0; more <= 30; more++) { /* bits that are left out: none of them set, and all */
-                check_still(plan, (int64_t)(t << more));
-                check_still(plan, (int64_t)(((t + 1) << more) - 1));
+            for (int more = 0; more <= 30; more++) { /* lower bits of w: all 0, and all 1 */
+                check_still(p, (int64_t)(t << more));
+                check_still(p, (int64_t)(((t + 1) << more) - 1));
             }
             found++;
         }
@@ -217,126 +223,68 @@ static uint32_t check_ties(const dahl_plan_t *plan, uint64_t half, int64_t near)
     return found;
 }
 
-static void test_torques_next_to_a_tie(void)
+static void test_torques_next_to_a_tie_have_the_bits_of_single_steps(void)
 {
     static const float Fc[] = {1.0f, 0x1.000002p+0f, 1.5f, 2.739f, 1e-9f, 1.8e+19f};
+    memset(moves, 0, sizeof moves);
     for (size_t i = 0; i < sizeof Fc / sizeof Fc[0]; i++) {
-        dahl_params_t p = {1.0f, Fc[i], 0.0f};
-        dahl_plan_t plan = plan_for(&p);
-        uint32_t found = check_ties(&plan, (uint64_t)1 << 38, 10000); /* products below 2^63 */
-        found += check_ties(&plan, (uint64_t)1 << 39, 20000);
+        const dahl_params_t p = {1.0f, Fc[i], 0.0f};
+        uint32_t found = check_ties(&p, (uint64_t)1 << 38, 10000); /* for products below 2^63 */
+        found += check_ties(&p, (uint64_t)1 << 39, 20000);
         TEST_ASSERT_TRUE(found > 10);
-        check_still(&plan, 1);
+        check_still(&p, 1);
     }
 }
 
-static void check_throughput_channels(size_t count, size_t rows, int by_angle)
-{
-    reference_t exact[MANY];
-    dahl_err_t err;
-    set_channels();
-    fill(motions[count % MOTIONS].next, THETA);
-    for (size_t c = 0; c < count; c++) {
-        exact[c] = by_angle ? reference_by_angle(&channels.params[c]) : reference_by_counts(&channels.params[c]);
-    }
-    err = by_angle ? dahl_throughput_channels(channels.in_double, channels.batch, count, angles, F, rows)
-                   : dahl_throughput_counts_channels(channels.in_double, channels.batch, count, moves, F, rows);
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, err);
-    for (size_t i = 0; i < rows * count; i++) {
-        long double move = by_angle ? (long double)angles[i] : (long double)moves[i];
-        assert_torque(reference_move(&exact[i % count], move), &channels.params[i % count], F[i], DAHL_ULP_COUNTS);
-    }
-}
+/* --- moves that have a faster path ---------------------------------------------------------------------------------- */
 
-static void test_throughput_channels_are_within_the_bound(void)
-{
-    for (size_t count = 1; count <= MANY; count += 4) {
-        check_throughput_channels(count, (size_t)TEST_TICKS / MANY, 0);
-    }
-    check_throughput_channels(16, 7, 0); /* too few rows to make up for a table */
-    check_throughput_channels(18, 700, 1);
-    check_throughput_channels(19, 700, 1);
-}
-
-/* Moves of up to so many counts either way, each of them met: few counts have their own road through a batch. */
-static void fill_up_to(int32_t most)
-{
-    for (int32_t t = 0; t < TEST_TICKS; t++) {
-        moves[t] = t * 7 % (2 * most + 1) - most;
-    }
-}
-
-/* Channels of one plan, but for one that is `softer` times as soft. */
-static void check_few_counts_in_channels(const dahl_params_t *p, size_t count, float softer)
-{
-    enum { STEPS = 300 };
-    dahl_params_t each[MANY];
-    dahl_throughput_params_t q[MANY];
-    dahl_plan_t plans[MANY];
-    dahl_state_t one = {0}, exact[MANY] = {{0}}, fast[MANY] = {{0}};
-    for (size_t c = 0; c < count; c++) {
-        each[c] = *p;
-        each[c].sigma0 /= c == 7 ? softer : 1.0f;
-        q[c] = in_double(&each[c]);
-        plans[c] = plan_for(&each[c]);
-    }
-    dahl_batch_counts_channels(plans, exact, count, moves, G, STEPS);
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts_channels(q, fast, count, moves, F, STEPS));
-    for (size_t c = 0; c < count; c++, one.w = 0) {
-        reference_t wanted = reference_by_counts(&each[c]);
-        for (size_t i = c; i < STEPS * count; i += count) {
-            assert_torque(reference_move(&wanted, moves[i]), p, F[i], DAHL_ULP_COUNTS);
-            TEST_ASSERT_TRUE(G[i] == dahl_step_counts(&plans[c], &one, moves[i]));
-        }
-        TEST_ASSERT_TRUE(one.w == exact[c].w);
-    }
-}
-
-/* One trajectory, and 16 and 37 channels of one plan, and 16 of which one differs. */
-static void test_few_counts(void)
+/* Each move of -most .. most counts: few counts use a table. Channels of one plan, or with a softer channel 7. */
+static void test_moves_of_few_counts(void)
 {
     static const int32_t most[] = {0, 1, 7, 8, 9, 15, 16, 17};
-    for (size_t k = 0; k < sizeof most / sizeof most[0]; k++) {
-        fill_up_to(most[k]);
-        for (size_t i = 0; i < TRAVELS; i++) {
-            dahl_params_t p = params_for(travels[i], 1.7f);
-            check_counts_bits(&p);
-            check_throughput_counts(&p);
-            check_few_counts_in_channels(&p, 16, 1.0f);
-            check_few_counts_in_channels(&p, 16, 1.25f);
-            check_few_counts_in_channels(&p, MANY, 1.0f);
+    for (size_t k = 0; k < sizeof most / sizeof most[0] * TRAVELS; k++) {
+        const int32_t n = most[k / TRAVELS];
+        dahl_params_t p = params_for(travels[k % TRAVELS], 1.7f);
+        for (int32_t t = 0; t < TEST_TICKS; t++) {
+            moves[t] = t * 7 % (2 * n + 1) - n;
         }
+        for (size_t c = 0; c < MANY; c++) {
+            set_channel(c, &p);
+        }
+        for (unsigned form = 0; form <= FAST; form += FAST) {
+            check(ONE + form, 1, TEST_TICKS);
+            check(form, 16, 300);
+            check(form, MANY, 300);
+        }
+        p.sigma0 /= 1.25f;
+        set_channel(7, &p);
+        check(0, 16, 300);
+        check(FAST, 16, 300);
     }
 }
 
-/* The kernel is that for the largest move of a block and for the stiffest of some channels, wherever they stand. */
-static void test_one_long_move_among_short_ones(void)
+/* A block uses the kernel for its largest move and its stiffest channel. */
+static void test_one_long_move_at_any_place_of_a_block(void)
 {
     enum { COUNT = 17, STEPS = 300, ALL = COUNT * STEPS };
     static const size_t places[] = {0, 1, 16, 17, 33, 511, 512, 1023, ALL - COUNT, ALL - 2, ALL - 1};
-    dahl_params_t p = params_for(1e-7, 1.0f), stiff = params_for(0.1, 1.0f);
-    dahl_throughput_params_t q[COUNT];
-    for (size_t c = 0; c < COUNT; c++) {
-        q[c] = in_double(c == 0 ? &stiff : &p);
-    }
+    const dahl_params_t p = params_for(1e-7, 1.0f), stiff = params_for(0.1, 1.0f);
     for (size_t k = 0; k < sizeof places / sizeof places[0]; k++) {
-        dahl_state_t states[COUNT] = {{0}}, state = {0};
-        reference_t exact[COUNT] = {reference_by_counts(&stiff)}, one = reference_by_counts(&p);
         for (size_t i = 0; i < ALL; i++) {
             moves[i] = i == places[k] ? 20000000 : 1;
-            exact[i % COUNT] = 0 < i && i < COUNT ? one : exact[i % COUNT];
         }
-        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts_channels(q, states, COUNT, moves, F, STEPS));
-        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts(&q[1], &state, moves, G, ALL));
-        for (size_t i = 0; i < ALL; i++) {
-            assert_torque(reference_move(&exact[i % COUNT], moves[i]), &p, F[i], DAHL_ULP_COUNTS);
-            assert_torque(reference_move(&one, moves[i]), &p, G[i], DAHL_ULP_COUNTS);
+        for (size_t c = 0; c < COUNT; c++) {
+            set_channel(c, &p);
         }
+        check(ONE + FAST, 1, ALL);
+        set_channel(0, &stiff);
+        check(FAST, COUNT, STEPS);
     }
 }
 
-/* The state goes on from call to call, and from form to form, wherever a batch is cut. */
-static void test_any_cut_is_the_same_motion(void)
+/* --- cuts, and bad input -------------------------------------------------------------------------------------------- */
+
+static void test_a_batch_may_be_cut_anywhere_and_forms_may_alternate(void)
 {
     dahl_params_t p = params_for(1e-2, 1.7f);
     dahl_throughput_params_t q = in_double(&p);
@@ -344,9 +292,9 @@ static void test_any_cut_is_the_same_motion(void)
     dahl_plan_t plan = plan_for(&p);
     dahl_state_t state = {0};
     size_t t = 0;
-    fill(motion_walk, THETA);
+    fill(motion_walk);
     for (size_t n = 0; t + n < TEST_TICKS && n < 700; t += n, n++) {
-        F[t + n] = 42.0f; /* of somebody else */
+        F[t + n] = 42.0f; /* must stay */
         if (n % 3 == 0) {
             dahl_batch_counts(&plan, &state, moves + t, F + t, n);
         } else {
@@ -360,7 +308,7 @@ static void test_any_cut_is_the_same_motion(void)
     }
 }
 
-static void test_nothing_to_do_touches_nothing(void)
+static void test_empty_batches_change_no_state(void)
 {
     dahl_params_t p = params_for(1e-2, 1.0f);
     dahl_throughput_params_t q = in_double(&p);
@@ -375,84 +323,48 @@ static void test_nothing_to_do_touches_nothing(void)
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&q, &state, NULL, NULL, 0));
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts_channels(NULL, NULL, 0, NULL, NULL, SIZE_MAX));
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(&q, &state, 1, NULL, NULL, 0));
-    set_channels(); /* more than one chunk of them: no place within an array that is not there */
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(channels.in_double, channels.batch, MANY, NULL, NULL, 0));
+    set_channels(); /* several chunks must not offset a null pointer */
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(channels.wide, channels.batch, MANY, NULL, NULL, 0));
     TEST_ASSERT_TRUE(state.w == 12345);
 }
 
-/* w around the ends of the range and of its type, on both sides. */
+/* w at both ends of its range and of its type. */
 static const int64_t foreign[] = {((int64_t)1 << 62) + ((int64_t)1 << 31) - 1, ((int64_t)1 << 62) + ((int64_t)1 << 31),
                                   -((int64_t)1 << 62) - ((int64_t)1 << 31),    -((int64_t)1 << 62) - ((int64_t)1 << 31) - 1,
                                   3 * ((int64_t)1 << 61),                      -3 * ((int64_t)1 << 61),
                                   INT64_MAX,                                   INT64_MIN};
 #define FOREIGN (sizeof foreign / sizeof foreign[0])
 
-static void set_foreign(dahl_state_t *states)
-{
-    for (size_t c = 0; c < MANY; c++) {
-        states[c].w = foreign[c % FOREIGN];
-    }
-}
-
-/* The throughput form stays within the bound of the bitwise one, which has the bits of single steps. */
-static void check_foreign_throughput(dahl_err_t err, const float *got, size_t n)
-{
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, err);
-    for (size_t i = 0; i < n; i++) {
-        TEST_ASSERT_TRUE(fabsl((long double)got[i] - F[i]) <= 2 * DAHL_ULP_ANGLE * ulp_of(channels.params[i % MANY].Fc));
-    }
-}
-
 static void test_states_out_of_range_are_clamped_as_by_single_steps(void)
 {
-    enum { N = 40 * MANY };
-    set_channels();
-    fill(motion_walk, THETA);
-    set_foreign(channels.one);
-    set_foreign(channels.batch);
-    for (size_t i = 0; i < N; i++) {
-        F[i] = dahl_step_counts(&channels.plans[i % MANY], &channels.one[i % MANY], moves[i]);
-    }
-    dahl_batch_counts_channels(channels.plans, channels.batch, MANY, moves, G, N / MANY);
-    assert_same(G, F, N);
-    TEST_ASSERT_EQUAL_MEMORY(channels.one, channels.batch, sizeof channels.one);
-    set_foreign(channels.batch);
-    check_foreign_throughput(dahl_throughput_counts_channels(channels.in_double, channels.batch, MANY, moves, G, N / MANY), G, N);
-    set_foreign(channels.batch);
-    check_foreign_throughput(dahl_throughput_channels(channels.in_double, channels.batch, MANY, angles, G, N / MANY), G, N);
-}
-
-static void test_one_trajectory_from_a_state_out_of_range(void)
-{
     enum { N = 300 };
-    const dahl_params_t p = params_for(1e-4, 2.5f);
-    const dahl_throughput_params_t q = in_double(&p);
-    const dahl_plan_t plan = plan_for(&p);
-    fill(motion_walk, p.theta_per_count);
+    fill(motion_walk);
+    set_channels();
+    for (size_t c = 0; c < MANY; c++) {
+        channels.start[c].w = foreign[c % FOREIGN];
+    }
+    for (unsigned form = 0; form < ONE; form++) {
+        check(form, MANY, 40);
+    }
     for (size_t k = 0; k < FOREIGN; k++) {
-        dahl_state_t one = {foreign[k]}, batch = one, by_angle = one, fast = one, fast_by_angle = one;
-        dahl_throughput_element_t element = {q, 0, one, 0.0};
-        for (int t = 0; t < N; t++) {
-            F[t] = dahl_step_counts(&plan, &one, moves[t]);
+        const dahl_params_t p = params_for(1e-4, 2.5f);
+        const dahl_throughput_element_t element = {in_double(&p), 0, {foreign[k]}, 0.0};
+        dahl_throughput_element_t parallel = element;
+        set_channel(0, &p);
+        channels.start[0].w = foreign[k];
+        for (unsigned form = ONE; form < 2 * ONE; form++) {
+            check(form, 1, N);
         }
-        dahl_batch_counts(&plan, &batch, moves, G, N);
-        assert_same(G, F, N);
-        dahl_batch(&plan, &by_angle, angles, G, N);
-        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts(&q, &fast, moves, G + N, N));
-        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&q, &fast_by_angle, angles, G + 2 * N, N));
-        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_parallel_counts(&element, 1, moves, G + 3 * N, N));
-        for (int t = 0; t < 4 * N; t++) {
-            TEST_ASSERT_TRUE(fabsl((long double)G[t] - F[t % N]) <= 2 * DAHL_ULP_ANGLE * ulp_of(p.Fc));
-        }
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_parallel_counts(&parallel, 1, moves, G, N));
+        check_bound(ONE, 1, N);
     }
 }
 
-/* A slip element's deflection is a double. */
 static void test_a_slip_element_with_any_deflection_stays_within_Fc(void)
 {
     static const double any[] = {(double)NAN, (double)INFINITY, -(double)INFINITY, 1e300, -1e9};
     const dahl_params_t p = params_for(1e-2, 2.5f);
-    fill(motion_walk, p.theta_per_count);
+    fill(motion_walk);
     for (size_t k = 0; k < sizeof any / sizeof any[0]; k++) {
         dahl_throughput_element_t element = {in_double(&p), 1, {0}, any[k]};
         TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_parallel_counts(&element, 1, moves, G, 300));
@@ -462,28 +374,26 @@ static void test_a_slip_element_with_any_deflection_stays_within_Fc(void)
     }
 }
 
-static void test_bad_angles_within_a_batch(void)
+static void test_bad_angles_in_a_batch_are_as_in_single_steps(void)
 {
     static const float bad[] = {1e-3f, NAN, -NAN, -0.0f, 1e-40f, -1e-3f, NAN, INFINITY, 1e-3f, -INFINITY, NAN, 3e38f, 2e-3f};
     enum { N = sizeof bad / sizeof bad[0] };
-    dahl_params_t p = params_for(1e-2, 2.5f);
-    dahl_throughput_params_t q = in_double(&p);
-    dahl_plan_t plan = plan_for(&p);
-    dahl_state_t one = {0}, batch = {0}, throughput = {0}, channel = {0};
-    for (int t = 0; t < N; t++) {
-        F[t] = dahl_step(&plan, &one, bad[t]);
-    }
-    dahl_batch(&plan, &batch, bad, G, N);
-    assert_same(G, F, N);
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&q, &throughput, bad, G, N));
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(&q, &channel, 1, bad, G + N, N));
-    for (int t = 0; t < 2 * N; t++) {
-        TEST_ASSERT_TRUE(fabsl((long double)G[t] - F[t % N]) <= 1.1L * ulp_of(p.Fc));
+    const dahl_params_t p = params_for(1e-2, 2.5f);
+    set_channel(0, &p);
+    memcpy(angles, bad, sizeof bad);
+    check(ANGLE, 1, N);
+    check(ONE + ANGLE, 1, N);
+    for (unsigned form = FAST; form <= ONE + FAST; form += ONE) {
+        channels.batch[0].w = 0;
+        run(form + ANGLE, 1, N, G);
+        for (int t = 0; t < N; t++) {
+            TEST_ASSERT_TRUE(fabsl((long double)G[t] - F[t]) <= 1.1L * ulp_of(p.Fc));
+        }
     }
 }
 
-/* With a good channel before it and after it, which must not hide it; and alone, where nothing is moved if it is good. */
-static void test_bad_parameters_touch_nothing(void)
+/* Alone, and with a good channel before or after. If the parameters are good, the batch is empty. */
+static void test_bad_parameters_change_no_state(void)
 {
     enum { OK = DAHL_OK, PARAM = DAHL_ERR_PARAM, RANGE = DAHL_ERR_RANGE };
     const double nan = (double)NAN, inf = (double)INFINITY;
@@ -516,20 +426,18 @@ static void test_bad_parameters_touch_nothing(void)
 
 static void test_a_plan_of_zeros_gives_no_torque(void)
 {
+    static const unsigned exact[] = {0, ANGLE, ONE, ONE + ANGLE};
+    static const int32_t counts[] = {1, -9, 0, INT32_MIN};
+    static const float dtheta[] = {1.0f, -1e-9f, 0.0f, INFINITY}, zeros[4]; /* not -0.0f */
     const dahl_plan_t zero = {0};
-    const int32_t dcounts[] = {1, -9, 0, INT32_MIN};
-    const float none = 0.0f; /* no negative zero: single steps give none */
-    const float dtheta[] = {1.0f, -1e-9f, 0.0f, INFINITY};
-    enum { N = sizeof dcounts / sizeof dcounts[0] };
+    channels.plans[0] = zero;
+    memcpy(moves, counts, sizeof counts);
+    memcpy(angles, dtheta, sizeof dtheta);
     for (int64_t w = -((int64_t)1 << 62); w <= (int64_t)1 << 62; w += (int64_t)1 << 61) {
-        dahl_state_t states[4] = {{w}, {w}, {w}, {w}};
-        memset(F, 0xA5, 4 * N * sizeof F[0]);
-        dahl_batch_counts(&zero, &states[0], dcounts, F, N);
-        dahl_batch(&zero, &states[1], dtheta, F + N, N);
-        dahl_batch_counts_channels(&zero, &states[2], 1, dcounts, F + 2 * N, N);
-        dahl_batch_channels(&zero, &states[3], 1, dtheta, F + 3 * N, N);
-        for (size_t i = 0; i < 4 * N; i++) {
-            assert_same(&F[i], &none, 1);
+        channels.start[0].w = w;
+        for (unsigned k = 0; k < 4; k++) {
+            check(exact[k], 1, 4);
+            assert_same(G, zeros, 4);
         }
     }
 }

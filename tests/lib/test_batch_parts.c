@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Parts over a log: each tick has the bits of the same tick alone, and the state ends where that one ends. */
+/* Parts over a log have the bits and the final state of single ticks. */
 #include "dahl_batch.h"
 #include "models.h"
 #include "plans.h"
@@ -67,7 +67,7 @@ static void check_log(const model_t *model, void (*log)(const any_plan_t *, any_
     TEST_ASSERT_EQUAL_MEMORY_MESSAGE(&by_tick, &by_log, sizeof by_tick, model->name);
 }
 
-static void test_each_model_over_a_log(void)
+static void test_each_model_has_the_bits_of_single_ticks(void)
 {
     unsigned found = 0;
     for (size_t i = 0; i < MODELS * sizeof logs / sizeof logs[0]; i++) {
@@ -79,7 +79,7 @@ static void test_each_model_over_a_log(void)
     TEST_ASSERT_EQUAL_UINT(sizeof logs / sizeof logs[0], found);
 }
 
-static void test_work_and_a_table_over_a_log(void)
+static void test_work_and_tables_have_the_bits_of_single_ticks(void)
 {
     const dahl_params_t params = params_for(1e-3, 0.5f);
     const dahl_plan_t plan = plan_for(&params);

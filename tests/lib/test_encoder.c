@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* dahl_encoder.h: the counts of each tick from a counter that wraps, jumps, is homed, or is mounted the other way round. */
+/* dahl_encoder.h: counts per tick of a counter that wraps, jumps, is homed, or counts backward. */
 #include "dahl_encoder.h"
 #include "motions.h"
 #include "plans.h"
@@ -17,7 +17,7 @@ static const uint32_t moduli[] = {3, 4, 17, 4096, 10000, 65535, 65536, 0x8000000
 static dahl_encoder_t encoder_for(uint32_t modulus, int sign, uint32_t largest_step)
 {
     dahl_encoder_t encoder;
-    memset(&encoder, 0x5a, sizeof encoder); /* a used one becomes a new one */
+    memset(&encoder, 0x5a, sizeof encoder);
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_encoder_init(&encoder, modulus, sign, largest_step));
     return encoder;
 }
@@ -68,8 +68,7 @@ static void test_bad_descriptions_are_refused(void)
     }
 }
 
-/* The limit is the exact half of the modulus, also of an odd one. */
-static void test_a_largest_step_is_below_half_of_the_modulus(void)
+static void test_the_largest_step_must_be_below_half_of_the_modulus(void)
 {
     for (size_t k = 0; k < MODULI; k++) {
         const int64_t half = wheel(moduli[k]) / 2;
@@ -81,7 +80,7 @@ static void test_a_largest_step_is_below_half_of_the_modulus(void)
     }
 }
 
-/* What the header says of a move, in 64 bits. */
+/* The move as the header defines it, in 64 bits. */
 typedef struct {
     uint32_t modulus, largest_step, last, jumps;
     int sign, primed;
@@ -105,7 +104,7 @@ static int32_t expected_move(counter_t *counter, uint32_t reading)
     return (int32_t)way;
 }
 
-/* Any readings, also such as the counter cannot show; steps about the largest one; homing now and then. */
+/* Any reading, also one beyond the modulus; often a step near the largest one. */
 static uint32_t any_reading(motion_t *m, const counter_t *counter)
 {
     uint32_t near_limit = counter->largest_step + motion_random(m) % 5u - 2u, kind = motion_random(m) % 8u;
@@ -130,7 +129,7 @@ static void check_counter(motion_t *m, uint32_t modulus, uint32_t largest_step, 
     TEST_ASSERT_EQUAL_UINT32(counter.jumps, encoder.jumps);
 }
 
-static void test_any_readings_of_any_counter(void)
+static void test_moves_and_jumps_of_any_counter(void)
 {
     motion_t m = MOTION_START;
     for (size_t k = 0; k < 2 * MODULI; k++) {
@@ -144,13 +143,13 @@ static void test_any_readings_of_any_counter(void)
     }
 }
 
-/* An angle that a driver adds up as whole turns and a rest, in one float. */
+/* An angle that a driver sums from whole turns and a remainder, in one float. */
 static float float_angle(int32_t position)
 {
     return (float)(position / 16384) * 6.2831853f + (float)(position % 16384) / 16384.0f * 6.2831853f;
 }
 
-/* Worst difference in units of Fc, of the torque by differences of such an angle from that by counts, after some turns. */
+/* Worst difference, in Fc, of the torque by such angles from the torque by counts, after some turns. */
 static float worst_by_float_angle(int32_t turns)
 {
     dahl_params_t p = {100.0f, 0.5f, 6.2831853f / 16384};

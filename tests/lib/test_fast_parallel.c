@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* dahl_throughput_parallel_counts: against references in long double on every hard motion, in pieces of any length, bad input. */
+/* dahl_throughput_parallel_counts against references in long double, in pieces of any length, and bad input. */
 #include "dahl_batch.h"
 #include "models.h"
 #include "plans.h"
@@ -22,7 +22,7 @@ static void make_moves(motion_fn next)
     }
 }
 
-/* Of one set: so many Dahl elements, and then its slip elements so many times. */
+/* `dahls` Dahl elements, then the slip elements of the set, `times` times. */
 static size_t make_elements(dahl_throughput_element_t *elements, const set_t *set, size_t dahls, size_t times)
 {
     const dahl_slip_params_t slips = slip_params(set);
@@ -36,7 +36,7 @@ static size_t make_elements(dahl_throughput_element_t *elements, const set_t *se
     return count;
 }
 
-/* In ulp of the sum of all Fc. */
+/* The bound is in ulp of the sum of all Fc. */
 static void check_sum(const set_t *set, size_t dahls, size_t times, long double bound)
 {
     dahl_throughput_element_t elements[16];
@@ -53,8 +53,8 @@ static void check_sum(const set_t *set, size_t dahls, size_t times, long double 
     }
 }
 
-/* Slip elements alone; and ten of them with three of Dahl's, which is more than are done at once. */
-static void test_the_sum_on_hard_motions(void)
+/* Slip elements alone, and 10 of them with 3 Dahl elements, which is more than one block. */
+static void test_the_sum_keeps_the_bound_on_hard_motions(void)
 {
     static const double travels[] = {2e-9, 1e-5, 3e-3, 0.08, 500.0};
     for (size_t m = 0; m < MOTIONS; m++) {
@@ -68,7 +68,6 @@ static void test_the_sum_on_hard_motions(void)
     }
 }
 
-/* The deflections of slip elements have no error that depends on where a call ends; nothing beyond is written. */
 static void test_a_log_in_pieces_has_the_same_bits(void)
 {
     dahl_throughput_element_t whole[3], pieces[3];
@@ -81,7 +80,7 @@ static void test_a_log_in_pieces_has_the_same_bits(void)
     for (size_t done = 0; done < TICKS;) {
         size_t left = TICKS - done, n = motion_random(&lengths) % 1100u;
         n = n < left ? n : left;
-        G[done + n] = 42.0f; /* of somebody else */
+        G[done + n] = 42.0f; /* must stay */
         TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_parallel_counts(pieces, 3, moves + done, G + done, n));
         done += n;
         TEST_ASSERT_TRUE(G[done] == 42.0f);
@@ -90,7 +89,7 @@ static void test_a_log_in_pieces_has_the_same_bits(void)
     TEST_ASSERT_TRUE(whole[0].x == pieces[0].x && whole[1].x == pieces[1].x && whole[2].x == pieces[2].x);
 }
 
-static void test_nothing_in_parallel_is_no_torque(void)
+static void test_no_elements_give_no_torque(void)
 {
     float zeros[3] = {1, 1, 1};
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_parallel_counts(NULL, 0, moves, zeros, 3));
@@ -98,8 +97,7 @@ static void test_nothing_in_parallel_is_no_torque(void)
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_parallel_counts(NULL, 0, NULL, NULL, 0));
 }
 
-/* Whether the bad element is the first or the last, nothing is touched. */
-static void test_bad_parameters_touch_nothing(void)
+static void test_a_bad_element_changes_no_state_at_any_place(void)
 {
     const double nan = (double)NAN, inf = (double)INFINITY;
     const struct {

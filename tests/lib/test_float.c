@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The literal float form: its bound on every hard motion, its laws, and travel that its numbers can or cannot hold. */
+/* The literal float form: its bound on every hard motion, its laws, and the ends of its travel. */
 #include <float.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -19,7 +19,6 @@ static dahl_float_plan_t float_plan_for(const dahl_params_t *p)
     return plan;
 }
 
-/* One motion by counts or by angle. */
 typedef struct {
     dahl_params_t params;
     motion_fn next;
@@ -27,7 +26,7 @@ typedef struct {
     bool by_angle;
 } run_t;
 
-/* The bound follows the motion: E for now, and E for each reversal, forgotten as the bristle forgets. */
+/* The bound is E, plus E for each reversal, which decays as the bristle does. Return the worst used fraction. */
 static long double worst_of_bound(const run_t *run)
 {
     const dahl_params_t *p = &run->params;
@@ -50,7 +49,7 @@ static long double worst_of_bound(const run_t *run)
     return worst;
 }
 
-static void test_bound(void)
+static void test_the_error_stays_within_its_bound(void)
 {
     long double over_all = 0;
     for (size_t k = 0; k < MOTIONS; k++) {
@@ -63,11 +62,10 @@ static void test_bound(void)
         }
     }
     printf("float form: worst %.2Lf of its bound\n", over_all);
-    TEST_ASSERT_TRUE(over_all > 0.3L); /* the bound is not slack beyond use */
+    TEST_ASSERT_TRUE(over_all > 0.3L);
 }
 
-/* Odd, within Fc, and no motion leaves every bit: also of the one before the first. */
-static void test_laws(void)
+static void test_the_torque_is_odd_and_within_Fc_and_rest_keeps_the_state(void)
 {
     dahl_params_t p = params_for(0.02, 1.3f);
     dahl_float_plan_t plan = float_plan_for(&p);
@@ -85,28 +83,17 @@ static void test_laws(void)
     }
 }
 
-/* By angle and by counts the same motion gives the same torque, where no product is rounded. */
-static void test_angle(void)
-{
-    dahl_params_t p = {256 * 1.3f, 1.3f, 0x1p-12f};
-    dahl_float_plan_t plan = float_plan_for(&p);
-    dahl_float_state_t by_counts = {0}, by_angle = {0};
-    motion_t m = MOTION_START;
-    for (int t = 0; t < TEST_TICKS / 10; t++) {
-        int32_t d = motion_walk(&m);
-        float F = dahl_float_step_counts(&plan, &by_counts, d);
-        float G = dahl_float_step(&plan, &by_angle, (float)d * p.theta_per_count);
-        TEST_ASSERT_TRUE(F == G);
-    }
-}
-
-/* Of any bits the next call makes a state within Fc, and then the torque follows the motion. */
 static void test_any_bits_are_a_safe_state(void)
 {
     static const float any[] = {NAN, INFINITY, -INFINITY, 7.0f, -1.0001f, 0.5f};
     static const int32_t directions[] = {0, 5, INT32_MIN};
+    static const float clamped[] = {0, 1, -1, 1, -1, 0.5f};
     const dahl_params_t p = params_for(0.02, 1.3f);
     const dahl_float_plan_t plan = float_plan_for(&p);
+    for (int k = 0; k < 6; k++) {
+        dahl_float_state_t at_rest = {any[k], 0, 0, 0};
+        TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &at_rest, 0) == clamped[k] * p.Fc);
+    }
     for (int k = 0; k < 36; k++) {
         dahl_float_state_t state = {any[k % 6], k % 5 == 0 ? UINT32_MAX : 7, k % 7 == 0 ? UINT64_MAX : 7, directions[k % 3]};
         const float F = k < 18 ? dahl_float_step_counts(&plan, &state, 0) : dahl_float_step(&plan, &state, 0.0f);
@@ -116,7 +103,7 @@ static void test_any_bits_are_a_safe_state(void)
     }
 }
 
-static void test_bad_input(void)
+static void test_bad_input_does_not_spoil_the_state(void)
 {
     dahl_params_t p = {100.0f, 1.0f, 1e-4f}, bad = {100.0f, -1.0f, 1e-4f};
     dahl_float_plan_t plan = float_plan_for(&p);
@@ -132,27 +119,8 @@ static void test_bad_input(void)
     TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &state, 1) > -1.0f);
 }
 
-/* One direction for longer than a counter or a float holds, where a presliding length is that long. */
-static void test_travel_beyond_its_number(void)
-{
-    dahl_params_t p = {0x1p-64f, 0x1.fp63f, 0.0f}, slow = {1.0f, 1.0f, 0x1p-30f};
-    dahl_float_plan_t plan = float_plan_for(&p), slow_plan = float_plan_for(&slow);
-    dahl_float_state_t state = {0}, counted = {0};
-    float F = dahl_float_step(&plan, &state, FLT_MAX); /* just one presliding length */
-    TEST_ASSERT_TRUE(F < 0.65f * p.Fc);
-    double two = -expm1(-2 * (double)FLT_MAX * (double)p.sigma0 / (double)p.Fc);
-    TEST_ASSERT_TRUE(fabs((double)dahl_float_step(&plan, &state, FLT_MAX) / (double)p.Fc - two) <= 2 * DAHL_FLOAT_ERROR);
-    TEST_ASSERT_TRUE(dahl_float_step(&plan, &state, HUGE_VALF) == p.Fc && dahl_float_step(&plan, &state, 1.0f) == p.Fc);
-    TEST_ASSERT_TRUE(dahl_float_step(&plan, &state, -HUGE_VALF) == -p.Fc);
-    for (int t = 1; t <= 16; t++) {
-        double exact = -expm1(-2.0 * t);
-        TEST_ASSERT_TRUE(fabs((double)dahl_float_step_counts(&slow_plan, &counted, INT32_MIN) + exact) <= 3 * DAHL_FLOAT_ERROR);
-    }
-}
-
-/* Without a reversal nothing accumulates, however many steps the travel is made of: equal ones, uneven ones, and small ones after
- * one that would bury them in a float sum. */
-static void test_many_small_steps_one_way(void)
+/* Equal steps, uneven steps, and small steps after one that would absorb them in a float sum. */
+static void test_no_error_accumulates_without_a_reversal(void)
 {
     static const float sizes[] = {1e-3f, 1e-6f, 1e-8f};
     const dahl_params_t p = {123.4f, 0.7f, 0.0f};
@@ -173,16 +141,21 @@ static void test_many_small_steps_one_way(void)
     }
 }
 
-/* A number is used up to its end before what was reached becomes a new start. */
-static void test_travel_fills_its_number(void)
+/* The travel may exceed its float, the counts may exceed 32 bits: then the torque becomes a new start, and not before. */
+static void test_travel_beyond_its_number_starts_anew(void)
 {
     dahl_params_t p = {0x1p-64f, 0x1.fp63f, 0.0f}, slow = {1.0f, 1.0f, 0x1p-30f};
     dahl_float_plan_t plan = float_plan_for(&p), slow_plan = float_plan_for(&slow);
-    dahl_float_state_t by_angle = {0}, by_counts = {0.25f, UINT32_MAX - 5u, 0, 1};
+    dahl_float_state_t by_angle = {0}, counted = {0}, by_counts = {0.25f, UINT32_MAX - 5u, 0, 1};
     for (int t = 0; t < 100; t++) {
         double F = (double)(dahl_float_step(&plan, &by_angle, FLT_MAX) / p.Fc);
         TEST_ASSERT_TRUE(fabs(F + expm1(-(t + 1) * ((double)FLT_MAX * (double)p.sigma0 / (double)p.Fc))) <= DAHL_FLOAT_ERROR);
         TEST_ASSERT_TRUE(by_angle.w_reversal == 0.0f);
+    }
+    TEST_ASSERT_TRUE(dahl_float_step(&plan, &by_angle, HUGE_VALF) == p.Fc && dahl_float_step(&plan, &by_angle, 1.0f) == p.Fc);
+    for (int t = 1; t <= 16; t++) {
+        double F = (double)dahl_float_step_counts(&slow_plan, &counted, INT32_MIN);
+        TEST_ASSERT_TRUE(fabs(F - expm1(-2.0 * t)) <= 3 * DAHL_FLOAT_ERROR);
     }
     (void)dahl_float_step_counts(&slow_plan, &by_counts, 5);
     TEST_ASSERT_TRUE(by_counts.counts == UINT32_MAX && by_counts.w_reversal == 0.25f);

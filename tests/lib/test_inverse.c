@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* dahl_counts_to_torque: each move that it finds is tried, and so are shorter ones, beside the logarithm in long double;
- * dahl_tip_torque against tanh in long double (test_laws.c runs such a loop until it repeats). */
+/* dahl_counts_to_torque: the move that it returns reaches the torque, shorter moves do not, and its length is that of a
+ * logarithm in long double. dahl_tip_torque is compared with tanh in long double. */
 #include <stdio.h>
 
 #include "dahl_parts.h"
@@ -47,25 +47,24 @@ static void check_one(const dahl_plan_t *plan, const dahl_state_t *state, float 
     }
 }
 
-/* From one state to one torque, in the direction s of the move. */
 typedef struct {
     const dahl_plan_t *plan;
     dahl_state_t state;
     dahl_params_t p;
     float F;
-    int s;
-    int32_t found;       /* counts, as the library says */
+    int s;               /* direction of the move */
+    int32_t found;       /* counts that the library returns */
     long double earlier; /* counts by which a shorter move may reach F too */
-    int32_t least;       /* the shortest one that a test saw reach it */
+    int32_t least;       /* the shortest move seen to reach F */
 } search_t;
 
-/* What F lacks of Fc in the direction of the move, in parts of Fc, as the header counts it. */
-static long double lacking(const search_t *x)
+/* The gap from F to Fc in the direction of the move, as a fraction of Fc and at least 2^-25, as in the header. */
+static long double gap_to_Fc(const search_t *x)
 {
     return fmaxl(1 - x->s * (long double)x->F / x->p.Fc, 0x1p-25L);
 }
 
-/* A shorter move does not reach F, or by no more than a rounding, and then it is not much shorter. */
+/* A shorter move may reach F within the rounding only, and only if it is not much shorter. */
 static void check_shorter(search_t *x, int32_t counts)
 {
     const float F = after(x->plan, x->state, x->s * counts);
@@ -78,16 +77,16 @@ static void check_shorter(search_t *x, int32_t counts)
     x->least = counts < x->least ? counts : x->least;
 }
 
-/* Ln((1 - s w)/lacking)/u counts lead there; lacking is less by half the float's last bit, and u errs by 6e-11 of it. */
+/* The exact length is ln((1 - s w)/gap_to_Fc)/u counts. The float F is uncertain by half an ulp, u by 6e-11. */
 static void check_logarithm(const search_t *x, long double u)
 {
     const long double gap = 1 - x->s * (long double)x->state.w * 0x1p-62L, half = ulp_of(fabsf(x->F)) / x->p.Fc / 2;
-    const long double least = logl(gap / (lacking(x) + half)) / u, most = logl(gap / fmaxl(lacking(x) - half, 0x1p-26L)) / u;
+    const long double least = logl(gap / (gap_to_Fc(x) + half)) / u, most = logl(gap / fmaxl(gap_to_Fc(x) - half, 0x1p-26L)) / u;
     TEST_ASSERT_TRUE(x->found >= least - x->earlier - 6e-11L * x->found);
     TEST_ASSERT_TRUE(x->found <= most + x->earlier + 6e-11L * x->found + 1);
 }
 
-/* Neighbours one by one, moves from as much earlier as is allowed, and any shorter ones. */
+/* Check the next shorter moves, moves within the allowed window, and random shorter moves. */
 static search_t check_neighbours(const dahl_plan_t *plan, const dahl_params_t *p, int64_t w, float F, motion_t *m)
 {
     search_t x = {plan, {w}, *p, F, 1, 0, 0, 0};
@@ -98,7 +97,7 @@ static search_t check_neighbours(const dahl_plan_t *plan, const dahl_params_t *p
     x.s = x.found < 0 ? -1 : 1;
     x.found *= x.s;
     x.least = x.found;
-    x.earlier = DAHL_INVERSE_ERROR / (u * lacking(&x));
+    x.earlier = DAHL_INVERSE_ERROR / (u * gap_to_Fc(&x));
     check_logarithm(&x, u);
     const uint32_t window = (uint32_t)fminl(1.5L * x.earlier + 1, (long double)x.found);
     for (int i = 1; i <= NEIGHBOURS; i++) {
@@ -109,8 +108,7 @@ static search_t check_neighbours(const dahl_plan_t *plan, const dahl_params_t *p
     return x;
 }
 
-/* Torques up to Fc itself, half of them within a few floats of it, for any plan and state; returns how much of the bound of the
- * header is seen. */
+/* Random plan and state; half of the torques are within a few floats of Fc. Return the used fraction of the header's bound. */
 static long double check_any_neighbours(motion_t *m)
 {
     const float Fc = 1.0f + (float)(motion_random(m) >> 9) * 0x1p-23f;
@@ -125,13 +123,13 @@ static long double check_any_neighbours(motion_t *m)
     return x.earlier > 3 ? (x.found - x.least) / (1 + x.earlier) : 0;
 }
 
-static void test_a_shorter_move_reaches_a_torque_by_rounding_alone(void)
+static void test_a_shorter_move_reaches_the_torque_within_rounding_only(void)
 {
     const dahl_params_t p = {1.0f, 1.0f, 1e-5f};
     const dahl_plan_t plan = plan_for(&p);
     motion_t m = MOTION_START;
     const search_t seen = check_neighbours(&plan, &p, 0, p.Fc, &m);
-    TEST_ASSERT_TRUE(seen.found - seen.least > 300); /* the order of moves does change */
+    TEST_ASSERT_TRUE(seen.found - seen.least > 300);
     long double worst = 0;
     for (int i = 0; i < TRIES / 40; i++) {
         worst = fmaxl(worst, check_any_neighbours(&m));
@@ -139,7 +137,7 @@ static void test_a_shorter_move_reaches_a_torque_by_rounding_alone(void)
     printf("shorter moves that reach F: %.3Lf of the bound\n", worst);
 }
 
-static void test_a_move_to_a_torque(void)
+static void test_the_move_reaches_the_torque_and_one_count_less_does_not(void)
 {
     motion_t m = MOTION_START;
     for (size_t i = 0; i < TRAVELS; i++) {
@@ -153,8 +151,8 @@ static void test_a_move_to_a_torque(void)
     }
 }
 
-/* The ends, and what stands beside them: where a count changes the torque by a rounding or by nothing. */
-static void test_the_ends(void)
+/* There a count changes the torque by a rounding or not at all. */
+static void test_moves_between_the_ends_and_their_neighbours(void)
 {
     for (size_t i = 0; i < TRAVELS; i++) {
         dahl_params_t p = params_for(travels[i], 0.7f);
@@ -170,7 +168,7 @@ static void test_the_ends(void)
     }
 }
 
-static void test_what_cannot_be_reached_is_refused(void)
+static void test_torques_out_of_reach_are_refused(void)
 {
     dahl_params_t p = params_for(1e-3, 0.5f), slow = params_for(1e-9, 0.5f);
     dahl_plan_t plan = plan_for(&p), fine = plan_for(&slow), zeros = {0};
@@ -187,7 +185,7 @@ static void test_what_cannot_be_reached_is_refused(void)
     TEST_ASSERT_EQUAL_INT32(0, n);
 }
 
-static void test_the_tip_of_a_loop(void)
+static void test_the_tip_of_a_loop_is_tanh(void)
 {
     motion_t m = MOTION_START;
     for (size_t i = 0; i < TRAVELS; i++) {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Any mix of parts: the sum of their torques against the sum of their references for any Fc, and the shares of the Q30 form. A
- * Dahl element with slip elements is a model of test_accuracy.c. */
+/* Parts in parallel: the sum of their torques against the sum of their references, and the shares of the Q30 form.
+ * test_accuracy.c has the mix of a Dahl element with slip elements. */
 #include <stdio.h>
 
 #include "models.h"
@@ -12,7 +12,6 @@
 
 #define PARTS_MOST 8
 
-/* Dahl elements with their references. */
 typedef struct {
     dahl_plan_t plan[PARTS_MOST];
     dahl_state_t state[PARTS_MOST];
@@ -65,7 +64,8 @@ static int32_t step_q30(int32_t dcounts)
     return dahl_parallel_step_counts_q30(mix.part, mix.shares, mix.count, dcounts);
 }
 
-/* Tick by tick by either form; Dahl elements alone have no slip element's error. Returns the worst in ulp of the sum of Fc. */
+/* Both forms in turn. The Q30 bound contains the error of Dahl elements instead of slip elements. Return the worst in ulp of
+ * the sum. */
 static long double check_motion(motion_fn next, int ticks)
 {
     const long double bound = DAHL_PARALLEL_ERROR_Q30(mix.count) - DAHL_SLIP_ERROR_Q30 + DAHL_ERROR_Q30;
@@ -84,7 +84,7 @@ static long double check_motion(motion_fn next, int ticks)
     return worst;
 }
 
-/* Two alike; four of different travel; four whose Fc are far apart, the smallest first. */
+/* Two equal elements; four of different travel; four whose Fc are far apart, the smallest first. */
 static void make(int kind)
 {
     begin();
@@ -102,10 +102,10 @@ static void test_the_sum_of_elements_on_hard_motions(void)
         over_all = fmaxl(over_all, check_motion(motions[m % MOTIONS].next, TEST_TICKS));
     }
     printf("parallel: worst %.4Lf ulp of the sum of Fc\n", over_all);
-    TEST_ASSERT_TRUE(over_all > 0.49L); /* half an ulp is the rounding to float: the comparison does compare */
+    TEST_ASSERT_TRUE(over_all > 0.49L);
 }
 
-/* Parts at Fc are +-2^30, exactly. The shares are whole numbers whose sum is -2^31; one alone has all. */
+/* The sum of the shares is -2^31. At the ends the ratio is +-2^30 exactly. */
 static void check_ends(void)
 {
     uint32_t whole = 0;
@@ -114,15 +114,14 @@ static void check_ends(void)
         whole -= (uint32_t)mix.shares[k];
     }
     TEST_ASSERT_EQUAL_HEX32(0x80000000u, whole);
-    (void)step(INT32_MIN); /* a state errs by 2^-31 at most, which another move takes off */
+    (void)step(INT32_MIN); /* leaves an error of up to 2^-31, which the next move removes */
     TEST_ASSERT_TRUE(fabsl(step(0) + mix.sum) <= 0.508L * ulp_of_sum(mix.sum));
     TEST_ASSERT_EQUAL_INT32(-(1 << 30), step_q30(INT32_MIN));
     (void)step(INT32_MAX);
     TEST_ASSERT_EQUAL_INT32(1 << 30, step_q30(INT32_MAX));
 }
 
-/* Any number of parts, any Fc: exponents that are near, far apart, and at both ends. */
-static void test_any_parts(void)
+static void test_any_number_of_parts_with_any_Fc(void)
 {
     static const uint32_t spreads[] = {1, 8, 40, 112};
     motion_t m = MOTION_START;
@@ -137,14 +136,13 @@ static void test_any_parts(void)
     }
 }
 
-/* The sum of many parts fits. */
-static void test_a_hundred_parts(void)
+static void test_the_sum_of_a_hundred_parts_does_not_overflow(void)
 {
     static dahl_part_t parts[100];
     static int32_t shares[100];
     const dahl_params_t params = {1e3f, 0x1.fffffep0f, 3.8e-4f};
     const dahl_plan_t plan = plan_for(&params);
-    dahl_state_t state = {0}; /* of all of them */
+    dahl_state_t state = {0}; /* shared by all */
     for (int k = 0; k < 100; k++) {
         const dahl_part_t part = DAHL_PART(&plan, &state);
         parts[k] = part;
@@ -155,8 +153,7 @@ static void test_a_hundred_parts(void)
     TEST_ASSERT_EQUAL_INT32(-(1 << 30), dahl_parallel_step_counts_q30(parts, shares, 100, 0));
 }
 
-/* Small torques keep their relative accuracy. */
-static void test_tiny_motion(void)
+static void test_small_torques_keep_their_relative_accuracy(void)
 {
     make(2);
     for (int n = 1; n <= 1000; n++) {
@@ -172,9 +169,8 @@ static void test_tiny_motion(void)
     }
 }
 
-/* Plans of zeros add nothing and take no bit of the others', wherever they stand; shares that nobody prepared give 0. The one
- * element between them has an exponent below theirs. */
-static void test_plans_of_zeros(void)
+/* Also if they stand first and the element after them has a smaller exponent. Shares of zeros give 0. */
+static void test_plans_of_zeros_do_not_change_the_sum(void)
 {
     static const dahl_plan_t zero;
     static const dahl_slip_plan_t zero_slip;
@@ -192,7 +188,7 @@ static void test_plans_of_zeros(void)
     for (int t = 0; t < 1000; t++) {
         const int32_t d = motion_walk(&m);
         TEST_ASSERT_TRUE(dahl_parallel_step_counts(parts, 3, d) == step(d));
-        TEST_ASSERT_TRUE(ours.w == mix.state[0].w); /* and moves as it does alone */
+        TEST_ASSERT_TRUE(ours.w == mix.state[0].w);
         TEST_ASSERT_EQUAL_INT32(dahl_step_counts_q30(&mix.plan[0], &by_q30, d), dahl_parallel_step_counts_q30(parts, shares, 3, 0));
         TEST_ASSERT_TRUE(dahl_parallel_step_counts(parts, 1, d) == 0.0f && dahl_parallel_step_counts(parts, 0, d) == 0.0f);
         TEST_ASSERT_EQUAL_INT32(0, dahl_parallel_step_counts_q30(parts, unprepared, 3, 0));
@@ -201,18 +197,3 @@ static void test_plans_of_zeros(void)
     TEST_ASSERT_TRUE(none.w == 0 && slip_none.x[0] == 0);
 }
 
-/* The sum is rounded to nearest, a half up: the mean of two elements of one Fc. */
-static void test_two_of_one_Fc_have_their_mean(void)
-{
-    dahl_state_t first = {0}, second = {0};
-    motion_t m = MOTION_START;
-    begin();
-    add(1e-3, 2.739f);
-    add(0.02, 2.739f);
-    for (int t = 0; t < 1000; t++) {
-        int32_t d = motion_walk(&m);
-        int64_t twice = (int64_t)dahl_step_counts_q30(&mix.plan[0], &first, d) + dahl_step_counts_q30(&mix.plan[1], &second, d);
-        int64_t above = twice + 1; /* a floor() of picolibc on RV32 misses by 32 here */
-        TEST_ASSERT_TRUE(2 * (int64_t)step_q30(d) == above - (above & 1));
-    }
-}

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* What only one of the parts has: equal Fc are Dahl's model, a load of 1 has the bits of the plain element, no drift below breakaway,
- * and loads, torques and breakaways at the ends of their range. */
+/* Properties of single models: symmetry of the asymmetric one, a load of 1, no drift below breakaway, and the ends of the
+ * ranges of loads, torques and breakaways. */
 #include "models.h"
 #include "plans.h"
 
@@ -10,8 +10,7 @@
 
 enum { LAW_TICKS = TEST_TICKS < 20000 ? TEST_TICKS : 100000 };
 
-/* Fc exchanged mirrors the motion; with equal Fc it is Dahl's model; each direction ends at its own Fc, exactly. */
-static void test_asymmetric_is_mirrored_and_dahls_where_equal(void)
+static void test_asymmetric_mirrors_exchanged_Fc_and_is_dahls_model_for_equal_Fc(void)
 {
     const set_t set = {params_for(0.01, 1.7f), 1.1f / 1.7f};
     const dahl_asymmetric_params_t p = asymmetric_params(&set), same = {p.sigma0, 1.7f, 1.7f, THETA};
@@ -32,9 +31,8 @@ static void test_asymmetric_is_mirrored_and_dahls_where_equal(void)
     TEST_ASSERT_TRUE(dahl_asymmetric_step_counts(&plan, &x, INT32_MIN) == -p.Fc_backward);
 }
 
-/* At a load of 1 both models have the bits of the plain element, the one by angle for any float; at half of it, where Fc and sigma0
- * follow, half the torque, exactly. */
-static void test_load_of_one(void)
+/* Half the load gives exactly half the torque if Fc and sigma0 both follow the load. */
+static void test_a_load_of_1_has_the_bits_of_the_plain_element(void)
 {
     dahl_params_t p = params_for(0.01, 1.7f);
     dahl_plan_t plan = plan_for(&p);
@@ -47,7 +45,7 @@ static void test_load_of_one(void)
         TEST_ASSERT_TRUE(dahl_loaded_step_counts(&plan, &state, d, ONE_Q30) == F);
         TEST_ASSERT_TRUE(dahl_loaded_step_counts(&plan, &half, d, ONE_Q30 / 2) == F / 2);
         int32_t q = dahl_step_counts_q30(&plan, &plain_q30, d);
-        int32_t rounded = (int32_t)(((int64_t)q + 1 + ((int64_t)1 << 31)) / 2 - ((int64_t)1 << 30)); /* q/2, a half up */
+        int32_t rounded = (int32_t)(((int64_t)q + 1 + ((int64_t)1 << 31)) / 2 - ((int64_t)1 << 30)); /* q/2, half up */
         TEST_ASSERT_EQUAL_INT32(rounded, dahl_loaded_step_counts_q30(&plan, &q30, d, ONE_Q30 / 2));
         uint32_t bits = motion_random(&m);
         float any, dtheta = (float)d * THETA * 1e-6f;
@@ -58,9 +56,9 @@ static void test_load_of_one(void)
     }
 }
 
-/* Without motion, load after load: F falls with the load or is cut off by it, is kept when it grows, and is gone once there was
- * none. With a load that leaves the stiffness, sigma0 is the same under each. */
-static void test_load_alone(void)
+/* Without motion: a falling load scales F (loaded) or clamps it (clamped), a growing load keeps F, and a load of 0 clears it.
+ * The clamped model has the same stiffness under each load. */
+static void test_a_change_of_load_without_motion(void)
 {
     static const struct {
         uint32_t load;
@@ -84,13 +82,13 @@ static void test_load_alone(void)
         TEST_ASSERT_FLOAT_WITHIN(1e-12f, 1e-7f, dahl_clamped_step(&plan, &clamped, 1e-9f, load));
     }
     loaded.bristle.w = 0;
-    (void)dahl_loaded_step_counts_q30(&plan, &loaded, INT32_MAX, UINT32_MAX); /* more than the range is the most of it */
+    (void)dahl_loaded_step_counts_q30(&plan, &loaded, INT32_MAX, UINT32_MAX); /* clamped to the largest load */
     TEST_ASSERT_EQUAL_INT32(INT32_MAX, dahl_loaded_step_counts_q30(&plan, &loaded, 1, UINT32_MAX));
     TEST_ASSERT_EQUAL_INT32(-INT32_MAX, dahl_loaded_step_counts_q30(&plan, &loaded, INT32_MIN, 0x80000000u));
 }
 
-/* Small torques of a small c Fc are 0, among them all that no normal float holds; no load or plan makes another one wrong. */
-static void test_loaded_least_torques(void)
+/* Torques below the normal floats are 0; all others are rounded correctly. */
+static void test_the_least_torques_of_a_loaded_element(void)
 {
     dahl_params_t p = {0x1p-60f, 0x1p-64f, 0x1p-10f};
     dahl_plan_t plan = plan_for(&p);
@@ -108,8 +106,8 @@ static void test_loaded_least_torques(void)
     }
 }
 
-/* What is no number moves nothing, infinity saturates, also where the largest float would not; no load is more than any state. */
-static void test_clamped_ends_of_the_input(void)
+/* NaN and subnormal angles keep the state, an infinite angle saturates, a load of 0 clears any state. */
+static void test_the_clamped_model_keeps_its_limits_for_any_input(void)
 {
     dahl_params_t p = params_for(0.01, 2.0f), soft = {0x1p-64f, 0x1p63f, 0.0f};
     dahl_plan_t plan = plan_for(&p), soft_plan = plan_for(&soft);
@@ -122,7 +120,7 @@ static void test_clamped_ends_of_the_input(void)
     TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &state, INFINITY, 0) == 0.0f);
     TEST_ASSERT_TRUE(dahl_clamped_step(&soft_plan, &state, -INFINITY, ONE_Q30) == -soft.Fc);
     TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &little, 0.0f, 0) == 0.0f && little.w == 0);
-    for (int t = 0; t < LAW_TICKS; t++) { /* any word as a state */
+    for (int t = 0; t < LAW_TICKS; t++) {
         dahl_state_t any = {(int64_t)((uint64_t)motion_random(&m) << 32 | motion_random(&m))};
         uint32_t load = motion_random(&m) >> 1 >> (motion_random(&m) & 31u);
         float F = dahl_clamped_step(&plan, &any, (float)motion_walk(&m) * THETA, load);
@@ -130,8 +128,8 @@ static void test_clamped_ends_of_the_input(void)
     }
 }
 
-/* The gap is whole units of 2^-30 of Fc, also if the load is a few of them: F may pass c Fc by half a unit, and does. */
-static void test_clamped_passes_a_small_load_by_half_a_unit(void)
+/* The gap is a whole number of 2^-30 Fc, so F may exceed a small c Fc by half of that. */
+static void test_the_clamped_torque_exceeds_a_small_load_by_half_a_unit_at_most(void)
 {
     dahl_params_t p = params_for(0.01, 1.7f);
     dahl_plan_t plan = plan_for(&p);
@@ -147,8 +145,7 @@ static void test_clamped_passes_a_small_load_by_half_a_unit(void)
     TEST_ASSERT_TRUE(most <= 0x1p-31L && most > 0x1p-33L);
 }
 
-/* Below breakaway a way to and fro leaves no trace, however often and however it is cut in pieces. */
-static void test_elastoplastic_zero_drift(void)
+static void test_an_elastoplastic_element_does_not_drift_below_breakaway(void)
 {
     dahl_params_t p = params_for(0.25 / 40, 1.3f);
     dahl_elastoplastic_plan_t plan;
@@ -165,26 +162,7 @@ static void test_elastoplastic_zero_drift(void)
     TEST_ASSERT_TRUE(dahl_elastoplastic_step_counts(&plan, &state, 5) == 0.0f && state.w == 0);
 }
 
-/* Beyond breakaway by any part of a count, down to the least: the slope is continuous there, so what is moved beyond b is
- * (1 - b)(1 - exp(-kappa rest)). */
-static void test_elastoplastic_crossing_by_little(void)
-{
-    static const double travels[] = {1.0 / (1 << 29), 1e-6, 1e-3};
-    for (size_t i = 0; i < 3 * 60; i++) {
-        dahl_params_t p = params_for(travels[i % 3], 1.0f);
-        dahl_elastoplastic_plan_t plan;
-        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_elastoplastic_prepare(&plan, &p, 0.5f));
-        long double u = reference_by_counts(&p).a, before = 0.5L - u + ldexpl(u, -(int)(i / 3));
-        dahl_state_t state = {(int64_t)ldexpl(before, 62)};
-        long double rest = ldexpl(state.w, -62) + u - 0.5L;
-        (void)dahl_elastoplastic_step_counts(&plan, &state, 1);
-        long double beyond = ldexpl(state.w, -62) - 0.5L;
-        TEST_ASSERT_TRUE(fabsl(beyond - 0.5L * -expm1l(-2 * rest)) <= 4e-9L * rest + 1e-15L);
-    }
-}
-
-/* Breakaway near 0 and near 1, a count of the least travel and of the most. */
-static void test_elastoplastic_ends_of_the_ranges(void)
+static void test_breakaways_and_travels_at_the_ends_of_their_ranges(void)
 {
     static const float breakaways[] = {1e-45f, 1e-10f, 0x1p-31f, 0x1.fffffep-1f, 0x1.fffffcp-1f};
     static const double travels[] = {1.0 / (1 << 29), 1e-3, 1.0, 1.999999, 2.0, 2.000001, 63.9, 64.1, 1e6};

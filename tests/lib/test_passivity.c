@@ -1,22 +1,21 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * No motion makes energy. In units of Fc^2/sigma0, w = F/Fc, the work of a step is s w' u, done with the torque w' after it, less what
- * the bristle stores more than before, (w'^2 - w^2)/2. With the move m = s (w' - w) that is
- *     loss = s w' (u - m) + m^2/2,
- * where nothing cancels. A closed cycle adds up its losses and gives back what it stored: so no cycle from rest yields work,
- * and none from elsewhere more than was stored, if no step has a loss below 0 but for its rounding.
+ * Passivity: no motion makes energy. Units are Fc^2/sigma0, with w = F/Fc. The work of a step is s w' u, with the torque w'
+ * after the step; the bristle stores (w'^2 - w^2)/2 of it. With the move m = s (w' - w) the loss is
+ *     loss = s w' (u - m) + m^2/2
+ * If each step has a loss of at least 0, no closed cycle from rest yields work, and no other cycle yields more than was stored.
  *
- * In words of n bits (the library: 32; w in Q(2n-2), z in Q(n-2), g in Q(2n)) a step takes w as q = w - d, |d| <= D = 2^-(n-1),
- * and moves by m = z g - t with z = 1 - s q and 0 <= t < T = 2^-(2n-2). With u = -ln(1 - g), and W the state before the cut,
+ * In words of n bits (the library: 32; w in Q(2n-2), z in Q(n-2), g in Q(2n)) a step rounds w to q = w - d, |d| <= D =
+ * 2^-(n-1), and moves by m = z g - t with z = 1 - s q and 0 <= t < T = 2^-(2n-2). With u = -ln(1 - g), and W the state before
+ * the cut,
  *     loss = g ((1 - z)^2 + s d (1 - z)) + g^2 z (1 - z/2) + (u - g) s W - t (u - s W) - t^2/2
- * The first term is at least -g D^2/4, the second is never negative, nor the third while the torque opposes the motion; where
- * it helps, -(u - g) s W < (u - g) (z - 1), which the first two outweigh. The cut makes T at most. In all
+ * The first term is at least -g D^2/4. The second is never negative, nor is the third while the torque opposes the motion. If
+ * the torque helps, -(u - g) s W < (u - g) (z - 1), which the first two terms outweigh. The cut adds at most T. So
  *     loss >= -(T + g D^2/4)
  *
- * In the library u is what the motion says and g errs by r: that adds as d does, and makes g (D + r)^2/4 of the last term.
- * By counts, where u >= 2^-30 and r = 2^-32, the first two terms are more than all that is negative: at least g^2/2 >= 2^-61
- * (1 - g) where w is next to nothing, g w^2 elsewhere. So no tick by counts makes energy. By angle, r = 2^-29 and u may be
- * next to nothing: 2^-62 + 1.6 2^-60 < 2^-59.
+ * In the library g has the error r, which adds to d: the last term becomes g (D + r)^2/4. By counts u >= 2^-30 and r = 2^-32.
+ * The first two terms then outweigh all negative ones: they are at least g^2/2 >= 2^-61 (1 - g) if w is near 0, else g w^2. So
+ * no tick by counts makes energy. By angle r = 2^-29 and u may be near 0: 2^-62 + 1.6 2^-60 < 2^-59.
  */
 #include <stdio.h>
 
@@ -27,8 +26,8 @@
 #define TEST_TICKS 1000000
 #endif
 
-#define BY_COUNTS 0.0L
-#define BY_ANGLE 0x1p-59L
+#define LEAST_LOSS_BY_COUNTS 0.0L
+#define LEAST_LOSS_BY_ANGLE (-0x1p-59L)
 
 typedef struct {
     dahl_plan_t plan;
@@ -48,7 +47,7 @@ static bristle_t any_bristle(int by_angle)
     return bristle;
 }
 
-/* Relaxed, saturated, or any. */
+/* Relaxed, saturated, or random. */
 static int64_t any_state(void)
 {
     const int64_t one = (int64_t)1 << 62, any = (int64_t)((uint64_t)motion_random(&m) << 32 | motion_random(&m)) >> 2;
@@ -56,7 +55,7 @@ static int64_t any_state(void)
     return kind == 0 ? any : kind == 1 ? (any < 0 ? -one : one) : 0;
 }
 
-/* One count, a few, or up to 2^20, as often. */
+/* 1 count, a few, or up to 2^20, with equal probability. */
 static int32_t any_move(void)
 {
     const uint32_t bits = motion_random(&m) % 3u * (motion_random(&m) % 11u);
@@ -64,7 +63,7 @@ static int32_t any_move(void)
     return motion_random(&m) & 64u ? n : -n;
 }
 
-/* The loss of a step, and what it would be with the torque before it, which does make energy: the measure can fail. */
+/* The loss of a step; *loss_before uses the torque before the step, which does make energy, so the test can fail. */
 static long double loss_of(const bristle_t *bristle, dahl_state_t *state, int32_t n, int by_angle, long double *loss_before)
 {
     const int64_t before = state->w;
@@ -80,7 +79,7 @@ static long double loss_of(const bristle_t *bristle, dahl_state_t *state, int32_
     return loss;
 }
 
-static void check_losses(int by_angle, long double least_allowed)
+static void check_losses(int by_angle, long double bound)
 {
     long double least = HUGE_VALL, least_before = 0, before;
     for (int t = 0; t < TEST_TICKS; t += 300) {
@@ -94,9 +93,9 @@ static void check_losses(int by_angle, long double least_allowed)
         }
     }
     printf("least loss of a tick %.5Le, with the torque before it %.5Le\n", least, least_before);
-    TEST_ASSERT_TRUE(least >= -least_allowed);
+    TEST_ASSERT_TRUE(least >= bound);
     TEST_ASSERT_TRUE(least_before < -0.01L);
 }
 
-static void test_no_tick_by_counts_makes_energy(void) { check_losses(0, BY_COUNTS); }
-static void test_a_tick_by_angle_makes_less_energy_than_its_rounding(void) { check_losses(1, BY_ANGLE); }
+static void test_no_tick_by_counts_makes_energy(void) { check_losses(0, LEAST_LOSS_BY_COUNTS); }
+static void test_a_tick_by_angle_makes_less_energy_than_its_rounding(void) { check_losses(1, LEAST_LOSS_BY_ANGLE); }

@@ -1,9 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * A plan that is prepared while somebody reads it. A child prepares it, one machine instruction at a time (ptrace), and after
- * each instruction every word is looked at: it is the old one until it is the new one, and with equal parameters both are
- * the same, so that nothing is seen to change at all. Linux.
- */
+/* A plan that is prepared while another context reads it (Linux). A child prepares it one machine instruction at a time
+ * (ptrace). After each instruction every word must be the old or the new one, and must not change back. */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <signal.h>
@@ -31,7 +28,6 @@ static dahl_err_t velocity(any_plan_t *plan, const set_t *set)
     return dahl_velocity_prepare((dahl_velocity_plan_t *)(void *)plan, &table);
 }
 
-/* With what each has more. */
 static const struct {
     prepare_t prepare;
     float more;
@@ -47,7 +43,6 @@ static void child(prepare_t prepare, any_plan_t *plan, const set_t *params)
     _exit(prepare(plan, params) == DAHL_OK ? 0 : 1);
 }
 
-/* All bytes that a prepare leaves alone are 0. */
 static any_plan_t plan_of(prepare_t prepare, const set_t *params)
 {
     any_plan_t plan;
@@ -56,7 +51,7 @@ static any_plan_t plan_of(prepare_t prepare, const set_t *params)
     return plan;
 }
 
-/* Words that are neither the old nor the new one, or the old one again. */
+/* Count words that are neither old nor new, or old again after they were new. */
 static unsigned wrong_words(const uint32_t *now, const uint32_t *before, const uint32_t *after, unsigned char *is_new)
 {
     unsigned wrong = 0;
@@ -67,7 +62,7 @@ static unsigned wrong_words(const uint32_t *now, const uint32_t *before, const u
     return wrong;
 }
 
-/* From the plan of one set of parameters to that of another; returns wrong words seen, counts the instructions. */
+/* Prepare from one set of parameters to another; return the wrong words seen, count the instructions. */
 static unsigned follow(prepare_t prepare, const set_t *first, const set_t *second, long *instructions)
 {
     const int zeros = open("/dev/zero", O_RDWR);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Laws of the models with a rounded state, over random plans, states and moves: no energy from nothing, the opposite motion, longer
- * moves. Each holds within the bound that dahl_parts.h gives, and each is seen to need one. */
+/* Laws that hold within the rounding of the state: energy, opposite motion, longer moves. The bounds are those of dahl_parts.h;
+ * plans, states and moves are random. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <unity.h>
@@ -18,7 +18,7 @@ static motion_t m = MOTION_START;
 static subject_t subject;
 static set_t set;
 
-static int has_rounded_state(const model_t *model) /* slip elements have whole numbers */
+static int has_rounded_state(const model_t *model) /* the state of slip elements is exact */
 {
     return model->step != slip_step && model->step != mix_step;
 }
@@ -28,7 +28,7 @@ static float random_mantissa(void)
     return 1.0f + (float)(motion_random(&m) >> 9) * 0x1p-23f;
 }
 
-/* Travel of a count from 2^-29.9 to 1, b from near 0 to near 1, Fc each way within 100 of the other. */
+/* A count travels 2^-29.9 to 1; the breakaway is near 0 to near 1; Fc forward and backward differ by up to 100. */
 static void begin_any(const model_t *model)
 {
     const float Fc = random_mantissa();
@@ -48,9 +48,9 @@ static long double w_of(const any_state_t *state)
     return (long double)state->dahl.w * 0x1p-62L;
 }
 
-/* In units of Fc^2/sigma0, Fc the whole. In one direction Eq. 1 is F dtheta = end (|dtheta| - s dF), as dahl_work adds it up. */
+/* In units of Fc^2/sigma0. In one direction Eq. 1 is F dtheta = end (|dtheta| - s dF), as dahl_work sums it. */
 typedef struct {
-    long double loss; /* work less what the bristle stores more */
+    long double loss; /* work minus the change of the stored energy */
     long double way;
 } energy_t;
 
@@ -64,7 +64,7 @@ static energy_t energy_of(const model_t *model, move_t move, long double w0, lon
     if (model->step == asymmetric_step) {
         const dahl_asymmetric_params_t p = asymmetric_params(&set);
         energy.loss = (s > 0 ? p.Fc_forward : p.Fc_backward) / whole * (u - rise) - stored;
-    } else if (model->step == loaded_step) { /* w is of c Fc, and sigma0 follows c */
+    } else if (model->step == loaded_step) { /* w is F/(c Fc), and sigma0 follows c */
         energy.loss *= c;
     } else if (model->step == clamped_step) {
         energy.loss = c * (u - rise) - stored;
@@ -76,7 +76,6 @@ static energy_t energy_of(const model_t *model, move_t move, long double w0, lon
     return energy;
 }
 
-/* To and fro by as many counts, a random walk, or first some way. */
 static int32_t next_move(uint32_t kind, int t, int32_t amplitude)
 {
     const int32_t to_and_fro = t % 2 ? -amplitude : amplitude;
@@ -84,7 +83,7 @@ static int32_t next_move(uint32_t kind, int t, int32_t amplitude)
     return kind == 0 ? to_and_fro : kind == 1 ? walk : t < 40 ? 1 : to_and_fro;
 }
 
-/* Returns the least of what the motion so far lost, in Fc times its way. */
+/* Return the least loss along the motion, as a fraction of Fc times its travel. */
 static long double least_loss(const model_t *model)
 {
     const uint32_t kind = motion_random(&m) % 3u;
@@ -107,7 +106,7 @@ static long double least_loss(const model_t *model)
     return least;
 }
 
-static void test_no_energy_but_for_rounding(void)
+static void test_no_motion_makes_more_energy_than_its_rounding(void)
 {
     for (size_t i = 0; i < MODELS; i++) {
         long double least = 0;
@@ -123,7 +122,6 @@ static void test_no_energy_but_for_rounding(void)
     }
 }
 
-/* Any word as the low half of w. */
 static any_state_t random_state(const model_t *model, uint32_t low, uint32_t load)
 {
     any_state_t state = {{(int64_t)((uint64_t)(motion_random(&m) >> 1) << 32 | low) - ((int64_t)1 << 62)}};
@@ -131,7 +129,7 @@ static any_state_t random_state(const model_t *model, uint32_t low, uint32_t loa
     return state;
 }
 
-/* A tick, and the opposite one from the opposite state; returns what their states lack for being opposite, in units of 2^-62. */
+/* The sum of the states after a tick and after the opposite tick from the opposite state: 0 if they are opposite. Unit 2^-62. */
 static int64_t asymmetry_of_tick(const model_t *model, uint32_t low)
 {
     const uint32_t load = model->has_load != 0 ? motion_random(&m) >> 1 | 1u : ONE_Q30;
@@ -143,7 +141,7 @@ static int64_t asymmetry_of_tick(const model_t *model, uint32_t low)
     return there.dahl.w + opposite.dahl.w;
 }
 
-static void test_the_opposite_motion_differs_at_ties_alone(void)
+static void test_opposite_motion_is_opposite_except_at_ties(void)
 {
     int64_t most = 0;
     for (size_t i = 0; i < MODELS; i++) {
@@ -156,10 +154,10 @@ static void test_the_opposite_motion_differs_at_ties_alone(void)
             most = at_tie > most ? at_tie : most;
         }
     }
-    TEST_ASSERT_TRUE(most > (int64_t)1 << 30); /* ties do differ */
+    TEST_ASSERT_TRUE(most > (int64_t)1 << 30);
 }
 
-/* By how much a longer move ends short of a shorter one, in Fc. */
+/* How far a longer move ends short of a shorter one, in Fc. */
 static long double fall_of_longer_move(const model_t *model)
 {
     const uint32_t load = model->has_load != 0 ? motion_random(&m) >> 1 | 1u : ONE_Q30;
@@ -178,7 +176,7 @@ static long double fall_of_longer_move(const model_t *model)
     return fall * (model->has_load != 0 ? load * 0x1p-30L : 1);
 }
 
-static void test_a_longer_move_falls_short_by_rounding_alone(void)
+static void test_a_longer_move_falls_short_by_its_rounding_at_most(void)
 {
     for (size_t i = 0; i < MODELS; i++) {
         long double most = 0;

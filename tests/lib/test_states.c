@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Any bits are a safe state: calls in random order, of every element and with several plans, on one and the same memory, which now
- * and then gets other bits. Each call keeps what its header promises, whoever left the state.
- */
+/* Any bits are a safe state. All calls run in random order, with all elements and several plans, on one memory whose bits are
+ * spoiled now and then. Each call must keep the contract of its header from any such state. */
 #include "plans.h"
 #include "models.h"
 
@@ -11,7 +9,7 @@
 #endif
 #define HOLDS(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 
-#define HASH 0x18de190ea5c46a4du /* of the results of the first CALLS_HASHED calls */
+#define HASH 0x18de190ea5c46a4du /* of the results of the first CALLS_HASHED calls, on every core */
 enum { CALLS_HASHED = 20000, CALLS = TEST_TICKS < 20000 ? CALLS_HASHED : 2 * TEST_TICKS, SETS = 4, WORK_TICKS = 8 };
 
 typedef struct {
@@ -20,7 +18,7 @@ typedef struct {
     any_plan_t plan;
 } element_t;
 
-static element_t element, other; /* small cores have a small memory: each call prepares what it uses */
+static element_t element, other; /* each call prepares them again, because small cores have little memory */
 static any_state_t state;
 static uint64_t seed, hash;
 
@@ -38,14 +36,12 @@ static uint32_t random_below(uint32_t n)
     return (uint32_t)((random64() >> 32) * n >> 32);
 }
 
-/* Few counts, some digits, or any; by angle with these counts too. */
 static int32_t random_counts(void)
 {
     int32_t any = (int32_t)(uint32_t)random64();
     return random_below(3) != 0 ? any % 12 : any >> random_below(32);
 }
 
-/* Below 1, up to the largest, 1 itself, or none. */
 static uint32_t random_load(void)
 {
     uint32_t any = (uint32_t)random64(), kind = random_below(8);
@@ -66,14 +62,13 @@ static float float_of(uint32_t bits)
     return x;
 }
 
-/* Any float, NaN, or a torque around Fc. */
 static float random_torque(float Fc)
 {
     const uint32_t any = (uint32_t)random64(), kind = random_below(8);
     return kind == 0 ? NAN : kind < 3 ? float_of(any) : Fc * 0x1p-30f * (float)(int32_t)any;
 }
 
-/* FNV-1a by words */
+/* FNV-1a over words */
 static void add_to_hash(uint32_t word)
 {
     hash = (hash ^ word) * 0x100000001b3u;
@@ -91,14 +86,13 @@ static void prepare(element_t *e, const model_t *model)
     HOLDS(model->prepare(&e->plan, &e->set) == DAHL_OK, model->name);
 }
 
-/* One of Dahl's elements by counts. */
 static const element_t *dahl_element(element_t *e)
 {
     prepare(e, &models[0]);
     return e;
 }
 
-/* Other bits: one bit of a memory that went bad, all of them, or words at the ends of their type. */
+/* Flip one bit, replace all bits, or set words to the ends of their type. */
 static void spoil(void)
 {
     uint32_t words[sizeof state / sizeof(uint32_t)];
@@ -115,15 +109,15 @@ static void spoil(void)
 
 static void check_limits(const element_t *e, move_t move, float F)
 {
-    const long double c = e->model->has_load ? load_taken(move) * 0x1p-30L : 1;
+    const long double c = e->model->has_load ? load_in_range(move) * 0x1p-30L : 1;
     const long double slack = e->model->ulps * ulp_now(e->model, &e->set, move);
     long double forward = c * whole_of(e->model, &e->set), backward = forward;
     if (e->model->step == asymmetric_step) {
         forward = e->set.p.Fc;
         backward = asymmetric_params(&e->set).Fc_backward;
     }
-    HOLDS(F <= forward + slack && F >= -backward - slack, "no torque beyond the limits of the element");
-    HOLDS(e->model->step != dahl_model_step || fabsf(F) <= e->set.p.Fc, "never beyond Fc, to the bit");
+    HOLDS(F <= forward + slack && F >= -backward - slack, "the torque stays within the limits of the element");
+    HOLDS(e->model->step != dahl_model_step || fabsf(F) <= e->set.p.Fc, "the torque stays within Fc to the bit");
 }
 
 static void check_q30(const element_t *e, any_state_t before, move_t move, float F)
@@ -135,7 +129,7 @@ static void check_q30(const element_t *e, any_state_t before, move_t move, float
     const int32_t q30 = e->model->step_q30(&e->plan, &before, move);
     const long double slack = e->model->q30_error * whole + e->model->ulps * ulp_now(e->model, &e->set, move);
     HOLDS(fabsl(q30 * (long double)DAHL_Q30 * whole - F) <= slack, "both forms agree");
-    HOLDS(memcmp(&before, &state, sizeof state) == 0, "both forms leave one state");
+    HOLDS(memcmp(&before, &state, sizeof state) == 0, "both forms leave the same state");
     add_to_hash((uint32_t)q30);
 }
 
@@ -149,12 +143,12 @@ static void step_any_element(void)
     const float F0 = e->model->step(&e->plan, &at_rest, &e->set, rest), F = e->model->step(&e->plan, &state, &e->set, move);
     check_limits(e, move, F0);
     check_limits(e, move, F);
-    HOLDS(move.counts > 0 ? F >= F0 : move.counts < 0 ? F <= F0 : F == F0, "no move takes the torque the other way");
+    HOLDS(move.counts > 0 ? F >= F0 : move.counts < 0 ? F <= F0 : F == F0, "the torque follows the direction of the move");
     check_q30(e, before, move, F);
     const any_state_t after = state;
-    HOLDS(e->model->step(&e->plan, &state, &e->set, rest) == F, "the torque stays");
-    HOLDS(memcmp(&after, &state, sizeof state) == 0, "what a call leaves is in range");
-    HOLDS(e->model->prepare != dahl_model_prepare || dahl_state_ok(&state.dahl), "and dahl_state_ok() says so");
+    HOLDS(e->model->step(&e->plan, &state, &e->set, rest) == F, "0 counts keep the torque");
+    HOLDS(memcmp(&after, &state, sizeof state) == 0, "a call leaves a state in range");
+    HOLDS(e->model->prepare != dahl_model_prepare || dahl_state_ok(&state.dahl), "dahl_state_ok() accepts it");
     add_to_hash(bits_of(F));
 }
 
@@ -162,11 +156,11 @@ static void set_any_torque(void)
 {
     const element_t *e = dahl_element(&element);
     const float Fc = e->set.p.Fc, F = random_torque(Fc), before = dahl_torque(&e->plan.dahl, &state.dahl);
-    HOLDS(fabsf(before) <= Fc, "no torque beyond Fc");
+    HOLDS(fabsf(before) <= Fc, "the torque stays within Fc");
     dahl_set_torque(&e->plan.dahl, &state.dahl, F);
     const float now = dahl_torque(&e->plan.dahl, &state.dahl), wanted = fmaxf(-Fc, fminf(F, Fc));
-    HOLDS(isnan(F) ? now == before : now == wanted || fabsf(wanted) < 0x1p-36f * Fc, "the torque that was set; NaN sets none");
-    HOLDS(dahl_state_ok(&state.dahl), "in range");
+    HOLDS(isnan(F) ? now == before : now == wanted || fabsf(wanted) < 0x1p-36f * Fc, "the torque is set and clamped; NaN is ignored");
+    HOLDS(dahl_state_ok(&state.dahl), "the state is in range");
     add_to_hash(bits_of(now));
 }
 
@@ -176,12 +170,12 @@ static void change_any_plan(void)
     const float before = dahl_torque(&from->plan.dahl, &state.dahl);
     dahl_change_plan(&from->plan.dahl, &to->plan.dahl, &state.dahl);
     const float now = dahl_torque(&to->plan.dahl, &state.dahl);
-    HOLDS(fabsf(now) <= to->set.p.Fc && fabsf(now) <= fabsf(before) * (1 + 0x1p-22f), "no torque comes from new parameters");
-    HOLDS(now * before >= 0 && dahl_state_ok(&state.dahl), "on the same side, in range");
+    HOLDS(fabsf(now) <= to->set.p.Fc && fabsf(now) <= fabsf(before) * (1 + 0x1p-22f), "new parameters do not raise the torque");
+    HOLDS(now * before >= 0 && dahl_state_ok(&state.dahl), "the torque keeps its sign, the state is in range");
     add_to_hash(bits_of(now));
 }
 
-/* From any bits on, a bearing gives no more than what its clamped state had stored. */
+/* From any bits, a bearing returns at most the energy that its clamped state stores. */
 static void work_from_here(void)
 {
     const element_t *e = dahl_element(&element);
@@ -193,11 +187,11 @@ static void work_from_here(void)
         const int32_t counts = random_counts();
         const float F = dahl_work_step_counts(&e->plan.dahl, &state.dahl, &work, counts), W = dahl_work(p, &work);
         (void)dahl_work_step_counts_q30(&e->plan.dahl, &by_q30, &work_q30, counts);
-        HOLDS(W >= -F0 * F0 / (2 * (long double)p->sigma0) - 0x1p-22L * energy, "no more than was stored");
-        HOLDS(fabsf(F) <= p->Fc, "no torque beyond Fc");
+        HOLDS(W >= -F0 * F0 / (2 * (long double)p->sigma0) - 0x1p-22L * energy, "the bearing returns at most the stored energy");
+        HOLDS(fabsf(F) <= p->Fc, "the torque stays within Fc");
         add_to_hash(bits_of(W));
     }
-    HOLDS(by_q30.w == state.dahl.w && memcmp(&work, &work_q30, sizeof work) == 0, "both forms leave one state and one work");
+    HOLDS(by_q30.w == state.dahl.w && memcmp(&work, &work_q30, sizeof work) == 0, "both forms leave the same state and work");
 }
 
 static void go_to_any_torque(void)
@@ -207,8 +201,8 @@ static void go_to_any_torque(void)
     const any_state_t before = state;
     int32_t counts = 0;
     const dahl_err_t err = dahl_counts_to_torque(&e->plan.dahl, &state.dahl, F, &counts);
-    HOLDS(memcmp(&before, &state, sizeof state) == 0, "the state stays");
-    HOLDS((err == DAHL_ERR_PARAM) == !isfinite(F), "NaN and infinity alone are no torque");
+    HOLDS(memcmp(&before, &state, sizeof state) == 0, "the inverse keeps the state");
+    HOLDS((err == DAHL_ERR_PARAM) == !isfinite(F), "DAHL_ERR_PARAM if and only if F is not finite");
     if (err == DAHL_OK) {
         const float reached = dahl_step_counts(&e->plan.dahl, &state.dahl, counts);
         HOLDS(F >= here ? reached >= F : reached <= F, "the counts reach the torque");
@@ -216,7 +210,7 @@ static void go_to_any_torque(void)
     add_to_hash((uint32_t)counts);
 }
 
-static void test_calls_in_any_order_on_any_bits(void)
+static void test_calls_in_any_order_are_safe_on_any_bits(void)
 {
     static void (*const calls[])(void) = {spoil, spoil, set_any_torque, change_any_plan, work_from_here, go_to_any_torque};
     enum { OTHERS = sizeof calls / sizeof calls[0] };
@@ -228,11 +222,11 @@ static void test_calls_in_any_order_on_any_bits(void)
         } else {
             step_any_element();
         }
-        HOLDS(i + 1 != CALLS_HASHED || hash == HASH, "the same results on every core");
+        HOLDS(i + 1 != CALLS_HASHED || hash == HASH, "every core has the same results");
     }
 }
 
-/* The recipe of dahl.h: the torque is stored, and set again. An elasto-plastic element does so by the plan of its plastic range. */
+/* The recipe of dahl.h: store the torque and set it again. An elasto-plastic element uses the plan of its plastic range. */
 static void test_a_torque_survives_a_power_cycle(void)
 {
     seed = 2;
@@ -247,9 +241,9 @@ static void test_a_torque_survives_a_power_cycle(void)
         const float stored = dahl_torque(plan, &bearing.dahl);
         again.dahl.w = (int64_t)random64();
         dahl_set_torque(plan, &again.dahl, stored);
-        HOLDS(stored == F && element.model->step(&element.plan, &again, &element.set, rest) == F, "the torque before");
+        HOLDS(stored == F && element.model->step(&element.plan, &again, &element.set, rest) == F, "the torque is restored");
         dahl_set_torque(plan, &again.dahl, float_of((uint32_t)random64()));
-        HOLDS(fabsf(dahl_torque(plan, &again.dahl)) <= element.set.p.Fc, "of a bad store, at most Fc");
+        HOLDS(fabsf(dahl_torque(plan, &again.dahl)) <= element.set.p.Fc, "a bad stored value gives at most Fc");
     }
 }
 
@@ -266,7 +260,7 @@ static void test_state_ok_is_the_range_to_the_bit(void)
     }
 }
 
-/* Just in range, just out of it, at both ends: 2^30 is all that a ratio can be, under a load of 1 too. */
+/* From both ends of the range of states, to the bit: a ratio is at most 2^30, under a load of 1 too. */
 static void check_ratios_from(const element_t *e, int64_t w)
 {
     static const int32_t counts[] = {0, 1, 8, 9, -1, -9};
@@ -279,7 +273,7 @@ static void check_ratios_from(const element_t *e, int64_t w)
     }
 }
 
-static void test_no_ratio_is_beyond_the_ends_to_the_bit(void)
+static void test_ratios_stay_within_2_to_the_30(void)
 {
     const int64_t end = ((int64_t)1 << 62) + ((int64_t)1 << 31), starts[] = {end - 1, end, end + 1, 1 - end, -end, -end - 1};
     seed = 3;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The laws of the element's fuzzer over random plans, states, moves, torques that are set and plans that change: each step is Eq. 1
- * solved, the state stays in range, a torque is read back, a change keeps F or the deflection and never stores more energy. */
+/* The laws of the step fuzzer, checked with random input: each step solves Eq. 1, the state stays in range, torques are read
+ * back, and a change of the plan keeps F or the deflection. */
 #include <unity.h>
 
 #define LAW(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
@@ -10,7 +10,7 @@
 #define TEST_TICKS 200000
 #endif
 
-static void test_the_laws_of_the_fuzzer_hold_for_random_input(void)
+static void test_the_laws_of_a_step_hold_for_random_input(void)
 {
     fuzz_at_random(TEST_TICKS, 64);
 }

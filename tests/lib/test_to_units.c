@@ -13,7 +13,7 @@
 static const int32_t ratios[] = {INT32_MIN, INT32_MIN + 1, -(1 << 30), -(1 << 29), -1, 0, 1, 1 << 29, 1 << 30, INT32_MAX - 1, INT32_MAX};
 static const uint32_t wholes[] = {0, 1, 2, 3, 37, 500000, (1u << 30) - 1, 1u << 30, (1u << 30) + 1, 0x80000000u, UINT32_MAX};
 
-/* 2^30 times what the result is away from the product: at most a half, and a half is rounded up. */
+/* The result is at most half a unit from the product; a half is rounded up. */
 static void check_nearest(int32_t ratio, uint32_t Fc_units)
 {
     int64_t Fc = Fc_units < ONE_Q30 ? (int64_t)Fc_units : ONE_Q30;
@@ -23,8 +23,8 @@ static void check_nearest(int32_t ratio, uint32_t Fc_units)
 
 #define SHAFTS 5
 
-/* The recipe for a coarse unit errs by half a unit and 1/16 of one for each torque. A shift alone is half a unit low. */
-static void test_sixteenths_of_a_coarse_unit_are_rounded_once(void)
+/* The recipe for a coarse unit errs by half a unit, and by 1/16 for each torque. A shift without + 8 is half a unit low. */
+static void test_a_sum_in_sixteenths_of_a_unit_is_rounded_once(void)
 {
     motion_t m = MOTION_START;
     double sum_of_errors = 0, sum_of_shifts = 0;
@@ -46,7 +46,7 @@ static void test_sixteenths_of_a_coarse_unit_are_rounded_once(void)
     TEST_ASSERT_TRUE(sum_of_shifts / TEST_TICKS < -0.4);
 }
 
-static void test_the_nearest_whole_number(void)
+static void test_the_result_is_the_nearest_whole_number(void)
 {
     motion_t m = MOTION_START;
     for (size_t i = 0; i < sizeof ratios / sizeof ratios[0]; i++) {

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: MIT */
-/* dahl_velocity_torque: against straight lines between the given values in long double. */
+/* dahl_velocity_torque against straight lines between the table values in long double. */
 #include "dahl_parts.h"
 #include "motions.h"
 #include "plans.h"
 
 static const uint32_t segments[] = {0, 1, 4, 10, 24};
 
-/* A Stribeck curve: its first value is the largest, it falls below 0 and rises again; upside down where the scale is negative. */
+/* A Stribeck curve: the first value is the largest; it falls below 0 and rises again. A negative scale turns it upside down. */
 static dahl_velocity_params_t stribeck(uint32_t segment_bits, float scale)
 {
     dahl_velocity_params_t p = {.segment_bits = segment_bits};
@@ -45,7 +45,7 @@ static void check(const dahl_velocity_plan_t *plan, const dahl_velocity_params_t
     TEST_ASSERT_TRUE(dcounts == INT32_MIN || dahl_velocity_torque(plan, -dcounts) == -F);
 }
 
-static void test_lines_between_the_values(void)
+static void test_the_torque_is_linear_between_the_values(void)
 {
     motion_t m = MOTION_START;
     for (size_t i = 0; i < sizeof segments / sizeof segments[0]; i++) {
@@ -63,7 +63,7 @@ static void test_lines_between_the_values(void)
     }
 }
 
-static void test_at_rest_and_without_a_plan_there_is_none(void)
+static void test_rest_and_a_plan_of_zeros_give_no_torque(void)
 {
     dahl_velocity_params_t p = stribeck(4, 1.0f), none = {.segment_bits = 3};
     dahl_velocity_plan_t plan, zeros = {0};
@@ -74,8 +74,7 @@ static void test_at_rest_and_without_a_plan_there_is_none(void)
     TEST_ASSERT_TRUE(dahl_velocity_torque(&plan, 100) == 0.0f);
 }
 
-/* Beside a torque that is 2^31 times as large or more, another is none. */
-static void test_values_far_below_the_largest(void)
+static void test_values_2_to_the_31_below_the_largest_are_0(void)
 {
     dahl_velocity_params_t p = {.segment_bits = 0, .torque = {0x1p-33f, 0x1p-60f, -0x1p-64f}};
     for (int large = 0; large < 2; large++) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* dahl_work: against the integral of the exact torque over each stroke, in long double, and laws of energy. */
+/* dahl_work against the integral of the exact torque in long double, its passivity, and the ends of its sums. */
 #include <stdio.h>
 
 #include "dahl_parts.h"
@@ -13,7 +13,7 @@
 static const double travels[] = {1e-8, 1e-4, 1e-2, 0.3, 20.0};
 #define TRAVELS (sizeof travels / sizeof travels[0])
 
-/* The integral of F dtheta over one stroke from w: F = Fc (s - (s - w) exp(-a x)), so Fc (|x| - s (s - w) (1 - exp(-a |x|))/a). */
+/* The integral of F = Fc (s - (s - w) exp(-a x)) over one stroke from w. */
 static long double stroke_work(const dahl_params_t *p, long double w, int32_t dcounts)
 {
     long double a = (long double)p->sigma0 / p->Fc, x = fabsl((long double)dcounts) * p->theta_per_count;
@@ -21,7 +21,7 @@ static long double stroke_work(const dahl_params_t *p, long double w, int32_t dc
     return p->Fc * (x + s * (s - w) * expm1l(-a * x) / a);
 }
 
-/* What the bound of dahl_parts.h is made of: a part of the result, and a part for each reversal. */
+/* The bound of dahl_parts.h: relative to the result, and a part for each reversal. */
 static long double bound(const dahl_params_t *p, long double work, int reversals)
 {
     long double energy = (long double)p->Fc * p->Fc / p->sigma0, u = reference_by_counts(p).a;
@@ -35,7 +35,7 @@ static void check_motion(const dahl_params_t *p, motion_fn next, int ticks)
     dahl_work_t sums = {0}, sums_q30 = {0};
     reference_t exact = reference_by_counts(p);
     motion_t motion = MOTION_START;
-    dahl_set_torque(&plan, &state, 0.875f * p->Fc); /* some of which may come back */
+    dahl_set_torque(&plan, &state, 0.875f * p->Fc); /* with energy to return */
     q30 = state;
     long double work = 0, w = exact.w_reversal = (long double)(0.875f * p->Fc) / p->Fc;
     int reversals = 0, direction = 0;
@@ -52,7 +52,7 @@ static void check_motion(const dahl_params_t *p, motion_fn next, int ticks)
         TEST_ASSERT_EQUAL_INT32(dahl_step_counts_q30(&plan, &before, d), dahl_work_step_counts_q30(&plan, &q30, &sums_q30, d));
         TEST_ASSERT_TRUE(q30.w == state.w);
         TEST_ASSERT_EQUAL_MEMORY(&sums, &sums_q30, sizeof sums);
-        if ((t & (t - 1)) == 0 || t == ticks - 1) { /* at 1, 2, 4 ... ticks */
+        if ((t & (t - 1)) == 0 || t == ticks - 1) {
             TEST_ASSERT_TRUE(fabsl(dahl_work(p, &sums) - work) <= bound(p, work, reversals));
         }
     }
@@ -68,24 +68,7 @@ static void test_work_is_the_integral_of_the_torque(void)
     }
 }
 
-/* A few fine counts one way: no reversal, but the state is rounded, and the work is as small as that. */
-static void test_a_way_without_a_reversal_has_an_error_too(void)
-{
-    const dahl_params_t p = params_for(1e-8, 0.5f);
-    const dahl_plan_t plan = plan_for(&p);
-    dahl_state_t state = {0};
-    dahl_work_t sums = {{0}, {0}};
-    long double worst = 0;
-    for (int n = 1; n <= 50; n++) {
-        (void)dahl_work_step_counts_q30(&plan, &state, &sums, 1);
-        const long double work = stroke_work(&p, 0, n), error = fabsl(dahl_work(&p, &sums) - work);
-        TEST_ASSERT_TRUE(error <= bound(&p, work, 0));
-        worst = fmaxl(worst, error / ulp_of((float)work));
-    }
-    TEST_ASSERT_TRUE(worst > 100);
-}
-
-/* Least of what the work is above -F^2/(2 sigma0) of the start, as a fraction of Fc times the way. */
+/* The least work above -F^2/(2 sigma0) of the start, as a fraction of Fc times the travel. */
 static long double least_work(const dahl_params_t *p, float start, motion_t *m, uint32_t amplitude)
 {
     const dahl_plan_t plan = plan_for(p);
@@ -105,8 +88,8 @@ static long double least_work(const dahl_params_t *p, float start, motion_t *m, 
     return least;
 }
 
-/* From rest, and with energy to give back: none is made but by rounding, and that does make some. */
-static void test_work_is_not_negative_but_for_rounding(void)
+/* From rest and with stored energy. The rounding does make a little energy. */
+static void test_the_bearing_returns_no_more_energy_than_it_stored(void)
 {
     motion_t m = MOTION_START;
     long double least = 0;
@@ -119,8 +102,7 @@ static void test_work_is_not_negative_but_for_rounding(void)
     TEST_ASSERT_TRUE(least >= -(long double)DAHL_ENERGY_ERROR && least < -1e-11L);
 }
 
-/* Words carry: 2^31 counts a tick pass 2^32 with the second tick; sums that are set near the end of a word go on. */
-static void test_sums_carry(void)
+static void test_sums_carry_into_the_next_word(void)
 {
     dahl_params_t p = params_for(1e-3, 0.5f);
     dahl_plan_t plan = plan_for(&p);
@@ -134,13 +116,13 @@ static void test_sums_carry(void)
     (void)dahl_work_step_counts(&plan, &state, &sums, 1);
     TEST_ASSERT_EQUAL_UINT32(0, sums.way[2]);
     TEST_ASSERT_EQUAL_UINT32(8, sums.way[3]);
-    dahl_work_t full = {{UINT32_MAX, UINT32_MAX, UINT32_MAX}, {0}}; /* after 2^65 ticks: around, and nothing beside it */
+    dahl_work_t full = {{UINT32_MAX, UINT32_MAX, UINT32_MAX}, {0}}; /* after 2^65 ticks the counts wrap */
     (void)dahl_work_step_counts(&plan, &state, &full, 1);
     TEST_ASSERT_TRUE(full.counts[0] == 0 && full.counts[1] == 0 && full.counts[2] == 0);
 }
 
-/* With F at Fc all along the bristle keeps nothing of it; and what no float holds, either way. */
-static void test_Fc_times_the_way(void)
+/* Also results beyond the range of a float at both ends. */
+static void test_the_work_of_slip_is_Fc_times_the_travel(void)
 {
     const struct {
         dahl_params_t p;
@@ -156,8 +138,8 @@ static void test_Fc_times_the_way(void)
     }
 }
 
-/* A spring far below the floats gives back what no float holds; a way far below the counts takes nothing off the work. */
-static void test_one_side_far_below_the_other(void)
+/* The returned energy, or the part that the bristle keeps, is below the resolution of a float. */
+static void test_terms_below_the_resolution_are_dropped(void)
 {
     dahl_params_t small = {1.0f, 0x1p-64f, 0x1p-64f}, fast = {0x1p19f, 1.0f, 1.0f};
     dahl_plan_t plan = plan_for(&small);

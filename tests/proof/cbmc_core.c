@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Every public call of the core but dahl_prepare (fuzzed), for any 64 bits as a state, every plan and every argument: no undefined
- * behaviour (CBMC looks for it by itself), the state ends in range, and nothing else in memory changes. One function each, for
- * cbmc --function.
+ * Each public call of the core except dahl_prepare (fuzzed), for any 64 bits as a state, any plan and any argument: no
+ * undefined behaviour (CBMC checks it), a final state in range, no other change in memory. One function each, for cbmc
+ * --function.
  */
 #include "cbmc_ranges.h"
 
@@ -40,7 +40,7 @@ void check_normalise(uint64_t mantissa, int32_t exponent)
     __CPROVER_assert(r.mantissa >> 63 != 0 && exponent - 63 <= r.exponent && r.exponent <= exponent, "top bit set");
 }
 
-/* The range theorem: one update of the bristle, any fraction. It never goes away from its target. */
+/* The range theorem: one update of the bristle by any fraction stays in range and moves towards its target. */
 void check_update(int64_t w, dahl_q64_t g)
 {
     __CPROVER_assume(is_state(w));
@@ -51,7 +51,7 @@ void check_update(int64_t w, dahl_q64_t g)
     __CPROVER_assert(-(1 << 30) <= q30 && q30 <= 1 << 30, "result in range");
 }
 
-/* No travel changes no bit; and who has arrived stays, and shows it. */
+/* No travel keeps each bit. A state at an end stays there. */
 void check_still(int64_t w, dahl_q64_t g)
 {
     const int64_t near = ((int64_t)1 << 62) - ((int64_t)1 << 31);
@@ -69,7 +69,7 @@ void check_still(int64_t w, dahl_q64_t g)
     }
 }
 
-/* All of the travel there is leads to the end; one unit of Q30 less where the state was a tie. */
+/* The largest travel leads to the end, or to one unit of Q30 before it if the state was a tie. */
 void check_whole_travel(int64_t w, uint32_t last)
 {
     dahl_q64_t all = {UINT32_MAX, UINT32_MAX - (last & 1u)};
@@ -81,7 +81,7 @@ void check_whole_travel(int64_t w, uint32_t last)
     __CPROVER_assert(down == -(1 << 30) || (down == 1 - (1 << 30) && (uint32_t)w == 0x7fffffffu), "at -1");
 }
 
-/* Backward mirrors forward, exactly in ~w and, but for ties, in -w. */
+/* Backward mirrors forward: exactly in ~w, and except for ties in -w. */
 void check_mirror(uint64_t w, dahl_q64_t g)
 {
     __CPROVER_assume(is_state((int64_t)w));
@@ -89,7 +89,7 @@ void check_mirror(uint64_t w, dahl_q64_t g)
     __CPROVER_assert((uint32_t)w == 0x80000000u || dahl_forward(0u - w, g) == 0u - dahl_backward(w, g), "in w");
 }
 
-/* The way of the longer travel is not the shorter one, for every gap; a step is the state and its way. */
+/* A longer travel does not move the state less, for any gap. */
 void check_monotone(uint32_t z, dahl_q64_t g, dahl_q64_t h)
 {
     __CPROVER_assume(z <= 0x80000000u && (g.hi < h.hi || (g.hi == h.hi && g.lo <= h.lo)));
@@ -105,7 +105,7 @@ void check_step_large(int32_t dcounts)
     __CPROVER_assert(-(1 << 30) <= q30 && q30 <= 1 << 30, "result in range");
 }
 
-/* In its place. */
+/* Replaces dahl_step_large. */
 int32_t any_move(const dahl_plan_t *from, dahl_state_t *state, int32_t dcounts)
 {
     int32_t q30;
@@ -132,7 +132,7 @@ void check_step_counts(int32_t dcounts)
     is_torque(F);
 }
 
-/* Every float: those that are no number, too. */
+/* Any float, NaN and infinity included. */
 void check_step(uint32_t bits)
 {
     begin();
@@ -141,7 +141,7 @@ void check_step(uint32_t bits)
     is_torque(F);
 }
 
-/* It reads the state alone, of any bits, as that of the range. */
+/* dahl_torque reads any bits as a state in range, and writes no state. */
 void check_torque(void)
 {
     begin();

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* dahl_encoder_move for any encoder that dahl_encoder_init made, or did not, and any reading. */
-#include "library.c" /* all of the core (test_cbmc.py writes it) */
+/* dahl_encoder_move for any encoder, initialised or zero, and any reading. */
+#include "library.c" /* the core, written by test_cbmc.py */
 
 int32_t any_way(uint32_t before, uint32_t now, uint32_t modulus)
 {
@@ -11,7 +11,6 @@ int32_t any_way(uint32_t before, uint32_t now, uint32_t modulus)
     return way;
 }
 
-/* Described by any arguments, and homed or not. */
 static dahl_encoder_t any_encoder(uint32_t modulus, int sign, uint32_t largest_step, int is_homed, uint32_t last)
 {
     dahl_encoder_t encoder = {0};
@@ -22,7 +21,6 @@ static dahl_encoder_t any_encoder(uint32_t modulus, int sign, uint32_t largest_s
     return encoder;
 }
 
-/* Any way between two readings. */
 void check_encoder_move(uint32_t modulus, int sign, uint32_t largest_step, int is_homed, uint32_t last, uint32_t jumps,
                         uint32_t reading)
 {
@@ -35,10 +33,10 @@ void check_encoder_move(uint32_t modulus, int sign, uint32_t largest_step, int i
     __CPROVER_assert(move == 0 || (is_homed && before.sign != 0), "no motion from the first reading, or of zeros");
     __CPROVER_assert(encoder.last == reading && encoder.primed == (before.sign != 0), "the next move starts at this reading");
     __CPROVER_assert(encoder.jumps == before.jumps || (move == 0 && encoder.jumps == before.jumps + 1), "a jump is no motion");
-    __CPROVER_assert(encoder.jumps >= before.jumps, "and their number never wraps");
+    __CPROVER_assert(encoder.jumps >= before.jumps, "their number does not wrap");
 }
 
-/* By a modulus of 2^bits counts the move is the lowest bits of the difference, as a signed number. */
+/* If the modulus is 2^bits, the move is the low bits of the difference, as a signed number. */
 void check_encoder_way(unsigned bits, int sign, uint32_t last, uint32_t reading)
 {
     __CPROVER_assume(2 <= bits && bits <= 32 && (sign == 1 || sign == -1));

@@ -1,11 +1,9 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * The six frames of port/, for every frame and every signal: no undefined behaviour, *out is written only from a good
- * frame, and what is packed comes out again. The messages are all of one pattern, so a macro writes the checks.
- */
+/* The six messages, for any frame and any signals: no undefined behaviour, *out is written only from a good frame, and a packed
+ * message is unpacked unchanged. */
 #include <string.h>
 
-#include "node_library.c" /* receiver and frames (test_cbmc.py writes it) */
+#include "node_library.c" /* receiver and frames, written by test_cbmc.py */
 
 #define CHECK(message, type, is_same)                                                                                       \
     void check_##message(dahl_can_frame_t frame, uint8_t node, type in)                                                          \
@@ -36,7 +34,7 @@ CHECK(param_reply, dahl_param_reply_t,
       out.value == in.value && out.counter == (in.counter & 15) && out.param == in.param && out.result == (in.result & 15))
 CHECK(reset, dahl_node_reset_t, out.counter == (in.counter & 15) && out.what == (in.what & 15))
 
-/* Within a frame a ninth byte would be padding, which is no error that can be seen; here it is. */
+/* Data of exactly 8 bytes, so that a read of a ninth byte is an error. In a frame it would read padding. */
 void check_crc(uint8_t kind)
 {
     uint8_t data[8];

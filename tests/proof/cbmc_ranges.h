@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
-/* What is any state, any plan and any product for the proofs by CBMC. A variable without a value may have every value. */
+/* Ranges of states, plans and products for the proofs by CBMC. A variable without a value may have any value. */
 #ifndef CBMC_RANGES_H
 #define CBMC_RANGES_H
 
-#include "library.c" /* all of the core (test_cbmc.py writes it) */
+#include "library.c" /* the core, written by test_cbmc.py */
 
-/* The theorem: a step from here ends here. The upper end is not reached: -(2^62 + 2^31) <= w < 2^62 + 2^31. */
+/* The range theorem: a step from -(2^62 + 2^31) <= w < 2^62 + 2^31 ends in this range. */
 #define STATE_END (((int64_t)1 << 62) + ((int64_t)1 << 31))
 
 static int is_state(int64_t w)
@@ -13,7 +13,7 @@ static int is_state(int64_t w)
     return -STATE_END <= w && w < STATE_END;
 }
 
-/* What dahl_prepare makes, and a plan of all zeros; of the table nothing is asked. */
+/* A plan as dahl_prepare writes it, or of zeros. The table may have any values. */
 static int is_plan(const dahl_plan_t *plan)
 {
     if (plan->a_mantissa == 0) {
@@ -23,13 +23,13 @@ static int is_plan(const dahl_plan_t *plan)
         && (plan->Fc_mantissa & 255u) == 0 && -95 <= plan->Fc_exponent && plan->Fc_exponent <= 32;
 }
 
-/* What the proofs take for known of a product r = a b of two words, and no more, since decision procedures for bits are slow at
- * multiplication: a <= 2^32 - 1 gives r <= 2^32 b - b, and a >= 2^31 gives r >= 2^31 b; so with a and b exchanged. */
+/* The facts that the proofs use of a product r = a b of two words, because decision procedures are slow at multiplication: a <=
+ * 2^32 - 1 gives r <= 2^32 b - b, and a >= 2^31 gives r >= 2^31 b; the same with a and b exchanged. */
 #define IS_LIKE_PRODUCT(r, a, b)                                                                                            \
     ((r) <= (a) * 0x100000000 - (a) && (r) <= (b) * 0x100000000 - (b) && ((b) < 0x80000000 || (r) >= (a) * 0x80000000) &&   \
      ((a) < 0x80000000 || (r) >= (b) * 0x80000000))
 
-/* In the place of dahl_mul and dahl_mulhi (test_cbmc.py puts them there). */
+/* These replace dahl_mul and dahl_mulhi. */
 uint64_t any_product(uint32_t factor_a, uint32_t factor_b)
 {
     uint64_t a = factor_a, b = factor_b, r;
@@ -42,7 +42,7 @@ uint32_t any_upper_half(uint32_t a, uint32_t b)
     return (uint32_t)(any_product(a, b) >> 32);
 }
 
-/* The same for the same factors. */
+/* Equal factors have equal products. */
 uint64_t __CPROVER_uninterpreted_product(uint32_t a, uint32_t b);
 
 uint64_t same_product(uint32_t factor_a, uint32_t factor_b)
@@ -57,7 +57,7 @@ uint32_t same_upper_half(uint32_t a, uint32_t b)
     return (uint32_t)(same_product(a, b) >> 32);
 }
 
-/* Of products by the words of g and of h, g <= h: the larger factor has the larger product, by a at least. */
+/* For g <= h: a larger word gives a product that is larger by at least a. */
 static void product_grows(uint32_t a, dahl_q64_t g, dahl_q64_t h)
 {
     __CPROVER_assume(g.hi >= h.hi || same_product(a, g.hi) + a <= same_product(a, h.hi));
@@ -72,7 +72,7 @@ static void product_is_known(uint32_t a)
     __CPROVER_assume(same_product(a, UINT32_MAX - 1u) == top - 2u * (uint64_t)a);
 }
 
-/* In the place of dahl_forward and dahl_backward, where check_update has proven them. */
+/* Replaces dahl_forward and dahl_backward, which check_update proves. */
 static uint64_t any_update(uint64_t w)
 {
     int64_t to;
@@ -93,7 +93,7 @@ uint64_t any_backward(uint64_t w, dahl_q64_t g)
     return any_update(w);
 }
 
-/* A state between guards, and a plan with a copy: what a call must leave as it is. */
+/* A state between guards, which a call must not write. */
 typedef struct {
     uint64_t before;
     dahl_state_t state;

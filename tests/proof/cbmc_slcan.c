@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The slcan parser: from any state that it can be in, any byte leads to such a state again, with no undefined behaviour and
- * a text within its bounds. By induction that is so for every stream of bytes of any length. And any frame, also one that no
- * bus carries, is written within the text.
+ * The slcan parser: from any reachable state, any byte leads to a reachable state, without undefined behaviour, and the text
+ * keeps its bounds. By induction this holds for any stream of bytes. Any frame, also an invalid one, is written within the
+ * text.
  */
 #include "slcan/slcan.c"
 
@@ -17,7 +17,7 @@ void check_slcan_take(slcan_t self, uint8_t byte)
     char text[SLCAN_TEXT_MAX];
     __CPROVER_assume(is_slcan(&self));
     slcan_event_t event = slcan_take(&self, byte, &frame, text);
-    __CPROVER_assert(is_slcan(&self), "the state is one that a line can begin in");
+    __CPROVER_assert(is_slcan(&self), "the state is reachable");
     if (event != SLCAN_NOTHING) {
         size_t length = strlen(text);
         __CPROVER_assert(1 <= length && length <= 6, "an answer of 1 to 6 characters");
@@ -32,5 +32,5 @@ void check_slcan_write(dahl_can_frame_t frame)
     char text[SLCAN_TEXT_MAX];
     uint32_t length = slcan_write(&frame, text);
     __CPROVER_assert(length < SLCAN_TEXT_MAX, "a line fits");
-    __CPROVER_assert(length == 0 || text[length] == '\0', "and ends");
+    __CPROVER_assert(length == 0 || text[length] == '\0', "a line is terminated");
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The splitter of socketcand's text: from any state that it can be in, any character leads to such a state again, within
- * the element; so every stream of characters is taken, of any length. */
+/* The splitter of socketcand's text: from any reachable state, any character leads to a reachable state within the element. By
+ * induction this holds for any stream of characters. */
 #include "socketcand/text.c"
 
 void check_text_feed(text_splitter_t splitter, char c)

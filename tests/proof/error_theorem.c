@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Where the error comes near its bound: error_theorem K N, dither of one count for 2^N ticks at u = 2^-K, K <= 29. From
- * q = -2^(29-K), with almost half a unit more in w, each count goes to the same distance beyond 0 and back: the gap's rounding
- * is the same at each tick, the state stays, and the exact solution leaves it. Then one leap of those up to 2^16 counts, the
- * one after which the Q30 result errs most. Prints the errors in units of 2^-31.
+ * A motion whose error nearly reaches the bound: error_theorem K N, dither of one count for 2^N ticks at u = 2^-K, K <= 29. It
+ * starts at q = -2^(29-K), with almost half a unit more in w. Each count moves to the same distance beyond 0 and back, so the
+ * rounding of the gap is the same at each tick: the state stays, and the exact solution leaves it. Then follows the leap of up
+ * to 2^16 counts after which the Q30 result has the largest error. Print the errors in units of 2^-31.
  */
 #include <math.h>
 #include <stdio.h>
@@ -18,7 +18,7 @@ static long double w_of(const dahl_state_t *state)
     return (long double)state->w * 0x1p-62L;
 }
 
-/* Exact: dither leads to -+tanh(u/2), what was left of the start shrinks by exp(-2 u) a cycle. */
+/* Exact: dither leads to -+tanh(u/2); the rest of the start shrinks by exp(-2 u) per cycle. */
 static long double after_dither(long double start, long double u, long double ticks)
 {
     long double rest = -tanhl(u / 2);

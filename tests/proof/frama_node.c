@@ -1,9 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * A node that hears any frames without end, for the Eva plug-in of Frama-C: the receiver and its frames, frames of any form
- * and content, true ones among them, parameters written and read, any clock. The calls of the library are taken by contracts,
- * which cbmc_core.c shows.
- */
+/* A node that receives any frames in an endless loop, for the Eva plug-in of Frama-C: frames of any format and content,
+ * parameters written and read, any clock. Contracts, which cbmc_core.c proves, replace the calls of the library. */
 #include <stdint.h>
 #include "__fc_builtin.h"
 #include "dahl.h"
@@ -26,13 +23,13 @@ int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32
 /*@ assigns \result \from before, now, counts_per_turn; */
 int32_t dahl_counts_between(uint32_t before, uint32_t now, uint32_t counts_per_turn);
 
-#include "node_library.c" /* receiver and frames (test_frama_c.py writes it) */
+#include "node_library.c" /* receiver and frames, written by test_frama_c.py */
 
 volatile uint32_t word;
 volatile uint8_t byte;
 volatile int choice;
 
-/* Any frame but for its byte 2, from low to high. Eva does not know what the CRC is and takes it for right and for wrong. */
+/* Any frame whose byte 2 is low to high. Eva does not know the CRC, so it follows the paths of right and wrong ones. */
 static dahl_can_frame_t any_frame(int low, int high)
 {
     dahl_can_frame_t frame = {.id = word, .flags = byte, .length = byte};
@@ -43,24 +40,24 @@ static dahl_can_frame_t any_frame(int low, int high)
     return frame;
 }
 
-static void hear(dahl_node_t *node, int low, int high)
+static void receive(dahl_node_t *node, int low, int high)
 {
     dahl_can_frame_t in = any_frame(low, high), out;
     (void)dahl_node_receive(node, &in, word, &out);
 }
 
-/* Byte 2 is the number of a parameter: each by itself, so that Eva keeps their limits apart. */
-static void hear_any(dahl_node_t *node)
+/* Byte 2 is the number of a parameter. One case each keeps their limits apart in Eva. */
+static void receive_any(dahl_node_t *node)
 {
     switch (choice) {
-    case 0: hear(node, 0, 2); break;
-    case 3: hear(node, 3, 3); break;
-    case 4: hear(node, 4, 4); break;
-    case 5: hear(node, 5, 5); break;
-    case 6: hear(node, 6, 6); break;
-    case 7: hear(node, 7, 7); break;
-    case 8: hear(node, 8, 8); break;
-    default: hear(node, 9, 255); break;
+    case 0: receive(node, 0, 2); break;
+    case 3: receive(node, 3, 3); break;
+    case 4: receive(node, 4, 4); break;
+    case 5: receive(node, 5, 5); break;
+    case 6: receive(node, 6, 6); break;
+    case 7: receive(node, 7, 7); break;
+    case 8: receive(node, 8, 8); break;
+    default: receive(node, 9, 255); break;
     }
 }
 
@@ -95,7 +92,7 @@ int main(void)
         return 0;
     }
     while (choice) {
-        hear_any(&node);
+        receive_any(&node);
         (void)dahl_node_tick(&node, word, &out);
         other_frames();
         send_any();

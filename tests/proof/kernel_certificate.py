@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: MIT
-"""The relative error of the kernel for every a and every angle, certified.
+"""A certificate of the relative error of the kernel for each a and each angle.
 
-Three parts, each by the tool that can settle it:
-* Sollya bounds the polynomials against 1 - 2^-v (supnorm), piece by piece;
-* Gappa bounds what the fixed-point evaluation loses against the exact polynomial, for every
-  mantissa of a piece: each shift and upper half of a product is a rounding down; where Gappa's
-  sum of all roundings at their worst is too much, the mantissas of the piece are enumerated;
-* interval arithmetic (mpmath) adds the rounding of a and of a |dtheta| and joins the parts.
+* Sollya bounds the polynomials against 1 - 2^-v (supnorm), piece by piece.
+* Gappa bounds the error of the fixed-point evaluation for each mantissa of a piece: each shift and
+  each upper half of a product rounds down. If Gappa's bound is too wide, the mantissas of the piece
+  are enumerated.
+* Interval arithmetic (mpmath) adds the rounding of a and of a |dtheta|, and joins the parts.
 
-The constants are those that the kernel's generator prints, the function is `model` below; that the
-library computes the same bits is for test_kernel_proof.py to see.
+The constants are those of the kernel's generator. The certified function is `model`;
+test_kernel_proof.py compares its bits with the library.
 """
 
 from __future__ import annotations
@@ -29,12 +28,12 @@ LN2 = iv.log(iv.mpf(2))
 
 
 class CertificateError(Exception):
-    """The kernel is not the one that is certified here, or a tool did not answer."""
+    """The generator prints other constants, or a tool failed."""
 
 
 @dataclass(frozen=True)
 class Constants:
-    """What the kernel and the plan multiply with; polynomials from order 0 on, in Q32."""
+    """Factors of the kernel and of the plan; polynomials from order 0 on, in Q32."""
 
     small: tuple[int, ...]
     part: tuple[int, ...]
@@ -54,7 +53,7 @@ class Piece:
 
 
 def constants_of(sollya: str, generator: Path) -> Constants:
-    """What the generator of the kernel's constants prints."""
+    """The constants that the kernel's generator prints."""
     said = run([sollya, str(generator)], "")
     numbers = {(name, int(i)): int(n) for name, i, n in re.findall(r"(\w+) (\d+) = (\d+) u", said)}
 
@@ -62,7 +61,7 @@ def constants_of(sollya: str, generator: Path) -> Constants:
         return tuple(numbers[name, i] for i in range(length))
 
     if len(numbers) != 5 + 4 + 16:
-        raise CertificateError(f"{generator.name} says something else: {said[-400:]}")
+        raise CertificateError(f"{generator.name} prints other constants: {said[-400:]}")
     small = row("small", 5)
     log2_e = int(mp.ceil(mpf(2) ** 31 / mp.ln2))
     return Constants(small, row("part", 4), small[0], row("H", 16), log2_e)
@@ -72,7 +71,7 @@ WORD = 2**32 - 1
 
 
 def model(c: Constants, mantissa: int, shift: int) -> int:
-    """g in Q64 for v = mantissa 2^(-32 - shift): the function that is certified, in integers."""
+    """g in Q64 for v = mantissa 2^(-32 - shift): the certified function, in integers."""
     if shift < -5:
         return 2**64 - 1
     if shift < 2:
@@ -102,7 +101,7 @@ def model_large(c: Constants, mantissa: int, shift: int) -> int:
 
 
 def run(command: list[str], script: str) -> str:
-    """What Sollya or Gappa answers to a script."""
+    """The output of Sollya or Gappa for a script."""
     done = subprocess.run(
         command, input=script, capture_output=True, text=True, timeout=120, check=False
     )
@@ -110,7 +109,7 @@ def run(command: list[str], script: str) -> str:
 
 
 def polynomial(coefficients: tuple[int, ...], x: str, unit: str) -> str:
-    """c0 - x (c1 - x (c2 - ..)), each number with its unit, for Sollya and Gappa."""
+    """c0 - x (c1 - x (c2 - ..)) as text for Sollya and Gappa, each number with its unit."""
     *rest, text = [f"{c}{unit}" for c in coefficients]
     for c in reversed(rest):
         text = f"({c} - {x} * {text})"
@@ -120,7 +119,7 @@ def polynomial(coefficients: tuple[int, ...], x: str, unit: str) -> str:
 def supnorms(sollya: str, coefficients: tuple[int, ...], steps: int, pieces: list) -> list:
     """For each piece (low, high) of y: a range of P(y) v/(1 - 2^-v) - 1, v = y/steps.
 
-    supnorm certifies the distance from 1 + c, c near the middle of the piece's values.
+    supnorm certifies the distance from 1 + c, with c near the middle of the piece.
     """
     script = [f"prec = 200; verbosity = 0; P = {polynomial(coefficients, '_x_', '*2^-32')};"]
     for low, high in pieces:
@@ -143,7 +142,7 @@ def supnorms(sollya: str, coefficients: tuple[int, ...], steps: int, pieces: lis
 
 
 def gappa_range(gappa: str, script: str) -> object:
-    """The interval that Gappa proves for the one goal of a script."""
+    """The interval that Gappa proves for the goal of a script."""
     text = re.sub(r"{[^}]*}", "", run([gappa], script))
     numbers = re.findall(r"(-?\d+)(?:b(-?\d+))?[ ,\]]", text.split(" in ")[-1])
     if len(numbers) < 2 or " in [" not in text:
@@ -156,7 +155,7 @@ DOWN = "fixed<-32,dn>"
 
 
 def horner(coefficients: tuple[int, ...]) -> tuple[str, str]:
-    """Gappa's text of the evaluation, of y and of its upper half; and the name of the result."""
+    """The evaluation as text for Gappa, and the name of its result."""
     *rest, last, tail = coefficients
     lines = ["yh = fixed<-16,dn>(y);", f"r0 = {last}b-32 - {DOWN}(yh * {tail}b-32);"]
     for i, c in enumerate(reversed(rest)):
@@ -165,7 +164,7 @@ def horner(coefficients: tuple[int, ...]) -> tuple[str, str]:
 
 
 def small_script(c: Constants, shift: int | None, m: tuple[str, str]) -> str:
-    """g less m P(4 v), for mantissas m in a range; shift None: 12 and more, m and v apart."""
+    """g - m P(4 v) for mantissas m in a range; shift None: 12 and more, m and v independent."""
     text, r = horner(c.small)
     Y = "Yx" if shift is None else f"m * 1b{2 - shift}"
     bound = f"m in [{m[0]}, {m[1]}]" + (" /\\ Y in [0, 1b-10]" if shift is None else "")
@@ -180,7 +179,7 @@ g = {DOWN}(m * {r});
 
 
 def large_script(c: Constants, j: int, y: tuple[str, str]) -> str:
-    """The upper half of g less 1 - E + E y/16 P(y), E = 2^(-j/16) to 2^-100."""
+    """The upper half of g, minus 1 - E + E y/16 P(y), with E = 2^(-j/16) to 2^-100."""
     text, r = horner(c.part)
     h = c.table[j]
     e = int(mp.nint(mpf(2) ** (100 - mpf(j) / 16)))
@@ -196,9 +195,9 @@ half = {DOWN}(g);
 
 
 def enumerated_loss(c: Constants, m: tuple[mpf, mpf]) -> object:
-    """What Gappa bounds for shift 2, where Y is the mantissa: over every one, in integers.
+    """The same error for shift 2, where Y is the mantissa: for each mantissa, in integers.
 
-    The exact polynomial comes in double, within 2^-50.
+    The exact polynomial is in double, within 2^-50.
     """
     low, high = (int(end * 2**32) for end in m)
     loss = [0.0, 0.0]
@@ -225,17 +224,17 @@ def hull(low: object, high: object) -> object:
 
 
 def plan_error(c: Constants) -> object:
-    """Relative error of a/ln 2 in the plan: the constant, then 32 bits kept of at least 2^31.
+    """Relative error of a/ln 2 in the plan: that of the constant, and the cut to 32 bits.
 
-    quotient and products before that err by 2^-60 at most, downward.
+    The quotient and the products before it lose at most 2^-60.
     """
     constant = iv.mpf(c.log2_e) / 2**31 * LN2 - 1
     return iv.mpf([(constant - iv.mpf(2) ** -31 - iv.mpf(2) ** -60).a, constant.b])
 
 
 def with_travel(c: Constants, error: object, low: mpf, m_low: mpf) -> object:
-    """The error with that of v added: g(v(1 + t))/g(v) - 1 lies between 0 and t times the
-    elasticity v g'(v)/g(v), which falls with v. The product's mantissa is cut to 32 bits.
+    """Add the error of v: g(v(1 + t))/g(v) - 1 is from 0 to t times the elasticity v g'(v)/g(v),
+    which falls with v. The mantissa of the product is cut to 32 bits.
     """
     t = (1 + plan_error(c)) * (1 - iv.mpf([0, (UNIT / m_low)])) - 1
     v = iv.mpf(low) * (1 - iv.mpf(2) ** -28)
@@ -250,7 +249,7 @@ CUTS = {2: 64, 3: 4}  # the polynomial's error is steep near its end, v = 1/4
 
 
 def small_pieces(c: Constants, sollya: str, gappa: str) -> Iterator[Piece]:
-    """v in [2^-30, 1/4): shifts 2 to 11 in pieces, then all others in one."""
+    """v in [2^-30, 1/4): shifts 2 to 11 in pieces, all others in one."""
     cases: list[tuple[int | None, mpf, mpf]] = [
         (shift, mpf(cuts + i) / (2 * cuts), mpf(cuts + i + 1) / (2 * cuts))
         for shift in range(2, 12)
@@ -276,7 +275,7 @@ def small_pieces(c: Constants, sollya: str, gappa: str) -> Iterator[Piece]:
 def small_piece(
     c: Constants, name: str, y: tuple[mpf, mpf], m_low: mpf, lost: object, fit: object
 ) -> Piece:
-    """Joins polynomial and evaluation: g = m P(Y) (1 + lost/(m P)), v = Y/4."""
+    """Join polynomial and evaluation: g = m P(Y) (1 + lost/(m P)), v = Y/4."""
     Y = iv.mpf([y[0], y[1]])
     p = sum(Y**i * UNIT * (-1) ** i * k for i, k in enumerate(c.small))
     error = (1 + fit) * (1 + lost / (p * m_low)) - 1
@@ -285,20 +284,20 @@ def small_piece(
 
 
 def below_all(c0: int, c1: int, v: mpf) -> object:
-    """P(4v) v/(1 - 2^-v) - 1 where v is next to nothing: v ln 2 (1 - v) < 1 - 2^-v < v ln 2."""
+    """P(4v) v/(1 - 2^-v) - 1 for v near 0, from v ln 2 (1 - v) < 1 - 2^-v < v ln 2."""
     slope = iv.mpf([1 - v, 1]) * LN2
     return (c0 - iv.mpf([0, 4 * v]) * c1) * UNIT / slope - 1
 
 
 def tiny_piece(c: Constants) -> Piece:
-    """v < 2^-30: one upper half, cut; the two units take the last cut's place and one more."""
+    """v < 2^-30: one upper half, cut; the kernel adds two units, which exceed the cut."""
     lost = iv.mpf([-2 / mpf(c.tiny), 0])
     error = (1 + below_all(c.tiny, 0, mpf(2) ** -30)) * (1 + lost) - 1
     return Piece("tiny", mpf(0), mpf(2) ** -30, with_travel(c, error, mpf(0), mpf(1) / 2))
 
 
 def large_pieces(c: Constants, sollya: str, gappa: str) -> Iterator[Piece]:
-    """v in [1/4, 32): each entry of the table, y in pieces; k = 0, and all others."""
+    """v in [1/4, 32): each entry of the table, with y in pieces."""
     (fit,) = supnorms(sollya, c.part, 16, [(mpf(2) ** -30, mpf(1))])
     fit = hull(fit, below_all(c.part[0], c.part[1], mpf(2) ** -34))
     for j in range(16):
@@ -312,8 +311,8 @@ def large_pieces(c: Constants, sollya: str, gappa: str) -> Iterator[Piece]:
 def large_piece(
     c: Constants, j: int, y: tuple[mpf, mpf], lost: object, fit: object
 ) -> Iterator[Piece]:
-    """k = 0: the loss against g. k > 0: g comes as ~(~half >> k), so that what is lost is
-    2^-k lost - 2^-32 (1 - 2^-k) and back up to that by the shift.
+    """k = 0: the error of g. k > 0: g is ~(~half >> k), so its error is at least
+    2^-k lost - 2^-32 (1 - 2^-k), and the shift rounds it up by at most that.
     """
     E = iv.exp(-iv.mpf(j) / 16 * LN2)
     low, high = ((j + end) / mpf(16) for end in y)
@@ -338,21 +337,21 @@ def beyond_piece(c: Constants) -> Piece:
 
 
 def sollya_text(x: mpf) -> str:
-    """A dyadic number as Sollya reads it."""
+    """A dyadic number as text for Sollya."""
     return f"{int(x * 2**40)} * 2^-40"
 
 
 def binary_texts(ends: tuple[mpf, mpf]) -> tuple[str, str]:
-    """Dyadic numbers as Gappa reads them."""
+    """Dyadic numbers as text for Gappa."""
     return tuple(f"{int(end * 2**40)}b-40" for end in ends)  # type: ignore[return-value]
 
 
 def certificate(c: Constants, sollya: str, gappa: str) -> list[Piece]:
-    """Every piece of v in (0, infinity)."""
+    """The pieces of v in (0, infinity)."""
     pieces = [tiny_piece(c), *small_pieces(c, sollya, gappa), *large_pieces(c, sollya, gappa)]
     return [*pieces, beyond_piece(c)]
 
 
 def worst(pieces: list[Piece]) -> Piece:
-    """The one with the largest error of either sign."""
+    """The piece with the largest error."""
     return max(pieces, key=lambda piece: max(-piece.error.a, piece.error.b))

@@ -3,9 +3,9 @@
 
     tools/test.sh -k cbmc
 
-The checks are functions of cbmc_*.c. Where one calls a function that another check has settled, a
-stand-in takes its place that returns whatever that check allows (goto-instrument --replace-calls).
-Those of the core are made twice: compiler.h and fixed.h have a form for GNU C and one for plain C.
+The checks are functions of cbmc_*.c. If a check calls a function that another check proves, a
+stand-in replaces it, which returns any allowed result (goto-instrument --replace-calls). Checks of
+the core run twice, because compiler.h and fixed.h have a form for GNU C and one for plain C.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from conftest import ROOT, need
 from sources import INCLUDES, NODE, as_one
 
 HERE = Path(__file__).parent
-# Not --conversion-check: C99 lets an implementation define what a number too large becomes as a
-# signed one, and all that are in use take it modulo 2^32; the sources rely on that.
+# Not --conversion-check: the sources rely on the conversion to signed modulo 2^32, which C99 leaves
+# to the implementation.
 CHECKS = [
     "--bounds-check",
     "--pointer-check",
@@ -42,7 +42,7 @@ MOVES = UPDATES | {"dahl_step_large": "any_move"}
 
 @dataclass(frozen=True)
 class Proof:
-    """A function of a harness, how far its loops go, and what stands in for what."""
+    """A function of a harness, the bound of its loops, and its stand-ins."""
 
     function: str
     unwind: int = 3
@@ -96,7 +96,7 @@ def run(command: list[str], allowed: tuple[int, ...] = (0,)) -> str:
 
 
 def compiled(proof: Proof, bin_folder: Path, folder: Path) -> str:
-    """The checks as CBMC takes them, with the stand-ins in place."""
+    """The program for CBMC, with the stand-ins."""
     whole, ready = str(folder / "whole.goto"), str(folder / "ready.goto")
     as_one(folder)
     as_one(folder, NODE, "node_library.c")
@@ -112,7 +112,7 @@ def compiled(proof: Proof, bin_folder: Path, folder: Path) -> str:
 
 
 def failures(proof: Proof, folder: Path) -> list[str]:
-    """The statements that do not hold; there is at least one statement."""
+    """The statements that do not hold. There must be at least one statement."""
     cbmc = need("cbmc", proof.claim)
     ready = compiled(proof, Path(cbmc).parent, folder)
     limits = ["--unwind", str(proof.unwind)]

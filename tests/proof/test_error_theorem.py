@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""docs/accuracy.md: its constants against measured worst cases, its sums against the header."""
+"""docs/accuracy.md: constants against measured worst cases, sums against the header."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ COUNTS = [*range(1, 9), *(2**k for k in range(4, 32))]  # of each entry of the t
 
 @dataclass(frozen=True)
 class Plan:
-    """A dahl_plan_t and the calls of a library, this one or a copy with a fault."""
+    """A dahl_plan_t and calls of the library."""
 
     lib: ctypes.CDLL
     words: ctypes.Array[ctypes.c_uint32]
 
     def entry(self, index: int) -> int:
-        """g in Q64; 4 words of scales come before."""
+        """g in Q64, after 4 words of scales."""
         return int(self.words[4 + 2 * index]) << 32 | int(self.words[5 + 2 * index])
 
     def step(self, w: int, counts: int) -> int:
@@ -63,7 +63,7 @@ def constants() -> dict[str, mpf]:
 
 
 def random_plan(lib: ctypes.CDLL, low: float, high: float) -> tuple[Plan, mpf]:
-    """A plan with a travel of one count of 2^low .. 2^high, and that travel exactly."""
+    """A plan whose count travels 2^low .. 2^high, and the exact travel."""
     exponent, Fc = random.uniform(low, high), float32(random.uniform(0.1, 10))  # noqa: N806
     theta = float32(2.0**exponent)
     sigma0 = float32(Fc * 2.0**exponent / theta)
@@ -74,7 +74,7 @@ def random_plan(lib: ctypes.CDLL, low: float, high: float) -> tuple[Plan, mpf]:
 
 
 def check_steps(lib: ctypes.CDLL, k: dict[str, mpf]) -> None:
-    """Each step is what (*) says: the gap within gap_rounding, the product cut by less than cut."""
+    """Each step follows (*): the gap is within gap_rounding, the product loses less than cut."""
     random.seed(1)
     most_d, most_t = 0, mpf(0)
     for _ in range(300):
@@ -94,7 +94,7 @@ def check_steps(lib: ctypes.CDLL, k: dict[str, mpf]) -> None:
 
 
 def check_fine_table(lib: ctypes.CDLL, k: dict[str, mpf]) -> None:
-    """u < 2^-20: the first entry, the joins, the travel that the table stands for."""
+    """u < 2^-20: the first entry, the joins, the travel of the table."""
     random.seed(2)
     most_first = most_join = mpf(0)
     for _ in range(150):
@@ -129,9 +129,9 @@ def check_coarse_table(lib: ctypes.CDLL, k: dict[str, mpf]) -> None:
 
 
 def near_a_tie(mantissa: int) -> int:
-    """A w in [1/2, 1) whose torque lies a little beside the middle between two floats.
+    """A w in [1/2, 1) whose torque is nearly half way between two floats.
 
-    In the units of theorem: w times the 32-bit mantissa of Fc, 256 of which are one float apart.
+    The unit is that of w times the 32-bit mantissa of Fc; 256 units are one float.
     """
     most = min(mantissa // 256 - 1, random.choice((2**24, 2**23 + 2**18)))
     product = random.randint(2**23, max(most, 2**23)) * 256 + 128
@@ -140,7 +140,7 @@ def near_a_tie(mantissa: int) -> int:
 
 
 def check_output(lib: ctypes.CDLL, k: dict[str, mpf]) -> None:
-    """From w to the float, in ulp of Fc."""
+    """The rounding from w to a float, in ulp of Fc."""
     random.seed(4)
     worst = Fraction(0)
     limit = Fraction(str(k["output"]))
@@ -183,7 +183,7 @@ def error(k: dict[str, mpf], u: mpf) -> mpf:
 
 
 def error_by_angle(k: dict[str, mpf], ticks: float) -> mpf:
-    """With u = 2^-30 and `ticks` more of less travel."""
+    """With u = 2^-30, and `ticks` ticks of less travel."""
     always = k["gap_rounding"] * (1 + k["kernel"]) + 2 * k["kernel"] * (1 + mpf(2) ** -31)
     cut = k["cut"] * (1 + mpf(2) ** -31)
     return always - cut / mp.expm1(-LEAST_TRAVEL) + ticks * (cut + k["kernel_units"] / 2**64)
@@ -235,7 +235,7 @@ def nearest(tmp_path: Path, k: int, ticks: int) -> tuple[float, float]:
 def test_bound_is_nearly_reached(
     constants: dict[str, mpf], tmp_path: Path, k: int, ticks: int
 ) -> None:
-    """A motion that leads to all of the gap's rounding: the theorem leaves little to gain."""
+    """A motion that uses all of the gap's rounding: the bound is nearly tight."""
     e = error(constants, mpf(2) ** -k)
     dither, leap = nearest(tmp_path, k, ticks)
     assert 0.98 * constants["gap_rounding"] < dither <= e

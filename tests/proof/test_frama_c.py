@@ -3,8 +3,8 @@
 
     tools/test.sh --full -k frama
 
-Eva follows an endless loop of any frames by intervals; 0 alarms means that no undefined behaviour
-can come of it, ever.
+Eva analyses an endless loop of any frames by intervals; 0 alarms prove that no undefined behaviour
+can occur.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ HERE = Path(__file__).parent
 
 
 def preprocessor(frama_c: str, folder: Path) -> str:
-    """Plain C, without what is particular to GNU: no assembler."""
+    """Plain C without GNU extensions, so without assembly."""
     share = frama(frama_c, "-print-share-path").strip()
     as_one(folder)
     as_one(folder, NODE, "node_library.c")
@@ -46,7 +46,7 @@ def frama(*command: str) -> str:
 
 
 def alarms(folder: Path) -> list[str]:
-    """What Eva cannot exclude, in its own words, a line each. Postconditions are CBMC's to show."""
+    """The alarms of Eva, a line each. CBMC proves the postconditions."""
     frama_c = need("frama-c", "no undefined behaviour in a node that hears any frames")
     flags = [preprocessor(frama_c, folder), "-warn-special-float", "none", "-eva"]
     flags += ["-eva-split-return", "full", "-eva-precision", "1", "-main", "main"]

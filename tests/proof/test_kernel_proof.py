@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The kernel g(u) = 1 - exp(-u): a certificate for every a and angle."""
+"""The kernel g(u) = 1 - exp(-u): a certificate for each a and each angle."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def pieces(constants: cert.Constants, solvers: tuple[str, str]) -> list[cert.Pie
 
 
 def model_of_a_step(c: cert.Constants, bits: int) -> int:
-    """The state after dahl_step(u) from rest with sigma0 = Fc, u of these bits: g, cut to Q62."""
+    """The state after dahl_step(u) from rest with sigma0 = Fc: g, cut to Q62."""
     product = (1 << 31 | (bits & 0x7FFFFF) << 8) * c.log2_e
     beyond = product.bit_length() - 32
     shift = 157 - (bits >> 23) - beyond
@@ -46,8 +46,8 @@ def model_of_a_step(c: cert.Constants, bits: int) -> int:
 
 
 @pytest.mark.usefixtures("library")
-def test_the_library_computes_the_function_that_is_certified(constants: cert.Constants) -> None:
-    """Bit for bit, for angles of each exponent, each sixteenth of a doubling among them."""
+def test_the_library_computes_the_certified_function(constants: cert.Constants) -> None:
+    """Bit for bit, for angles of each exponent."""
     plan = dahl.Plan(1.0, 1.0)
     random = np.random.default_rng(7)
     for exponent in range(1, 140):
@@ -58,7 +58,7 @@ def test_the_library_computes_the_function_that_is_certified(constants: cert.Con
 
 
 def test_certificate_for_every_a(pieces: list[cert.Piece]) -> None:
-    """No gap between the pieces, and no piece beyond the bound of kernel.h."""
+    """The pieces have no gap and keep the bound of kernel.h."""
     ends = sorted((piece.low, piece.high) for piece in pieces)
     reached = ends[0][0]
     for low, high in ends:
@@ -72,9 +72,9 @@ def test_certificate_for_every_a(pieces: list[cert.Piece]) -> None:
 
 
 def random_errors(samples: int) -> Iterator[tuple[float, float, float]]:
-    """v, the relative error of g at it, and what rounding of the state leaves uncertain of that.
+    """v, the relative error of g, and its uncertainty by the cut to Q62.
 
-    The kernel as dahl_step runs it from rest: the state is g, cut to Q62.
+    From rest with sigma0 = Fc, dahl_step leaves g in the state.
     """
     random = np.random.default_rng(1)
     for _ in range(samples):
@@ -91,9 +91,7 @@ def random_errors(samples: int) -> Iterator[tuple[float, float, float]]:
 
 @pytest.mark.usefixtures("library")
 def test_certificate_is_of_this_kernel(pieces: list[cert.Piece]) -> None:
-    """What is measured for random a and angles lies in the certified ranges, and nearly fills
-    them.
-    """
+    """Errors for random a and angles are within the certified ranges and nearly fill them."""
     lowest = 0.0
     ranges = [(float(p.low), float(p.high), float(p.error.a), float(p.error.b)) for p in pieces]
     for v, error, rounding in random_errors(3000):
@@ -105,7 +103,7 @@ def test_certificate_is_of_this_kernel(pieces: list[cert.Piece]) -> None:
 
 
 def test_the_kernel_of_the_vectors_is_the_one_that_is_generated(tmp_path: Path) -> None:
-    """Bit for bit; its error is what the generator says, within the bound that the tests read."""
+    """Bit for bit, with the error that the generator prints, within DAHL_G_ERROR."""
     words = [sys.executable, ROOT / "tools/generators/fast_kernel.py"]
     said = subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
     polynomial = [float.fromhex(line) for line in said[:-1]]
@@ -126,5 +124,6 @@ def test_the_kernel_of_the_vectors_is_the_one_that_is_generated(tmp_path: Path) 
     horner = lambda x: functools.reduce(lambda p, c: p * x + c, reversed(polynomial))  # noqa: E731
     assert computed == [horner(x) for x in places]
     worst = max(abs(p * x / -math.expm1(-x) - 1) for x, p in zip(places, computed, strict=True))
-    told = float(said[-1].removeprefix("relative error at most "))
-    assert told == pytest.approx(worst, rel=5e-3) and told < number("DAHL_G_ERROR", "fast.h")
+    printed_error = float(said[-1].removeprefix("relative error at most "))
+    assert printed_error == pytest.approx(worst, rel=5e-3)
+    assert printed_error < number("DAHL_G_ERROR", "fast.h")

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""docs/accuracy.md on slip elements, asymmetric, loaded and elasto-plastic friction: constants
-against measured worst cases, in exact fractions, sums against the header.
+"""docs/accuracy.md on the parts: constants against measured worst cases in exact fractions, sums
+against the header.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def constants() -> dict[str, mpf]:
 
 
 def random_slip_params() -> SlipParams:
-    """Travel of a count of 2^-29 to 2, shares that are alike or differ by 2^60."""
+    """A count travels 2^-29 to 2; shares are equal or differ by up to 2^60."""
     params = SlipParams(random.randint(1, MOST), np.float32(random.uniform(0.5, 1)))
     spread = random.choice((0, 1, 4, 60))
     for k in range(params.elements):
@@ -148,7 +148,7 @@ def test_ends(lib: ctypes.CDLL, constants: dict[str, mpf]) -> None:
 
 
 def test_growth_of_a_load(lib: ctypes.CDLL, constants: dict[str, mpf]) -> None:
-    """w falls by its factor, never less, and by growth_units more at most."""
+    """w falls by at least its factor, and by at most growth_units more."""
     random.seed(2)
     plan, worst = DahlPlan(), Fraction(0)
     assert lib.dahl_prepare(ctypes.byref(plan), floats(1.0, 1.0, 0.001)) == 0

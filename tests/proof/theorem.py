@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the tests of docs/accuracy.md share: its constants, its sums, and plans of the library as C
-has them.
-"""
+"""The constants and sums of docs/accuracy.md."""
 
 from __future__ import annotations
 
@@ -20,7 +18,7 @@ LEAST_TRAVEL = mpf(2) ** -30
 
 
 def constants() -> dict[str, mpf]:
-    """The tables of the theorem: 2^-31, 1/6, 2.02."""
+    """The constants in the tables, such as 2^-31, 1/6 or 2.02."""
     rows = re.findall(r"^\| (\w+) \| ([\d.^/-]+) \|", THEOREM.read_text(), re.MULTILINE)
     return {name: value_of(value) for name, value in rows}
 
@@ -47,7 +45,7 @@ def travel_error(k: dict[str, mpf], u: mpf) -> mpf:
 
 
 def ulps(k: dict[str, mpf], e: mpf) -> mpf:
-    """Fc is less than 2^24 of its ulps."""
+    """The error in ulp of Fc, which is less than 2^24 ulp."""
     return k["output"] + e * 2**24
 
 

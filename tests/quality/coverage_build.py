@@ -22,8 +22,6 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 
-SIMULATION = "test_sim"  # the node loop
-
 # Codec and receiver. Sockets, serial ports and boards are tested through their programs.
 FOLDERS = ("port", "port/loopback", "port/slcan", "port/socketcand", "host_sim", "lib/node")
 STEMS = ("frame_queue", "frames", "loopback", "slcan", "text", "node")
@@ -55,10 +53,9 @@ class Build:
     @property
     def programs(self) -> list[Path]:
         """Return its test programs."""
-        parts = ("lib",) if self.is_plain else ("lib", "port")
+        parts = ("lib",) if self.is_plain else ("lib", "node", "port")
         paths = [path for part in parts for path in sorted(ROOT.glob(f"tests/{part}/test_*.c"))]
-        names = [path.relative_to(ROOT).with_suffix("") for path in paths]
-        return [self.folder / name for name in names if name.name != SIMULATION]
+        return [self.folder / path.relative_to(ROOT).with_suffix("") for path in paths]
 
     def make(self) -> None:
         """Configure and build what has changed."""

@@ -38,14 +38,16 @@ from sources import ROOT, with_main  # noqa: E402
 PARSER = tree_sitter.Parser(tree_sitter.Language(tree_sitter_c.language()))
 LIST = Path(__file__).with_name("survivors.toml")
 UNITY = ROOT / "build/deps/unity"
-UNITS = [*sources.ALL, *sources.NODE, ROOT / "port/slcan/slcan.c"]
+UNITS = [*sources.ALL, *sorted(ROOT.glob("lib/node/*.c")), ROOT / "port/slcan/slcan.c"]
 HEADERS = [path for path in sources.LIB.rglob("*.h") if path.parent.name != "include"]
 FLAGS = ["-std=c99", "-w", "-O1", "-DUNITY_INCLUDE_DOUBLE", "-DTEST_TICKS=20000"]
 FLAGS += ["-DTEST_KERNEL_STRIDE=65537u", "-DTEST_FINEST_BITS=20"]
-TESTS = ["port/test_frames", "port/test_node", "port/test_node_params", "port/test_node_laws"]
-TESTS += ["port/test_slcan"]
-TESTS += [f"lib/{path.stem}" for path in sorted((ROOT / "tests/lib").glob("test_*.c"))]
-SECONDS = 60  # [s] for a test program; a longer run is an endless loop
+FOLDERS = ("lib", "node")
+TESTS = ["port/test_slcan"]
+TESTS += [
+    f"{part}/{p.stem}" for part in FOLDERS for p in sorted(ROOT.glob(f"tests/{part}/test_*.c"))
+]
+SECONDS = 60  # of a test program; more is an endless loop
 
 BINARY = {
     "<": "<= >=", "<=": "< >", ">": ">= <=", ">=": "> <", "==": "!=", "!=": "==",
@@ -157,7 +159,7 @@ class Bench:
         for part in ("lib", "port", "host_sim", "tests"):
             shutil.copytree(ROOT / part, folder / part)
         self.includes = [f"-I{folder / path.relative_to(ROOT)}" for path in sources.FOLDERS]
-        self.includes += [f"-I{folder}/tests/lib", f"-I{folder}/tests/port", f"-I{UNITY}"]
+        self.includes += [f"-I{folder}/tests/{part}" for part in ("", *FOLDERS)] + [f"-I{UNITY}"]
         self.original = self.library()
         assert self.original is not None, "the sources do not compile"
         self.programs = [self.program(name) for name in TESTS]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The C tests of tests/lib and tests/port reach every line, both sides of every branch, and every
-condition (MC/DC) of lib/, of the codecs of port/ and of the receiver.
+"""Every line, every side of every branch and every condition (MC/DC) of lib/, of the codecs of
+port/ and of the receiver is exercised by the C tests of tests/lib, tests/node and tests/port.
 
 The tool is clang's source coverage. No line is excluded. A hole is printed as file:line:column.
 """

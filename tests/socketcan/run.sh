@@ -2,15 +2,15 @@
 # SPDX-License-Identifier: MIT
 # Usage: tests/socketcan/run.sh DAHL-LOOP SCENE FOLDER
 #
-# dahl-loop on a real vcan0 (vcan1), with can-utils as foreign clients. Runs each case, leaves its files in FOLDER/CASE
-# and judges nothing: tests/python/test_socketcan.py does. Needs both interfaces up, and to be root.
+# Run dahl-loop on a real vcan0 with can-utils as other clients. Each case leaves its files in FOLDER/CASE, which
+# tests/python/test_socketcan.py checks. Both interfaces, vcan0 and vcan1, must be up; run as root.
 set -u
 LOOP=$1
 SCENE=$2
 OUT=$3
 PATIENT=(--set friction.timeout_ms=60000)
 
-begin() { # CASE: a folder for it
+begin() { # CASE
     HERE=$OUT/$1
     mkdir -p "$HERE"
 }
@@ -28,7 +28,7 @@ witness() {
     sleep 0.5
 }
 
-end_witness() { # once it has written nothing for a while
+end_witness() { # when its log has stopped growing
     local before=-1 now
     while now=$(stat -c %s "$HERE/candump.log") && [ "$now" != "$before" ]; do
         before=$now
@@ -38,7 +38,7 @@ end_witness() { # once it has written nothing for a while
     wait "$WITNESS" 2>/dev/null
 }
 
-node() { # a node that stays until end_node
+node() { # until end_node
     "$LOOP" --scene "$SCENE" --bus socketcan:vcan0 --role node "${PATIENT[@]}" --summary "$HERE/node.json" \
         2>"$HERE/node.err" &
     NODE=$!
@@ -67,7 +67,7 @@ two_processes() {
     end_witness
 }
 
-replay() { # the encoder's frames of virtual time, sent by canplayer
+replay() { # canplayer sends the encoder's frames of virtual_time
     begin replay
     witness
     node
@@ -94,7 +94,7 @@ disturb() {
     end_node
 }
 
-noise() { # frames on the encoder's own id, and random extended ones, beside a running loop
+noise() { # frames with the encoder's id, and random extended ones, during a run
     begin noise
     witness
     loop both --lockstep --seconds 3 "${PATIENT[@]}" --log "$HERE/run.log" &
@@ -107,7 +107,7 @@ noise() { # frames on the encoder's own id, and random extended ones, beside a r
     end_witness
 }
 
-bus_off() { # the controller says so, in the middle of a stream; then four times without an answer in between
+bus_off() { # once during a stream; then four times without an answer in between
     begin off
     loop both --seconds 3 --log "$HERE/run.log" --set friction.timeout_ms=100 &
     local running=$!
@@ -122,7 +122,7 @@ bus_off() { # the controller says so, in the middle of a stream; then four times
     wait "$running"
 }
 
-full_queue() { # a queue that lets 2 kbit/s through, behind an encoder that wants more: ENOBUFS
+full_queue() { # a queue of 2 kbit/s is too slow for the encoder: ENOBUFS
     begin full
     if tc qdisc add dev vcan0 root tbf rate 2kbit burst 40 limit 64 2>"$HERE/tc.err"; then
         loop both --role encoder --seconds 1

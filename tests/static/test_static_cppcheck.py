@@ -30,7 +30,7 @@ DEFINED = """CHAR_BIT=8 INT_MIN=(-2147483647-1) INT_MAX=2147483647 UINT_MAX=0xff
     UINT32_MAX=0xffffffffU UINT64_MAX=0xffffffffffffffffULL
     FLT_RADIX=2 FLT_MANT_DIG=24 FLT_MAX_EXP=128 FLT_MIN_EXP=-125 __ARM_ARCH_7M__=1""".split()
 OPTIONS += [f"-D{word}" for word in DEFINED] + ["--max-configs=12"]
-USERS = ["tests/lib", "tests/port", "tests/target", "tools/bench"]
+USERS = ["tests/lib", "tests/node", "tests/port", "tests/sim", "tests/target", "tools/bench"]
 
 
 def cppcheck() -> str:

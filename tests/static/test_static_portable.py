@@ -20,10 +20,10 @@ from sources import BATCHES, CORE, EXACT, PARTS, with_main
 CLAIM = "the same bits on a big-endian core, in 32 bits, and without GNU extensions"
 GOLDEN = ROOT / "tests/lib/golden_bits.txt"
 UNITY = BUILD.parent / "deps" / "unity"
-UNITS = ["lib/test_laws", "lib/test_params", "port/test_frames", "port/test_node"]
+UNITS = ["lib/test_laws", "lib/test_params", "node/test_frames", "node/test_node"]
 UNITS += ["lib/test_slip"]
 WORDS = ["-std=c99", "-O1", "-DUNITY_INCLUDE_DOUBLE", f"-I{UNITY}", *static.INCLUDES]
-WORDS += [f"-I{ROOT}/tests/lib", f"-I{ROOT}/tests/port"]
+WORDS += [f"-I{ROOT}/tests/lib", f"-I{ROOT}/tests/node"]
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The lines of tests/lib/golden_bits.txt, from a small core: without the formats of 64 bits that its printf may lack. */
+/* Print the lines of tests/lib/golden_bits.txt on a small core, whose printf may lack formats of 64 bits. */
 #include <stdio.h>
 
 #include "../lib/bits_parts.h"
@@ -9,7 +9,7 @@ static void print(const char *form, const char *motion, unsigned params, uint64_
     printf("%-7s %-8s %u %08lx%08lx\n", form, motion, params, (unsigned long)(hash >> 32), (unsigned long)(hash & 0xffffffffu));
 }
 
-/* An image for AVR may have 64 KiB: there the parts are images of their own, one each with its name in BITS_PART. */
+/* An AVR image is limited to 64 KiB, so each part is an image, named by BITS_PART. */
 #if defined(BITS_PART)
 #define JOINED(a, b) a##b
 #define FOLD_OF(part) JOINED(bits_, part)

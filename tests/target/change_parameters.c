@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * examples/change_parameters under a real interrupt: SysTick steps the bearing at 8 kHz while main never stops preparing, both
- * the plan in use with equal parameters and the other with new ones. Each tick is compared with a copy whose plans nobody
- * touches; not one may differ.
+ * examples/change_parameters under a real interrupt. SysTick steps the bearing at 8 kHz while main prepares both plans without
+ * a pause: the one in use with equal parameters, the other with new ones. Each tick must equal that of a copy with constant
+ * plans.
  */
 #include <stdio.h>
 #include <string.h>
@@ -22,7 +22,7 @@ static dahl_plan_t untouched[SETS];
 static dahl_state_t reference;
 
 static volatile uint32_t ticks, wrong, taken;
-static unsigned current; /* the set that the copy steps by */
+static unsigned current; /* set of the copy */
 
 static int32_t next_move(void)
 {
@@ -33,7 +33,7 @@ static int32_t next_move(void)
     return (int32_t)(random % 41u) - 20;
 }
 
-/* The set whose plan this is; SETS where words of it are of no set or of several. */
+/* The set of this plan; SETS if its words are of no set or of several. */
 static unsigned set_of(const dahl_plan_t *plan)
 {
     unsigned set = 0;

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The ticks written for this core return the bits of the C that they stand for, which CMakeLists.txt compiles under other names:
- * random plans, states and moves, among them ties (the low word of w is 2^31), both ends of the range, states out of range, small
- * torques, tables of only ones, and plans of all zeros. */
+/* The ticks in assembly return the bits of the C, which CMakeLists.txt compiles under other names. Plans, states and moves are
+ * random, with many ties, ends of ranges, states out of range, small torques and plans of zeros. */
 #include "dahl_parts.h"
 
 #include <string.h>
@@ -60,8 +59,7 @@ static dahl_plan_t random_plan(void)
     return plan;
 }
 
-/* -2^62 .. 2^62, sometimes a tie or within a few units of an end; the 2^31 that a step can pass an end by; sometimes beyond that,
- * or any 64 bits. */
+/* -2^62 .. 2^62, a tie, within a few units of an end, up to 2^31 beyond it, beyond that, or any 64 bits. */
 static int64_t random_w(void)
 {
     uint64_t bits = random64();
@@ -76,7 +74,7 @@ static int64_t random_w(void)
         w = one + (int64_t)(bits >> 33);
         break;
     case 3:
-        w = (int64_t)(random64() >> 1 >> (bits >> 8 & 63u)); /* small torques, to the last bit */
+        w = (int64_t)(random64() >> 1 >> (bits >> 8 & 63u)); /* small torques */
         w = w > one ? w >> 1 : w;
         break;
     case 4:
@@ -112,7 +110,7 @@ static void check_ticks(const dahl_plan_t *plan, dahl_state_t start, int32_t mov
     TEST_ASSERT_TRUE(plain_q30.w == ours_q30.w && plain.w == ours.w); /* Unity has no 64 bits here */
 }
 
-/* Sums of which some carry with the next move, through several words. */
+/* Sums that often carry through several words with the next move. */
 static dahl_work_t random_work(void)
 {
     dahl_work_t work;
@@ -141,7 +139,7 @@ static void check_work(const dahl_plan_t *plan, dahl_state_t start, int32_t move
 
 #define PARTS 3
 
-/* None to three Dahl elements on one plan, of which one may be called by another name, as any other part is. */
+/* 0 to 3 Dahl elements on one plan. One of them may have another function, as other parts have. */
 static void check_parallel(const dahl_plan_t *plan, dahl_state_t start, int32_t move)
 {
     dahl_state_t ours[PARTS], plain[PARTS];
@@ -180,12 +178,12 @@ static void test_ticks_of_this_core_have_the_bits_of_the_c(void)
     on_random_plans(check_ticks);
 }
 
-static void test_ticks_with_work_too(void)
+static void test_ticks_with_work_have_the_bits_of_the_c(void)
 {
     on_random_plans(check_work);
 }
 
-static void test_parts_in_parallel_too(void)
+static void test_parts_in_parallel_have_the_bits_of_the_c(void)
 {
     on_random_plans(check_parallel);
 }

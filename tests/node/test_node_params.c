@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* What a client writes to a node: ranges, what is read back, a model that is written as a whole, gain, limit and ramp. */
+/* Parameters over the bus: ranges, read-back, parameters held for a joint change, gain, limit and ramp. */
 #include <unity.h>
 
 #include "node_talk.h"
@@ -22,8 +22,7 @@ static dahl_plan_t plan_of(float sigma0, float Fc)
     return plan;
 }
 
-/* Least and most of each setting, and what lies beyond them; what is refused changes nothing. */
-static void test_settings_at_the_ends_of_their_range(void)
+static void test_settings_are_accepted_within_their_range_only(void)
 {
     static const struct {
         uint8_t param;
@@ -31,7 +30,7 @@ static void test_settings_at_the_ends_of_their_range(void)
     } ends[] = {{DAHL_FRAMES_PARAM_GAIN, 0, DAHL_NODE_ONE}, {DAHL_FRAMES_PARAM_LIMIT, 0, DAHL_NODE_ONE}, {DAHL_FRAMES_PARAM_RAMP, 0, 60000},
                 {DAHL_FRAMES_PARAM_TIMEOUT, 1, 60000},      {DAHL_FRAMES_PARAM_STEP, 0, INT32_MAX},      {DAHL_FRAMES_PARAM_STATUS, 0, 60000}};
     for (size_t i = 0; i < sizeof ends / sizeof ends[0]; i++) {
-        const uint32_t bad[] = {ends[i].most + 1, UINT32_MAX, ends[i].least - 1}; /* the last of 0 is UINT32_MAX again */
+        const uint32_t bad[] = {ends[i].most + 1, UINT32_MAX, ends[i].least - 1}; /* 0 - 1 is UINT32_MAX */
         TEST_ASSERT_TRUE(set_param(ends[i].param, ends[i].most) && set_param(ends[i].param, ends[i].least));
         TEST_ASSERT_TRUE(set_param(ends[i].param, 5));
         for (size_t k = 0; k < 3; k++) {
@@ -47,8 +46,7 @@ static void test_settings_at_the_ends_of_their_range(void)
     }
 }
 
-/* A time that is set in us reads as the nearest ms, a half up. */
-static void test_a_time_that_is_no_whole_ms_reads_as_the_nearest(void)
+static void test_a_time_in_us_reads_as_the_nearest_ms(void)
 {
     static const uint32_t us[][2] = {{0, 0}, {499, 0}, {500, 1}, {30400, 30}, {30600, 31}, {UINT32_MAX, 4294967}};
     for (size_t i = 0; i < sizeof us / sizeof us[0]; i++) {
@@ -57,8 +55,7 @@ static void test_a_time_that_is_no_whole_ms_reads_as_the_nearest(void)
     }
 }
 
-/* Whatever was asked of it: the answer has its number as the value. */
-static void test_an_unknown_parameter_is_answered_by_its_number(void)
+static void test_the_reply_to_an_unknown_parameter_has_its_number_as_value(void)
 {
     for (uint32_t param = DAHL_FRAMES_PARAM_LOAD + 1; param < 256; param++) {
         const dahl_param_reply_t reply = ask((uint8_t)param, param % 4, 77);
@@ -67,8 +64,8 @@ static void test_an_unknown_parameter_is_answered_by_its_number(void)
     TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_UNKNOWN, ask(255, DAHL_FRAMES_PARAM_READ, 1).result);
 }
 
-/* Up to 24 bits as written, for a float has no halves from 2^23 on; between raw values the nearest, a half up; beyond, the largest. */
-static void test_what_a_raw_value_can_say(void)
+/* Written values of 24 bits are returned exactly. Others are rounded, a half up, and limited to 32 bits. */
+static void test_parameters_are_read_back_in_raw_units(void)
 {
     static const struct {
         float sigma0;
@@ -87,7 +84,7 @@ static void test_what_a_raw_value_can_say(void)
     TEST_ASSERT_EQUAL(2, node.counts.params);
 }
 
-static void test_written_parameters_are_used(void)
+static void test_written_parameters_change_the_torque(void)
 {
     const dahl_plan_t plan = plan_of(params.sigma0, params.Fc), stiffer = plan_of(75.0f, 0.5f), stronger = plan_of(75.0f, 1.5f);
     dahl_state_t reference = {0};
@@ -105,15 +102,14 @@ static void test_written_parameters_are_used(void)
     TEST_ASSERT_EQUAL_FLOAT(0x1p-18f, node.params.theta_per_count);
 }
 
-/* The torque never hears a half of it: a bristle stays where twice the Fc and sigma0 have it. Sigma0 and Fc that only together are
- * in range with the theta that there is are taken as a whole. */
-static void test_a_model_is_written_as_a_whole(void)
+/* A held value acts with the next write. So sigma0 and Fc may change together, also if only both together are in range. */
+static void test_held_parameters_change_together(void)
 {
     const dahl_plan_t plan = plan_of(params.sigma0, params.Fc), both = plan_of(params.sigma0 * 2, params.Fc * 2);
     dahl_state_t reference = {0};
     TEST_ASSERT_TRUE(feed(0, 0) && feed(1, 300));
     (void)dahl_step_counts_q30(&plan, &reference, 300);
-    TEST_ASSERT_EQUAL(1u << 19, ask(DAHL_FRAMES_PARAM_FC, DAHL_FRAMES_PARAM_HOLD, 1u << 20).value); /* which still holds */
+    TEST_ASSERT_EQUAL(1u << 19, ask(DAHL_FRAMES_PARAM_FC, DAHL_FRAMES_PARAM_HOLD, 1u << 20).value); /* the old value */
     TEST_ASSERT_TRUE(feed(2, 250));
     TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, -50), answer.torque_q30);
     TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_SIGMA0, 100u << 10));
@@ -127,8 +123,8 @@ static void test_a_model_is_written_as_a_whole(void)
     TEST_ASSERT_EQUAL(1, param_now(DAHL_FRAMES_PARAM_SIGMA0));
 }
 
-/* What is held goes with a refusal, of whatever write, and with a restart. A setting is not held, and there is no fourth request. */
-static void test_what_is_held_goes(void)
+/* Settings cannot be held, and request 3 is unknown. */
+static void test_a_refusal_or_a_restart_discards_held_parameters(void)
 {
     for (int how = 0; how < 4; how++) {
         talk_begin();
@@ -151,7 +147,7 @@ static void test_what_is_held_goes(void)
     TEST_ASSERT_TRUE(param_now(DAHL_FRAMES_PARAM_GAIN) == DAHL_NODE_ONE && param_now(DAHL_FRAMES_PARAM_FC) == 1u << 20);
 }
 
-/* Set in the node itself, beyond what a client may write: no answer passes the limit or Fc, and none changes its side. */
+/* Also if the firmware sets values beyond the range of a client. */
 static void test_any_gain_and_limit_keep_the_answer_in_range(void)
 {
     static const uint32_t values[] = {DAHL_NODE_ONE / 2, DAHL_NODE_ONE, DAHL_NODE_ONE + 1, 2 * DAHL_NODE_ONE, UINT32_MAX};
@@ -168,26 +164,12 @@ static void test_any_gain_and_limit_keep_the_answer_in_range(void)
     }
 }
 
-static void test_gain_and_limit_scale_the_answer_and_not_the_bristle(void)
-{
-    const dahl_plan_t plan = plan_of(params.sigma0, params.Fc);
-    dahl_state_t reference = {0};
-    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_GAIN, DAHL_NODE_ONE / 2) && feed(0, 0));
-    for (uint32_t i = 1; i < 200; i++) {
-        TEST_ASSERT_TRUE(feed(i, i < 100 ? (int32_t)i : 200 - (int32_t)i));
-        TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, i < 101 ? 1 : -1) / 2, answer.torque_q30);
-    }
-    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_GAIN, DAHL_NODE_ONE) && set_param(DAHL_FRAMES_PARAM_LIMIT, DAHL_NODE_ONE / 4));
-    TEST_ASSERT_TRUE(feed(200, 2000) && answer.torque_q30 == 1 << 28);
-    TEST_ASSERT_TRUE(feed(201, -2000) && answer.torque_q30 == -(1 << 28));
-}
-
 /* --- the ramp ------------------------------------------------------------------------------------------------------ */
 
-/* Where the gain is, by time alone: 1/ramp for each us between two answers, of which more than 65,535 count as so many. */
+/* The expected gain: it changes by 1/ramp per us between two answers, of which at most 65,535 us count. */
 typedef struct {
     double gain, target, ramp_us;
-    uint32_t counter, changes; /* each may leave a step over */
+    uint32_t counter, changes; /* each change may add a rounding step */
     int32_t count;
 } ramp_t;
 
@@ -198,7 +180,7 @@ static void pass(ramp_t *r, uint32_t us)
     r->gain += missing > way ? way : missing < -way ? -way : missing;
 }
 
-/* A bristle at its end: what is answered is the gain. */
+/* The bristle is at its end, so the answer is the gain. */
 static void check_ramp(ramp_t *r, uint32_t us)
 {
     now_us += us - 1000; /* feed() lets 1 ms pass */
@@ -212,7 +194,7 @@ static void start_ramp(ramp_t *r)
     (void)reset(DAHL_FRAMES_RESET_RESTART);
     r->gain = r->ramp_us > 0 ? 0 : r->target;
     r->changes = 0;
-    now_us += 50000; /* no time has passed for a starting point */
+    now_us += 50000; /* the first frame does not advance the ramp */
     TEST_ASSERT_TRUE(feed(r->counter++, r->count) && answer.torque_q30 == 0);
 }
 
@@ -226,8 +208,8 @@ static void change_ramp(ramp_t *r, uint64_t *seed)
     r->changes++;
 }
 
-/* Any ramp and gain, changed on the way, frames 0.1 to 70 ms apart; a restart begins at 0 where there is a ramp. */
-static void test_the_gain_goes_by_time_however_often_it_is_asked(void)
+/* Random ramps and gains, frames 0.1 to 70 ms apart. After a restart a ramp begins at 0. */
+static void test_the_gain_ramps_by_time_at_any_frame_rate(void)
 {
     uint64_t seed = 3;
     ramp_t r = {0};
@@ -246,8 +228,8 @@ static void test_the_gain_goes_by_time_however_often_it_is_asked(void)
     }
 }
 
-/* Silence lets the gain begin anew where there was a ramp when it began; one that is set meanwhile is for the next time. */
-static void test_a_ramp_that_is_set_in_silence_is_for_the_next_one(void)
+/* A timeout restarts the gain if a ramp is set when the timeout begins. */
+static void test_a_ramp_set_during_bus_off_acts_from_the_next_one(void)
 {
     const uint32_t wait_us = DAHL_NODE_TIMEOUT_US;
     TEST_ASSERT_TRUE(feed(0, 0) && feed(1, 1000000));

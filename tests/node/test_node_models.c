@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* A node that answers by another model than Dahl's: the bits of the library, or for a mix the sum of its parts; what a client is
- * told; a restart; bad parameters. */
+/* A node with each friction model: bits of the library, or for a mix the sum of its parts; parameters, restart, bad parameters. */
 #include <math.h>
 #include <string.h>
 #include <unity.h>
@@ -12,14 +11,13 @@ static const dahl_asymmetric_params_t preloaded = {100.0f, 0.3f, 0.5f, 1e-4f}, m
 static const dahl_slip_params_t springs = {3, 1e-4f, {100.0f, 60.0f, 40.0f}, {0.25f, 0.5f, 1.0f}};
 static const dahl_node_parallel_params_t mix = {4, 0x6u, 1e-4f, {100.0f, 60.0f, 40.0f, 200.0f}, {0.25f, 0.5f, 1.0f, 0.3f}};
 
-/* What the node keeps of each, as a use before left it. */
 static struct {
     dahl_node_slip_t slip;
     dahl_node_asymmetric_t asymmetric;
     dahl_node_elastoplastic_t elastoplastic;
     dahl_node_loaded_t loaded;
     dahl_node_parallel_t parallel;
-} kept;
+} kept; /* of the nodes' models */
 static uint32_t counter;
 static int32_t place;
 
@@ -36,7 +34,7 @@ void tearDown(void)
 {
 }
 
-/* The ratio that is answered after a move. */
+/* Return the ratio in the answer to a move. */
 static int32_t moved(int32_t dcounts)
 {
     place += dcounts;
@@ -49,7 +47,7 @@ static int32_t move_at(uint32_t i)
     return (int32_t)(i * i % 401u) - 200;
 }
 
-/* --- each model: how a node is made to use it, and a tick of the library ------------------------------------------- */
+/* --- each model: its call of the node, and a tick of the library --------------------------------------------------- */
 
 static dahl_slip_plan_t slip_plan;
 static dahl_slip_state_t slip_state;
@@ -127,12 +125,12 @@ static dahl_err_t use_parallel(void)
     return dahl_node_use_parallel(&node, &kept.parallel, &mix);
 }
 
-/* Parameters as raw values; a mix has no tick of the library to be compared with. */
+/* sigma0 and Fc are raw values. q30 is NULL for a mix, which check_mix() covers. */
 static const struct {
     dahl_err_t (*use)(void);
     int32_t (*q30)(int32_t dcounts, uint32_t load_q30);
     uint32_t kind, sigma0, Fc;
-    int32_t end; /* all the way forward, at three quarters of the load */
+    int32_t end; /* ratio after a long way forward, at 3/4 of the load */
 } models[] = {{use_slip, slip_q30, DAHL_FRAMES_MODEL_SLIP + 3, 200u << 10, 7u << 18, 1 << 30},
               {use_asymmetric, asymmetric_q30, DAHL_FRAMES_MODEL_ASYMMETRIC, 100u << 10, 1u << 19, 644245120 /* 0.3 of 0.5 */},
               {use_mirrored, asymmetric_q30, DAHL_FRAMES_MODEL_ASYMMETRIC, 100u << 10, 1u << 19, 1 << 30},
@@ -141,7 +139,6 @@ static const struct {
               {use_parallel, NULL, DAHL_FRAMES_MODEL_PARALLEL + 4, 400u << 10, 2149581u /* 2.05 2^20 */, 1 << 30}};
 #define MODELS (sizeof models / sizeof models[0])
 
-/* Bit for bit; the load is written now and then, where there is one. */
 static void check_answers(size_t i)
 {
     uint32_t load = DAHL_NODE_ONE;
@@ -155,8 +152,8 @@ static void check_answers(size_t i)
     }
 }
 
-/* The client is told the model, and sums or the larger Fc; none of it can be written or held over the bus. */
-static void check_told(size_t i)
+/* A client can read the model, the sum of sigma0, and the sum or the larger Fc. It cannot write or hold them. */
+static void check_parameters(size_t i)
 {
     TEST_ASSERT_EQUAL_UINT32(models[i].kind, param_now(DAHL_FRAMES_PARAM_MODEL));
     TEST_ASSERT_EQUAL_UINT32(models[i].sigma0, param_now(DAHL_FRAMES_PARAM_SIGMA0));
@@ -172,25 +169,25 @@ static void check_told(size_t i)
     }
 }
 
-static void test_each_model_answers_is_told_and_restarts(void)
+static void test_each_model_answers_reports_its_parameters_and_restarts(void)
 {
     for (size_t i = 0; i < MODELS; i++) {
         setUp();
         TEST_ASSERT_EQUAL(DAHL_OK, models[i].use());
         check_answers(i);
-        check_told(i);
+        check_parameters(i);
         TEST_ASSERT_EQUAL(models[i].use == use_loaded, set_param(DAHL_FRAMES_PARAM_LOAD, 3 * (DAHL_NODE_ONE / 4)));
         TEST_ASSERT_TRUE(moved(100000) >= models[i].end - 1);
         (void)reset(DAHL_FRAMES_RESET_RESTART);
         TEST_ASSERT_EQUAL_INT32(0, moved(0));
-        TEST_ASSERT_EQUAL_INT32(models[i].end, moved(1 << 28)); /* the load is kept */
+        TEST_ASSERT_EQUAL_INT32(models[i].end, moved(1 << 28)); /* the restart keeps the load */
         TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_init(&node, &bearing, NUMBER));
         TEST_ASSERT_EQUAL(DAHL_FRAMES_MODEL_DAHL, param_now(DAHL_FRAMES_PARAM_MODEL));
     }
 }
 
-/* From 0 to 1, of the model that follows one; without load the bristle relaxes. */
-static void test_a_load_has_its_range(void)
+/* Only the loaded model accepts a load. A load of 0 relaxes the bristle. */
+static void test_a_load_is_0_to_1(void)
 {
     TEST_ASSERT_FALSE(set_param(DAHL_FRAMES_PARAM_LOAD, 1));
     TEST_ASSERT_EQUAL_UINT32(DAHL_NODE_ONE, param_now(DAHL_FRAMES_PARAM_LOAD));
@@ -203,7 +200,7 @@ static void test_a_load_has_its_range(void)
     TEST_ASSERT_EQUAL_INT32(0, moved(0));
 }
 
-/* Against the sum in double of each element's own torque; a slip element errs by 1.5e-9. */
+/* Compare with the sum of the single elements in double; a slip element errs by 1.5e-9. */
 static void check_mix(const dahl_node_parallel_params_t *of)
 {
     dahl_plan_t plans[8];
@@ -258,8 +255,8 @@ static void assert_refused(dahl_err_t wanted, dahl_err_t got)
     TEST_ASSERT_EACH_EQUAL_HEX8(0x25, &kept, sizeof kept);
 }
 
-/* Each kind of element, and too few and too many: the node and what it keeps stay as they were. */
-static void test_bad_parameters_touch_nothing(void)
+/* Each kind of element, and numbers of elements out of range. */
+static void test_bad_parameters_change_neither_node_nor_memory(void)
 {
     static const float bad[] = {0.0f, -1.0f, NAN, INFINITY};
     dahl_node_parallel_params_t parallel = mix;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* node_talk: one node, its clock, and what an encoder and a client say to it and hear. Unity comes first. */
+/* One node, its clock, and the frames of an encoder and of a client. Include Unity before. */
 #ifndef TEST_NODE_TALK_H
 #define TEST_NODE_TALK_H
 
@@ -15,7 +15,7 @@ static dahl_friction_torque_t answer; /* the last one */
 static inline void talk_begin(void)
 {
     TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_init(&node, &params, NUMBER));
-    now_us = 0xFFFF0000u; /* the clock wraps in every longer test */
+    now_us = 0xFFFF0000u; /* wraps after 65 ms */
 }
 
 static inline dahl_can_frame_t encoder_frame(uint32_t counter, int32_t count, bool valid)
@@ -26,7 +26,7 @@ static inline dahl_can_frame_t encoder_frame(uint32_t counter, int32_t count, bo
     return frame;
 }
 
-/* Give it a frame, 1 ms later. True: it answered, the answer is in `answer`. */
+/* Pass a frame to the node after 1 ms. Return true and fill `answer` if it sends a torque. */
 static inline bool give(const dahl_can_frame_t *frame)
 {
     dahl_can_frame_t out;
@@ -70,7 +70,7 @@ static inline dahl_param_reply_t ask(uint8_t param, uint8_t write, uint32_t valu
     return reply;
 }
 
-/* True: it was taken, and is read back. */
+/* Return true if the node accepts the value, which it must then return. */
 static inline bool set_param(uint8_t param, uint32_t value)
 {
     const dahl_param_reply_t reply = ask(param, DAHL_FRAMES_PARAM_WRITE, value);

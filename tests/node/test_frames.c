@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: MIT */
-/* The codec: its CRC against one written from its definition, and the laws of its fuzzer over random frames and values: what is
- * taken, what comes back, what a bad frame leaves alone. Which bits mean what, tests/python holds against dahl.dbc. */
+/* The codec: the CRC against its definition, and the laws of its fuzzer for random frames and values. tests/python compares the
+ * bits with dahl.dbc. */
 #include <string.h>
 #include <unity.h>
 
 #define LAW(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "../fuzz/codec.c"
 
-/* Test values that AUTOSAR's "Specification of CRC Routines" gives for CRC8H2F. */
-static void test_reference_gives_the_values_of_autosar(void)
+/* Check values of CRC8H2F in AUTOSAR's "Specification of CRC Routines". */
+static void test_the_reference_crc_has_the_values_of_autosar(void)
 {
     static const struct {
         uint8_t bytes[9], count, crc;
@@ -23,7 +23,7 @@ static void test_reference_gives_the_values_of_autosar(void)
     }
 }
 
-static void test_the_laws_of_the_fuzzer_hold_for_random_input(void)
+static void test_the_laws_of_the_codec_hold_for_random_input(void)
 {
     fuzz_at_random(300000, 24);
 }
@@ -33,7 +33,7 @@ static void flip(dahl_can_frame_t *frame, uint32_t bit)
     frame->data[bit / 8] = (uint8_t)(frame->data[bit / 8] ^ (1u << (bit % 8)));
 }
 
-/* Whether a frame is taken in spite of these wrong bits. */
+/* Whether the frame is accepted although three bits are flipped. */
 static bool passes(const dahl_can_frame_t *good, uint32_t a, uint32_t b, uint32_t c)
 {
     dahl_can_frame_t frame = *good;
@@ -44,14 +44,15 @@ static bool passes(const dahl_can_frame_t *good, uint32_t a, uint32_t b, uint32_
     return dahl_frames_unpack_encoder(&frame, &out) == DAHL_FRAMES_GOOD;
 }
 
-/* As dahl_frames.h says: every one and every pair is seen, and of the 41,664 triples all but 48, each with bits of the counter. */
-static void test_wrong_bits_that_the_crc_shows(void)
+/* The CRC detects each single and double bit error. Of 41,664 triples it misses 48, all with bits of the counter
+ * (dahl_frames.h). */
+static void test_the_crc_detects_the_documented_bit_errors(void)
 {
     dahl_can_frame_t frame;
     uint32_t triples = 0, missed = 0;
     dahl_frames_pack_encoder(&frame, 0, &(dahl_encoder_state_t){.count = 0x12345678, .counter = 9, .valid = true});
     for (uint32_t a = 0; a < 64; a++) {
-        TEST_ASSERT_FALSE(passes(&frame, a, 0, 0)); /* two flips of one bit are none */
+        TEST_ASSERT_FALSE(passes(&frame, a, 0, 0)); /* the flips of bit 0 cancel */
         for (uint32_t b = a + 1; b < 64; b++) {
             TEST_ASSERT_FALSE(passes(&frame, a, b, b) || passes(&frame, a, b, a));
             for (uint32_t c = b + 1; c < 64; c++) {
@@ -66,8 +67,8 @@ static void test_wrong_bits_that_the_crc_shows(void)
     TEST_ASSERT_EQUAL_UINT32(48, missed);
 }
 
-/* Bits without a meaning are written as 0, and read by nobody: later versions may use them. Node numbers are cut to 4 bits. */
-static void test_unused_bits_and_node_numbers(void)
+/* Later versions may use them. */
+static void test_unused_bits_are_0_and_ignored_and_node_numbers_have_4_bits(void)
 {
     dahl_encoder_state_t seen;
     dahl_can_frame_t frame;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The parts of dahl-loop that no run can bring to their ends: histogram, the encoder's book of answers, the log's lines. */
+/* Modules of dahl-loop whose limits no run reaches: the histogram, the encoder's list of open answers, the lines of the log. */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <stdio.h>
@@ -30,8 +30,7 @@ void tearDown(void)
     motion_close(&motion);
 }
 
-/* Exact below 64 ns; above, to 1/32; from 0 to all that 64 bits hold. */
-static void test_quantiles_of_durations(void)
+static void test_quantiles_are_exact_below_64_ns_and_to_1_32_above(void)
 {
     static histogram_t few, all;
     TEST_ASSERT_EQUAL(0, histogram_quantile(&few, 0.5));
@@ -48,8 +47,8 @@ static void test_quantiles_of_durations(void)
         memset(&one, 0, sizeof one);
         histogram_add(&one, ns);
         histogram_add(&one, UINT64_MAX);
-        uint64_t told = histogram_quantile(&one, 0.5);
-        TEST_ASSERT_TRUE(ns <= told && told - ns <= ns / 32);
+        uint64_t median = histogram_quantile(&one, 0.5);
+        TEST_ASSERT_TRUE(ns <= median && median - ns <= ns / 32);
         histogram_merge(&all, &one);
         histogram_add(&all, ns - 1);
     }
@@ -74,7 +73,7 @@ static void answer(uint32_t echo, dahl_frames_state_t state, uint64_t now_ns)
     encoder_receive(&encoder, &frame, now_ns);
 }
 
-/* A second one, one of another node and one with a wrong CRC are none of it. */
+/* A second answer, one of another node and one with a wrong CRC do not match. */
 static void test_each_answer_is_matched_once(void)
 {
     dahl_can_frame_t frame;
@@ -111,14 +110,14 @@ static void test_deadlines_and_jitter(void)
     TEST_ASSERT_EQUAL(PERIOD_NS + 1, encoder.latency.max);
 }
 
-/* More than 16 wait. A node that starts anew answers the newest with this counter, one that goes on the oldest; of 16 and
- * fewer there is one of each counter. Of those that wait too long the oldest are lost. */
-static void test_whose_answer_it_is_after_a_gap(void)
+/* If more than 16 frames wait, a node with a new start answers the newest with this counter, any other node the oldest. The
+ * oldest of too many waiting frames are lost. */
+static void test_an_answer_after_a_gap_matches_the_right_frame(void)
 {
     static const struct {
         dahl_frames_state_t state;
         uint32_t waiting, echo;
-        uint64_t of; /* frame, which was sent in this millisecond */
+        uint64_t of; /* number of the frame, sent in this millisecond */
     } known[] = {
         {DAHL_FRAMES_INIT, 40, 5, 37},  {DAHL_FRAMES_STALE, 40, 5, 37}, {DAHL_FRAMES_WRONG_SEQUENCE, 40, 5, 37},
         {DAHL_FRAMES_OK, 40, 5, 5},     {DAHL_FRAMES_LOST, 40, 5, 5},   {DAHL_FRAMES_INIT, 16, 5, 5},
@@ -167,8 +166,8 @@ static void test_each_kind_of_frame_is_a_line_that_candump_would_write(void)
     }
 }
 
-/* What went wrong first is told at the end, whatever has gone wrong since: here an interrupted wait. */
-static void test_a_full_disk_is_told_at_the_end_with_what_is_missing(void)
+/* The first error is kept, although a later call sets another errno. */
+static void test_a_full_disk_is_reported_at_the_end_with_the_number_of_lost_frames(void)
 {
     static candump_t log;
     const dahl_can_frame_t frame = {.id = 0x100, .length = 8};
@@ -182,7 +181,7 @@ static void test_a_full_disk_is_told_at_the_end_with_what_is_missing(void)
     TEST_ASSERT_EQUAL(1000, log.missing);
     memset(&log, 0, sizeof log);
     TEST_ASSERT_TRUE(candump_open(&log, "/dev/null", "vcan0", false));
-    close(log.fd); /* what fails at the very end is told too */
+    close(log.fd); /* an error of the last write is reported too */
     TEST_ASSERT_FALSE(candump_close(&log));
     TEST_ASSERT_EQUAL(EBADF, errno);
 }

@@ -1,0 +1,12 @@
+/* SPDX-License-Identifier: MIT */
+/* The laws of the node's fuzzer for random frames at random times. Each frame increases one count, the bristle moves only with
+ * an answer, a timeout ends only after enough good frames, and a twin with another clock and zero sends the same frames. */
+#include <unity.h>
+
+#define LAW(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
+#include "../fuzz/receiver.c"
+
+static void test_the_laws_of_the_node_hold_for_random_frames(void)
+{
+    fuzz_at_random(20000, 300);
+}
