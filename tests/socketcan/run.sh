@@ -3,7 +3,7 @@
 # Usage: tests/socketcan/run.sh DAHL-LOOP SCENE FOLDER
 #
 # Run dahl-loop on a real vcan0 with can-utils as other clients. Each case leaves its files in FOLDER/CASE, which
-# tests/python/test_socketcan.py checks. Both interfaces, vcan0 and vcan1, must be up; run as root.
+# tests/python/can/test_socketcan.py checks. Both interfaces, vcan0 and vcan1, must be up; run as root.
 set -u
 LOOP=$1
 SCENE=$2

@@ -121,6 +121,6 @@ stop_python() {
 finish_python() {
     [ -z "$PIP_JOB" ] || wait "$PIP_JOB" || die "no Python environment; the reason is above (log: build/setup.log)"
     PIP_JOB=
-    touch "$VENV/.complete" # newer than the lock file: the environment is up to date
+    touch -c "$VENV/.complete" # newer than the lock file: the environment is up to date
     say "Python environment: in place (build/venv)"
 }

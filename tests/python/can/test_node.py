@@ -14,7 +14,7 @@ from pathlib import Path
 import can
 import dahl
 import pytest
-from can_socket import ERROR, EXTENDED, REMOTE, joined, plant
+from can_socket import ERROR, EXTENDED, REMOTE, build_can_library, joined
 from dahl import codec
 from dahl.binding import models
 from dahl.codec import EncoderState
@@ -183,7 +183,9 @@ class AgainstTheProgram(Frames):
 def test_any_frame_is_answered_as_the_program_does(tmp_path, monkeypatch, model):
     """CRC errors, lost counters, short, remote, extended and FD frames, parameters, resets."""
     monkeypatch.setattr(AgainstTheProgram, "model", model, raising=False)
-    monkeypatch.setattr(AgainstTheProgram, "socket_library", plant(tmp_path), raising=False)
+    monkeypatch.setattr(
+        AgainstTheProgram, "socket_library", build_can_library(tmp_path), raising=False
+    )
     run_sequences(AgainstTheProgram, examples=12, steps=80)
 
 

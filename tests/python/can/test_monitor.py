@@ -1,0 +1,446 @@
+# SPDX-License-Identifier: MIT
+"""`dahl monitor`: the numbers of --json, the picture without a terminal, and the screen of
+terminals of any size.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pty
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterable
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+from bus_frames import frames, new_channel, sending
+from dahl import Node, Plan, codec
+from identify_tools import complaint
+from loop_tools import SCENES, serving
+
+pytestmark = pytest.mark.usefixtures("library")
+
+OK = {"State": "OK", "TorqueRatio": 0.5}
+ANGLE = {"Valid": 1, "Count": 0}
+Sent = tuple[str, float, dict[str, Any]]
+
+
+def bus_of(port: int) -> list[str]:
+    """Options that name a served bus."""
+    return ["-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", str(port)]
+
+
+@pytest.fixture
+def served(tmp_path):
+    limits = ("--wait-clients", "1", "--seconds", "20")
+    with serving(tmp_path / "loop", SCENES / "steering.ini", *limits) as (_, port):
+        yield bus_of(port)
+
+
+@pytest.fixture
+def monitor(dahl, dbc):
+    """Call the monitor on a bus with these frames alone; returns its output."""
+
+    def run(sent: Iterable[can.Message | Sent], *words: object, before_last=lambda: None) -> str:
+        messages = [one if isinstance(one, can.Message) else next(frames(dbc, one)) for one in sent]
+        channel = new_channel()
+        bus = ("-i", "virtual", "-c", channel, "--frames", len(messages), "--seconds", 20)
+        with sending(channel, messages, before_last=before_last):
+            done = dahl("monitor", *bus, *words)
+        assert (done.returncode, done.stderr) == (0, "")
+        return done.stdout
+
+    return run
+
+
+@pytest.fixture
+def seen(monitor):
+    """The same as numbers."""
+
+    def run(sent: Iterable[can.Message | Sent], *words: object) -> dict[str, Any]:
+        return json.loads(monitor(sent, "--json", *words))
+
+    return run
+
+
+def row_of(shown: str, name: str) -> list[int]:
+    """frames, 1/s, missing and bad of a message in the table."""
+    found = re.search(rf"^ *{name} +(\d+) +(\d+) +(\d+) +(\d+)\b", shown, re.MULTILINE)
+    return [int(number) for number in found.groups()]
+
+
+# --- counts ---------------------------------------------------------------------------------------
+
+
+def spoiled_frames() -> list[can.Message]:
+    """Three bad EncoderStates, a bad FrictionTorque, and four other frames."""
+    short = [{"data": data, "arbitration_id": 0x100} for data in (b"\x01", bytes(7), bytes(8))]
+    more = [{"arbitration_id": 0x110}, {"arbitration_id": 0x7DF}]
+    more += [{"arbitration_id": 0x100, "is_extended_id": True}]
+    more += [{"arbitration_id": 0x100, "is_remote_frame": True, "data": None}]
+    more += [{"arbitration_id": 0x100, "is_error_frame": True}]
+    plain = {"is_extended_id": False, "data": bytes(8)}
+    return [can.Message(**plain | one) for one in (*short, *more)]
+
+
+def test_good_bad_and_other_frames_are_counted(monitor, seen, dbc, monkeypatch):
+    """A frame of CAN FD is bad, as for the node."""
+    sent = [*frames(
+        dbc,
+        ("EncoderState", 0.000, {"Counter": 14, "Valid": 1, "Count": -7}),
+        ("FrictionTorque", 0.0001, {"Counter": 0, "EchoCounter": 14, **OK}),
+        ("EncoderState", 0.002, {"Counter": 0, "Valid": 1, "Count": 8}),
+        ("FrictionTorque", 0.0021, {"Counter": 1, "EchoCounter": 0, **OK}),
+    )]  # fmt: skip
+    fd = can.Message(arbitration_id=0x110, data=sent[-1].data, is_fd=True, is_extended_id=False)
+    known = seen([*sent, *spoiled_frames(), fd])
+    encoder, torque = known["messages"]["EncoderState"], known["messages"]["FrictionTorque"]
+    assert [encoder[name] for name in ("frames", "missing", "bad")] == [2, 1, 3]
+    assert [torque[name] for name in ("frames", "missing", "bad")] == [2, 0, 2]
+    assert encoder["per_s"] == pytest.approx(500) and encoder["last"]["Count"] == 8
+    assert (known["frames"], known["other_frames"], known["Fc"]) == (13, 4, None)
+    assert known["states"] == {"OK": 2}
+    monkeypatch.setenv("COLUMNS", "100")
+    shown = monitor([*sent, *spoiled_frames(), fd])
+    assert row_of(shown, "EncoderState") == [2, 500, 1, 3]
+    assert row_of(shown, "Status") == [0, 0, 0, 0] and "ParamReply" not in shown
+    assert re.search(r"^EncoderState +Valid Valid +Count 8 ", shown, re.MULTILINE)
+    for words in ("F/Fc over counts", "TorqueRatio 0.500000", "OK 2", "other frames  4"):
+        assert words in shown
+    assert "\x1b" not in shown
+    monkeypatch.setenv("COLUMNS", "200")
+    assert "message frames 1/s missing bad last" in " ".join(monitor(sent).split())
+
+
+@pytest.mark.parametrize(
+    ("counters", "period", "missing"),
+    [
+        ([14, 15, 0, 1], 0.001, 0),
+        ([0, 1, 3, 4], 0.001, 1),
+        ([0, 1, 9], 0.001, 7),
+        ([0, 1, 1, 2], 0.001, 0),  # repeated
+        ([0, 1, 3, 2, 4], 0.001, 1),  # late
+        ([0, 1, 1, 2], 0.005, 15),  # a gap of a whole round
+        ([0, 2, 1], 0.005, 15),
+    ],
+)
+def test_repeated_and_late_frames_are_no_gap(seen, counters, period, missing):
+    """As the node counts."""
+    sent = [("EncoderState", n * period, ANGLE | {"Counter": c}) for n, c in enumerate(counters)]
+    known = seen(sent)["messages"]["EncoderState"]
+    assert [known[name] for name in ("frames", "missing", "bad")] == [len(counters), missing, 0]
+    assert known["last"]["Counter"] == counters[-1]
+
+
+def test_gaps_are_counted_only_for_consecutive_counters(seen, dbc, tmp_path):
+    """The counter of a ParamReply is that of the request. Another DBC may have none."""
+    reply = {"Param": "Fc", "Result": "Done", "Fc": 1}
+    sent = [("ParamReply", n, reply | {"Counter": c}) for n, c in enumerate((0, 0, 7, 3))]
+    sent += [("EncoderState", 9, ANGLE | {"Counter": c}) for c in (15, 0, 3)]
+    known = seen(sent)["messages"]
+    assert [(one["frames"], one["missing"]) for one in known.values() if one["frames"]] == [
+        (3, 2),
+        (4, 0),
+    ]
+    own = tmp_path / "other.dbc"
+    own.write_text(dbc.read_text().replace(" SG_ Counter", " SG_ Tick"))
+    known = seen(sent, "--dbc", own)["messages"]["EncoderState"]
+    assert (known["frames"], known["missing"]) == (3, 0)
+
+
+def test_a_restarted_node_has_lost_nothing(seen):
+    """By Reset or by power: its counters begin at 0."""
+    sent, plan = [], Plan(100.0, 0.5, 1e-3)
+    restart = codec.pack(codec.Reset(codec.What.RESTART))
+    for one in (node := Node(plan), node, Node(plan)):
+        angles = [codec.pack(codec.EncoderState(5, counter)) for counter in range(3)]
+        for message in (restart, *angles):
+            sent += [answer for answer in (one.receive(message), one.tick()) if answer]
+    for n, message in enumerate(sent):
+        message.timestamp = n / 100
+    known = seen(sent)["messages"]
+    assert [known[name]["missing"] for name in ("FrictionTorque", "Status")] == [0, 0]
+    assert min(known[name]["frames"] for name in ("FrictionTorque", "Status")) > 2
+
+
+@pytest.mark.parametrize("shown", [0, 1, 15])
+def test_of_many_nodes_each_is_shown_by_its_number(seen, dahl, dbc, shown):
+    """Also with a description of all nodes: frames of the others count as other frames."""
+    assert dahl("dbc", "--nodes", 16, "-o", "all.dbc").returncode == 0
+    sent = []
+    for node in range(16):
+        sent += frames(dbc, ("EncoderState", 0.0, ANGLE | {"Counter": 1, "Count": 10 + node}))
+        sent[-1].arbitration_id += node
+    names = []
+    for words in ((), ("--dbc", "all.dbc")):
+        known = seen(sent, "--node", shown, *words)
+        assert known["messages"]["EncoderState"]["last"]["Count"] == 10 + shown
+        assert (known["messages"]["EncoderState"]["frames"], known["other_frames"]) == (1, 15)
+        names.append(known["messages"].keys())
+    assert names[0] == names[1]
+
+
+def test_a_description_may_have_the_identifiers_of_another_node(seen, dbc, tmp_path):
+    """And other messages."""
+    text = re.sub(r"(?<=_ )\d+", lambda one: str(int(one[0]) + 3), dbc.read_text())
+    other = 'BO_ 1537 Other: 8 Encoder\n SG_ X : 0|8@1+ (1,0) [0|255] "" FrictionNode\n\n'
+    (path := tmp_path / "three.dbc").write_text(text.replace("BO_ 259", other + "BO_ 259", 1))
+    (message,) = frames(dbc, ("EncoderState", 0.0, ANGLE | {"Counter": 1}))
+    message.arbitration_id = 0x103
+    known = seen([message], "--dbc", path)
+    assert known["messages"]["EncoderState"]["frames"] == 1 and "Other" in known["messages"]
+
+
+def test_answers_before_the_first_angle_are_counted_and_not_drawn(monitor, seen):
+    sent = [
+        ("FrictionTorque", n, {"Counter": n, "EchoCounter": 0, "TorqueRatio": 0.5, "State": s})
+        for n, s in enumerate(["Init", "OK", "OK"])
+    ]
+    assert [*seen(sent)["states"].items()] == [("OK", 2), ("Init", 1)]
+    assert not re.search("[⠁-⣿]", monitor(sent))
+
+
+# --- curves ---------------------------------------------------------------------------------------
+
+
+def axes_hold(lines: list[str], *spans: tuple[float, float]) -> bool:
+    """Whether the axes of the first panel cover each span with even round ticks, at most one tick
+    beyond.
+    """
+    end = next(n for n, line in enumerate(lines) if "└" in line)
+    across = [float(word) for word in lines[end + 1].split()]
+    up = [float(line.partition("┤")[0]) for line in lines[:end] if "┤" in line][::-1]
+    for ticks, (low, high) in zip((across, up), spans, strict=True):
+        steps = np.diff(ticks)
+        assert len(ticks) >= 2 and steps == pytest.approx(steps[0]), ticks
+        assert float(f"{steps[0]:.6e}"[:8].rstrip("0e")) in (1, 2, 5), ticks
+        assert low - steps[0] < ticks[0] <= low and high <= ticks[-1] < high + steps[0], ticks
+    return True
+
+
+@pytest.mark.parametrize(
+    ("low", "step"), [(5000, 100), (-370_000, 1), (0, 111_111), (7 * 10**8, 11), (-3, 1)]
+)
+def test_each_curve_has_its_own_axes(monitor, monkeypatch, low, step):
+    """Counts, F/Fc from 0.25 to 0.5, over 0.9 s. Only the last --window ticks are drawn."""
+    sent: list[Sent] = []
+    for n in range(-5, 10):
+        both, moment = {"Counter": n % 16, "EchoCounter": n % 16, "Valid": 1}, 100 + n / 10
+        torque = both | {"State": "OK", "TorqueRatio": 0.25 + 0.25 * n / 9}
+        sent.append(("EncoderState", moment, both | {"Count": low + step * n}))
+        sent.append(("FrictionTorque", moment, torque))
+    monkeypatch.setenv("COLUMNS", "100")
+    lines = monitor(sent, "--window", 10).splitlines()
+    top, below = (n for n, line in enumerate(lines) if "F/Fc over" in line)
+    counts, ratio, seconds = (low, low + 9 * step), (0.25, 0.5), (0, 0.9)
+    assert "counts" in lines[top] and "counts over s" in lines[below][50:]
+    assert axes_hold(lines[top:], counts, ratio)
+    assert axes_hold([line[:50] for line in lines[below:]], seconds, ratio)
+    assert axes_hold([line[50:] for line in lines[below:]], seconds, counts)
+
+
+@pytest.mark.parametrize(("count", "ratio"), [(0, 0.0), (7, 0.5), (-7, -0.5)])
+def test_a_shaft_at_rest_is_drawn_inside_its_axes(monitor, monkeypatch, count, ratio):
+    answer = {"Counter": 1, "EchoCounter": 1, "State": "OK", "TorqueRatio": ratio}
+    sent = [("EncoderState", 0.0, {"Counter": 1, "Valid": 1, "Count": count})]
+    sent += [("FrictionTorque", 0.0, answer)] * 3
+    monkeypatch.setenv("COLUMNS", "100")
+    lines = monitor(sent).splitlines()
+    end = next(n for n, line in enumerate(lines) if "└" in line)
+    across = [float(word) for word in lines[end + 1].split()]
+    up = [float(line.partition("┤")[0]) for line in lines[:end] if "┤" in line]
+    assert across[0] < count < across[-1] and up[-1] < ratio < up[0]
+
+
+ERRORS = ("Format", "Repeated", "Lost", "Sequence", "Crc", "Stale", "Invalid", "Jump")
+
+
+def in_trouble(dbc) -> list[can.Message]:
+    """Ticks of a node in trouble with each error seen; 12 Status frames are missing."""
+    status = {"State": "Stale", "Lost": 90, "Corrupt": 34, "OutOfStep": 43, "Timeout": 100}
+    status |= {f"Error{name}": 1 for name in ERRORS} | {"VersionMajor": 0, "VersionMinor": 2}
+    sent: list[Sent] = []
+    for n in range(90):
+        counter = {"Counter": n % 16, "EchoCounter": n % 16}
+        torque = counter | {"State": "Lost", "TorqueRatio": np.sin(n / 9)}
+        angle = counter | {"Valid": 1, "Count": -(10**9) + 12345 * n}
+        sent += [("EncoderState", n / 1000, angle), ("FrictionTorque", n / 1000, torque)]
+        sent += [("Status", n / 1000, counter | status)] * (not 40 <= n < 52)
+    return [*frames(dbc, *sent), can.Message(arbitration_id=0x120, is_extended_id=False)]
+
+
+def test_a_torque_has_a_unit_if_fc_is_known(monitor, seen, dbc, tmp_path):
+    """By --fc, by a scene with its unit, or by a reply of the node about Fc."""
+    (tmp_path / "own.ini").write_text(
+        "[friction]\nsigma0 = 1\nFc = 2\n[measured]\nlabel_torque = force [N]\n"
+    )
+    sent, last = in_trouble(dbc), f"{2 * np.sin(89 / 9):+.6f}"
+    assert "F/Fc over counts" in monitor(sent)
+    for words, unit in ((("--fc", 2), "N m"), (("--scene", "own.ini"), "N")):
+        shown = monitor(sent, *words)
+        assert f"F [{unit}] over counts" in shown and f"{last} {unit} " in shown
+    reply = {"Counter": 0, "Result": "Done", "Param": "Fc", "Fc": 4.5}
+    other = {"Counter": 1, "Result": "Done", "Param": "Sigma0", "Sigma0": 7}
+    sent += frames(dbc, ("ParamReply", 0.0, reply), ("ParamReply", 1.0, other))
+    assert seen(sent)["Fc"] == 4.5 and "F [N m] over counts" in monitor(sent)
+
+
+@pytest.mark.parametrize(
+    ("number", "words", "count"),
+    [
+        (0, ("--node", 3), 2000),
+        (3, (), 2000),
+        (7, ("--node", 3), 2000),
+        (3, ("--node", 0), 2),
+    ],
+)
+def test_option_node_overrides_the_number_of_the_scene(
+    seen, monitor, dbc, tmp_path, number, words, count
+):
+    """One node of three, decoded by another DBC. Fc is the larger limit of an asymmetric model."""
+    scene = f"[friction]\nmodel = asymmetric\nnode = {number}\nsigma0 = 1\nFc = 0.5 1\n"
+    (tmp_path / "own.ini").write_text(scene)
+    own = dbc.read_text().replace("Count : 16|32@1- (1,0)", "Count : 16|32@1- (2,0)")
+    (tmp_path / "own.dbc").write_text(own)
+    sent = []
+    for node, read in ((0, 1), (3, 1000), (7, 2)):
+        sent += frames(dbc, ("EncoderState", 0.0, ANGLE | {"Counter": 1, "Count": read}))
+        sent[-1].arbitration_id += node
+    known = seen(sent, "--scene", "own.ini", "--dbc", "own.dbc", *words)
+    assert known["messages"]["EncoderState"]["last"]["Count"] == count
+    assert (known["Fc"], known["other_frames"]) == (1, 2)
+
+
+@pytest.mark.parametrize("changed", ["FrictionTorque", "TorqueRatio", "Count "])
+def test_a_dbc_without_a_shown_signal_is_refused(dahl, dbc, tmp_path, changed):
+    (tmp_path / "other.dbc").write_text(dbc.read_text().replace(changed, "Other "))
+    code, said = complaint(dahl("monitor", "-i", "virtual", "-c", "x", "--dbc", "other.dbc"))
+    name = {"FrictionTorque": "'State'", "TorqueRatio": "'TorqueRatio'", "Count ": "'Count'"}
+    assert code == 2 and said.startswith("other.dbc: ") and name[changed] in said
+
+
+# --- on a terminal --------------------------------------------------------------------------------
+
+SHOWN = {"EncoderState", "FrictionTorque", "Status", "node states", "over counts"}
+COMMAND = re.compile(r"\x1b\[[?\d;]*[A-Za-z]")
+
+
+@pytest.fixture
+def screen(monitor, monkeypatch):
+    """The last screen of a terminal of this size, and all its output."""
+
+    def run(sent: Iterable[can.Message | Sent], width: int, height: int) -> tuple[list[str], str]:
+        for name, value in (("FORCE_COLOR", 1), ("COLUMNS", width), ("LINES", height)):
+            monkeypatch.setenv(name, str(value))
+        monkeypatch.setenv("TERM", "xterm")
+        written = monitor(sent, before_last=lambda: time.sleep(0.4))
+        live = written.partition("\x1b[?1049h")[2].partition("\x1b[?1049l")[0]
+        last = COMMAND.sub("", live.split("\x1b[H")[-1])
+        return last.rstrip("\n").splitlines(), written
+
+    return run
+
+
+@pytest.mark.parametrize(("width", "height"), [(40, 16), (60, 18), (80, 24), (70, 50), (140, 45)])
+@pytest.mark.parametrize("well", [True, False])
+def test_the_screen_fits_small_and_large_terminals(screen, dbc, width, height, well):
+    """Counters come first, then a curve."""
+    quiet = [("EncoderState", 0.0, ANGLE | {"Counter": 1})] * 2
+    lines, _ = screen(quiet if well else in_trouble(dbc), width, height)
+    assert max(map(len, lines)) <= width and len(lines) <= height
+    first = {name: n for n, line in enumerate(lines) for name in SHOWN if name in line}
+    assert first.keys() == SHOWN
+    assert first["EncoderState"] < first["node states"] < first["over counts"]
+    axes = [line for line in lines if "└" in line]
+    assert axes and min(len(line.rstrip()) for line in axes) > 0.9 * min(width, 80)
+    assert any("over s" in line for line in lines) == (width >= 70)
+
+
+def test_a_status_without_errors_fits_80_columns(screen):
+    status = {"Counter": 1, "State": "OK", "Lost": 90, "Corrupt": 34, "OutOfStep": 43}
+    status |= {f"Error{name}": 0 for name in ERRORS}
+    status |= {"Timeout": 1000, "VersionMajor": 0, "VersionMinor": 2}
+    lines, _ = screen([("Status", 0.0, status)] * 2, 80, 24)
+    shown = "\n".join(lines)
+    assert "OutOfStep 43  Timeout 1000  Version 0.2" in shown and "…" not in shown
+
+
+def test_errors_have_colour_on_a_terminal(screen, dbc):
+    _, written = screen(in_trouble(dbc), 80, 24)
+    left = written.partition("\x1b[?1049l")[2]
+    yellow, red = (re.findall(rf"\x1b\[{n}m *(.*?) *\x1b", left) for n in (33, 31))
+    seen = f"seen: {' '.join(ERRORS)}"
+    assert yellow == ["12", "State Lost", "State Stale", seen, "Lost 90"] and red == ["1"]
+    assert re.search("\x1b\\[3[68][^m]*m[⠁-⣿]", left), "the curve is coloured"
+
+
+def test_the_alternate_screen_is_live_and_the_result_stays(served, root):
+    """The result is complete, even on a low terminal."""
+    terminal, inner = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "20"}
+    command = [sys.executable, "-m", "dahl", "monitor", *served, "--seconds", "2"]
+    pipes = {"stdin": inner, "stdout": inner, "stderr": inner}
+    process = subprocess.Popen(command, cwd=root, env=environment, **pipes)
+    os.close(inner)
+    seen = b""
+    with contextlib.suppress(OSError):  # Linux says so when the other end has gone
+        while part := os.read(terminal, 65536):
+            seen += part
+    assert process.wait(10) == 0
+    assert seen.count(b"F/Fc over counts") >= 3 and b"\x1b[?1049h" in seen
+    live, left, after = seen.partition(b"\x1b[?1049l")
+    assert left and b"counts over s" in after and b"counts over s" not in live
+
+
+# --- on a served bus ------------------------------------------------------------------------------
+
+
+def test_frames_of_a_served_bus_are_counted(served, dahl):
+    done = dahl("monitor", *served, "--frames", "500", "--json", "--scene", "steering")
+    assert (done.returncode, done.stderr) == (0, "")
+    known = json.loads(done.stdout)
+    assert (known["frames"], known["Fc"]) == (500, 1.8)
+    both = [known["messages"][name] for name in ("EncoderState", "FrictionTorque")]
+    assert [one["frames"] for one in both] == pytest.approx([250, 250], abs=20)
+    assert [(one["missing"], one["bad"]) for one in both] == [(0, 0)] * 2
+    assert both[0]["per_s"] == pytest.approx(both[1]["per_s"], rel=0.05)
+
+
+def test_a_fault_storm_is_shown(dahl, tmp_path):
+    """States of the answers, counters of the Status, and bad frames."""
+    kept = ("--set", "faults.restart=0")  # a restart would clear the sticky errors
+    limits = ("--wait-clients", "1", "--virtual", "--seconds", "20", *kept)
+    with serving(tmp_path / "loop", SCENES / "fault-storm.ini", *limits) as (_, port):
+        done = dahl("monitor", *bus_of(port), "--frames", "30000")
+    assert done.returncode == 0, done.stderr
+    states = re.search(r"node states +(.*)", done.stdout)[1]
+    assert re.match(r"OK \d{4,}, Lost \d{3,}", states), states
+    assert row_of(done.stdout, "EncoderState")[3] > 200
+    shown = " ".join(done.stdout.split())
+    seen = re.search(r"seen: ([A-Z][a-z]+(?: [A-Z][a-z]+)*)", shown)[1].split()
+    assert {"Crc", "Jump", "Lost"} <= set(seen)
+    assert re.search(r"Corrupt \d+", shown) and re.search(r"OutOfStep \d+", shown)
+
+
+def test_frames_before_the_end_of_the_bus_are_shown(dahl, dbc, monkeypatch):
+    ticks = [*frames(dbc, ("EncoderState", 1.0, {"Counter": 3, "Valid": 1, "Count": 77}))]
+
+    class Going:
+        def recv(self, _: float) -> can.Message:
+            if not ticks:
+                raise can.CanOperationError("cable out")
+            return ticks.pop()
+
+    monkeypatch.setattr(can, "Bus", lambda **_: contextlib.nullcontext(Going()))
+    done = dahl("monitor", "-i", "virtual", "-c", "x")
+    code, said = complaint(done)
+    assert code == 1 and said.endswith("cable out")
+    assert row_of(done.stdout, "EncoderState") == [1, 0, 0, 0] and "Count 77" in done.stdout
+    assert row_of(done.stdout, "FrictionTorque") == [0, 0, 0, 0]
+    assert re.search(r"^ ?node states +none yet *$", done.stdout, re.M)

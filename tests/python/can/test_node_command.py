@@ -1,0 +1,314 @@
+# SPDX-License-Identifier: MIT
+"""`dahl node` prints lines that open its bus and runs the node of the scene or of the options."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import shlex
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from functools import partial
+
+import can
+import pytest
+from dahl import Friction, Node, Plan, RunError, codec, node
+from dahl.codec import EncoderState, Param, ParamWrite, Result
+from identify_tools import complaint
+from loop_tools import SCENES, client, finished, serving
+from test_node import MODELS, THETA
+
+pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
+
+OWN = ("--sigma0", "100.0625", "--fc", "12.500004768371582", "--theta-per-count", "3.8e-4")
+PLAN = Plan(100.0625, 12.500004768371582, 3.8e-4)  # more digits than are shown
+OWN_SCENE = "[friction]\nsigma0 = 100.0625\nFc = 12.500004768371582\ntheta_per_count = 3.8e-4\n"
+TIMING = ("f_clock=8000000", "brp=2", "tseg1=5", "tseg2=2", "sjw=2", "nof_samples=1")
+
+
+def on_port(port: int) -> tuple[str, ...]:
+    return ("-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", str(port))
+
+
+@contextlib.contextmanager
+def started(root, *words: str, end: int = signal.SIGINT) -> Iterator[tuple[list[str], list[str]]]:
+    """Lines at the start, and lines at the end."""
+    command = [sys.executable, "-m", "dahl", "node", *words]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen(command, cwd=root, **pipes)
+    last: list[str] = []
+    try:
+        lines = []
+        while not lines or lines[-1] not in ("Ctrl-C ends\n", ""):
+            lines.append(process.stdout.readline())
+        yield lines, last
+        process.send_signal(end)
+        out, err = process.communicate(timeout=20)
+        assert (process.returncode, err) == (0, "")
+        last += out.splitlines()
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def opened(lines: list[str]) -> can.BusABC:
+    """Open the bus with the printed line of Python."""
+    (call,) = [line.removeprefix("open    ") for line in lines if line.startswith("open    ")]
+    return eval(call, {"can": can})
+
+
+def asked(bus: can.BusABC, number: int = 0) -> None:
+    """Check torques and a parameter of the node."""
+    bearing = Friction(PLAN)
+    for counter, (count, move) in enumerate([(0, 0), (9, 9), (40, 31), (-7, -47)]):
+        answer = node.ask(bus, EncoderState(count, counter), number, timeout=10)
+        assert answer.torque_q30 == bearing.step_counts_q30(move)
+    reply = node.ask(bus, ParamWrite(Param.FC), number, timeout=10)
+    assert reply.si == PLAN.Fc
+
+
+def counted(last: list[str]) -> dict[str, int]:
+    return {name: int(count) for name, count in re.findall(r"(\w+) (\d+)(?:,|$)", last[-1])}
+
+
+# --- as a program ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+def test_the_printed_line_opens_the_bus_of_the_node(root, end):
+    """--node gives its number. The Status period is 100 ms."""
+    with started(root, *OWN, "--node", "3", end=end) as (lines, last):
+        assert "Fc 12.5 N m" in lines[0]
+        with opened(lines) as bus:
+            asked(bus, 3)
+            assert node.ask(bus, ParamWrite(Param.STATUS), 3, timeout=10).si == 0.1
+    assert counted(last) == {"ok": 4, "params": 2} and re.search(r" \d+\.\d s", last[-1])
+
+
+def test_the_number_of_a_served_node_is_that_of_the_scene(root, tmp_path):
+    (path := tmp_path / "own.ini").write_text(f"{OWN_SCENE}node = 3\n")
+    with started(root, "--scene", str(path)) as (lines, _), opened(lines) as bus:
+        asked(bus, 3)
+    assert lines[0].startswith("node    3 ") and lines[2].endswith(" --node 3\n")
+
+
+def test_option_node_0_overrides_the_number_of_the_scene(root, tmp_path):
+    """--port selects the port."""
+    (path := tmp_path / "own.ini").write_text(f"{OWN_SCENE}node = 3\n")
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = str(free.getsockname()[1])
+    words = ("--scene", str(path), "--node", "0", "--port", port)
+    with started(root, *words) as (lines, _), opened(lines) as bus:
+        asked(bus, 0)
+    assert lines[0].startswith("node    0 ") and f"port={port}" in lines[1]
+
+
+def test_a_node_in_python_joins_the_named_bus(root, tmp_path):
+    """Here another server, whose own node has another number."""
+    hub = ("--role", "node", "--set", "friction.node=9")
+    with (
+        serving(tmp_path, SCENES / "segments.ini", *hub) as (_, port),
+        started(root, *OWN, *on_port(port)) as (lines, last),
+        opened(lines) as bus,
+    ):
+        asked(bus)
+    assert (counted(last)["ok"], counted(last)["params"]) == (4, 1)
+
+
+@pytest.mark.checks
+def test_firmware_on_an_emulated_core(root, tmp_path):
+    """With all settings of the scene."""
+    for program in ("arm-none-eabi-gcc", "qemu-system-arm"):
+        if not shutil.which(program):
+            pytest.skip(f"{program} is not installed (tools/setup.sh installs it)")
+    keys = "max_step = 2000\ntimeout_ms = 9000\n[status]\nperiod_ms = 70\n"
+    (path := tmp_path / "own.ini").write_text(OWN_SCENE + keys)
+    with started(root, "--scene", str(path), "--target", "m4f", "--node", "15") as (lines, last):
+        assert "node_image on mps2-an386 in QEMU" in lines[0], lines
+        with opened(lines) as bus:
+            asked(bus, 15)
+            values = {Param.STEP: 2000, Param.TIMEOUT: 9, Param.STATUS: 0.07}
+            for param, value in values.items():
+                reply = node.ask(bus, ParamWrite(param), 15, timeout=10)
+                assert reply.si == pytest.approx(value)
+    assert counted(last)["answers"] == 4
+
+
+# --- the node of a scene, in this process ---------------------------------------------------------
+
+
+def parameters_of(bus: can.BusABC) -> dict[Param, int]:
+    """Raw values of all parameters."""
+    params = [param for param in Param if param != Param.NONE]
+    return {param: node.ask(bus, ParamWrite(param), timeout=10).value for param in params}
+
+
+@contextlib.contextmanager
+def asking(channel: str, found: list[object]) -> Iterator[None]:
+    """A client in a thread asks the node after its first Status."""
+
+    def ask() -> None:
+        with can.Bus(interface="virtual", channel=channel) as bus:
+            while bus.recv(10).arbitration_id != codec.Status.base:
+                pass
+            found.append(parameters_of(bus))
+            found.append([node.ask(bus, EncoderState(n * n, n)).torque_q30 for n in range(9)])
+
+    client = threading.Thread(target=ask)
+    client.start()
+    yield
+    client.join()
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_node_has_the_model_and_settings_of_its_scene(dahl, tmp_path, model):
+    keys, friction = MODELS[model]
+    words = f"[friction]\nmodel = {model}\n{keys}\ntheta_per_count = {THETA}\n"
+    kept = "gain = 0.5\nlimit = 0.25\nramp_ms = 300\nmax_step = 700\ntimeout_ms = 9000\n"
+    (tmp_path / "own.ini").write_text(f"{words}{kept}[status]\nperiod_ms = 40\n")
+    found: list[object] = []
+    with asking(model, found):
+        bus = ("-i", "virtual", "-c", model, "--seconds", "1.5")
+        done = dahl("node", "--scene", "own.ini", *bus)
+    assert done.returncode == 0, done.stderr
+    settings = {"gain": 0.5, "limit": 0.25, "ramp": 0.3, "max_step": 700, "timeout": 9}
+    alike = Node(friction, **settings, status_period=0.04)
+    values, ratios = found
+    for param, value in values.items():
+        reply = codec.unpack(alike.receive(codec.pack(ParamWrite(param))))
+        assert (reply.value, reply.result) == (value, Result.DONE), param
+    assert len({*ratios}) > 5  # the ramp depends on time
+
+
+# --- the bus --------------------------------------------------------------------------------------
+
+
+def test_a_second_node_of_the_same_number_is_refused(tmp_path, dahl):
+    """Clients would get two answers with one identifier."""
+    hub = ("--role", "node", "--set", "friction.node=3", "--set", "status.period_ms=20")
+    with serving(tmp_path / "loop", SCENES / "segments.ini", *hub) as (_, port):
+        done = dahl("node", *OWN, *on_port(port), "--node", "3", "--seconds", "0.1")
+        code, said = complaint(done)
+        assert (code, done.stdout) == (1, "") and "3" in said and "--node" in said
+        other = dahl("node", *OWN, *on_port(port), "--node", "4", "--seconds", "0.1")
+        assert other.returncode == 0 and other.stdout.startswith("node    4 ")
+
+
+@pytest.mark.parametrize("status", [(), ("--set", "status.period_ms=1000")])
+def test_a_second_node_is_refused_if_the_first_sends_nothing(tmp_path, dahl, status):
+    """It sends no Status or rarely, and has had no angle, but it answers a read."""
+    hub = ("--role", "node", "--set", "friction.node=3", *status)
+    (scene := tmp_path / "own.ini").write_text(OWN_SCENE)
+    with serving(tmp_path / "loop", scene, *hub) as (process, port):
+        with client(port) as bus:  # the Status after power-on is over
+            node.ask(bus, ParamWrite(Param.MODEL), 3, timeout=10)
+        done = dahl("node", *OWN, *on_port(port), "--node", "3", "--seconds", "0.1")
+        code, said = complaint(done)
+        assert (code, done.stdout) == (1, "") and "3" in said and "--node" in said
+        process.send_signal(signal.SIGTERM)
+        summary = finished(tmp_path / "loop", process).summary
+    assert summary["node"]["params"] == 2
+
+
+def test_the_printed_lines_name_the_same_bus(dahl):
+    """`open` works in Python and `watch` in a shell, with every option."""
+    words = ("-i", "virtual", "-c", "a rig", "-b", "500000", "--fd", "--data-bitrate", "2000000")
+    words += ("--timing", *TIMING, "--bus-kwargs", "preserve_timestamps=True", "rx_queue_size=7")
+    done = dahl("node", *OWN, *words, "--node", "3", "--seconds", "0.05")
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = done.stdout.splitlines(keepends=True)
+    assert lines[-1].startswith("ended after 0.") and not counted(lines)
+    assert any(line.startswith("note ") for line in lines)  # that python-can's bus stays in here
+    with opened(lines) as bus:
+        assert (bus.channel_id, bus.preserve_timestamps, bus.queue.maxsize) == ("a rig", True, 7)
+    (watch,) = [shlex.split(line)[2:] for line in lines if line.startswith("watch ")]
+    for k, word in enumerate(words):
+        name = {"-i": "--interface", "-c": "--channel", "-b": "--bitrate"}.get(word, word)
+        assert {word, name} & {*watch}, word
+        assert k == 0 or words[k - 1][0] != "-" or watch[watch.index(word) - 1][0] == "-"
+    assert watch[-2:] == ["--node", "3"]
+    silent = dahl(
+        "monitor", *watch[1:], "--seconds", "0.05"
+    )  # it opens the bus and receives no frame
+    assert silent.returncode == 1 and "a rig" in complaint(silent)[1]
+
+
+def test_frames_that_the_bus_refuses_are_counted(dahl, monkeypatch):
+    class Full:
+        def send(self, _: can.Message) -> None:
+            raise can.CanOperationError("full")
+
+        def recv(self, _: float) -> None:
+            return None
+
+    monkeypatch.setattr(can, "Bus", lambda **_: contextlib.nullcontext(Full()))
+    done = dahl("node", *OWN, "-i", "virtual", "-c", "a rig", "--seconds", "0.25")
+    assert done.returncode == 0
+    assert re.search(r"not sent [23]$", done.stdout.strip())
+
+
+def test_an_error_of_the_server_is_passed_on(dahl, monkeypatch, tmp_path):
+    script = "echo 'socketcand 127.0.0.1:5 serves'\nsleep 0.3\necho error: no rig >&2\nexit 1\n"
+    (program := tmp_path / "loop").write_text(f"#!/bin/sh\n{script}")
+    program.chmod(0o755)
+    monkeypatch.setenv("DAHL_LOOP", str(program))
+    done = dahl("node", *OWN, "--host", "127.0.0.1", "--seconds", "30")
+    assert complaint(done) == (1, "no rig")
+
+
+# --- firmware, replaced by a node in Python -------------------------------------------------------
+
+STEP, TIMEOUT, STATUS = Param.STEP, Param.TIMEOUT, Param.STATUS
+
+
+@contextlib.contextmanager
+def attached(kept: list[Node], core, params, folder, port, number) -> Iterator[None]:
+    """Join the served bus as firmware does. Another member sends angles, of which every second one
+    is lost.
+    """
+    settings = {"interface": "socketcand", "channel": "vcan0", "host": "127.0.0.1", "port": port}
+    kept.append(Node(Plan(*params), number))
+    with can.Bus(**settings) as bus, can.Bus(**settings) as other:
+        with pytest.raises(RunError, match=f"node {number} "):
+            node.ask(bus, ParamWrite(Param.MODEL), number, timeout=0.2)
+        notifier = can.Notifier(bus, [node.Listener(bus, kept[0])])
+        asked = other.send_periodic([*map(partial(angle, number), range(0, 16, 2))], 0.02)
+        try:
+            yield
+        finally:
+            asked.stop()
+            notifier.stop()
+
+
+def angle(number: int, counter: int) -> can.Message:
+    return codec.pack(EncoderState(0, counter), number)
+
+
+@pytest.mark.parametrize("number", [0, 15])
+def test_firmware_gets_the_settings_of_its_scene(dahl, monkeypatch, tmp_path, number):
+    """A setting that it cannot hold is refused: its timeout is in whole ms. The emulator takes
+    seconds, so its two calls are replaced.
+    """
+    kept: list[Node] = []
+    monkeypatch.setattr("dahl.sim.firmware.build", lambda core: tmp_path / "node_image")
+    monkeypatch.setattr("dahl.sim.firmware.attach_firmware", partial(attached, kept))
+    more = "max_step = 2000\ntimeout_ms = 9000\n[status]\nperiod_ms = 70\n"
+    (tmp_path / "own.ini").write_text(OWN_SCENE + more)
+    words = ("node", "--scene", "own.ini", "--target", "m4f", "--node", number, "--seconds", 0.4)
+    done = dahl(*words)
+    assert done.returncode == 0, done.stderr
+    for param, value in {STEP: 2000, TIMEOUT: 9, STATUS: 0.07}.items():
+        reply = codec.unpack(kept[0].receive(codec.pack(ParamWrite(param), number)))
+        assert reply.si == pytest.approx(value)
+    counts = counted(done.stdout.splitlines())
+    assert 0 < counts["answers"] < counts["frames"] and 0 < counts["lost"] <= kept[0].counts.lost
+    assert counts.keys() == {"frames", "answers", "lost"}
+    kept.clear()
+    (tmp_path / "own.ini").write_text(OWN_SCENE + "timeout_ms = 9000.4\n")
+    code, said = complaint(dahl(*words))
+    assert code == 2 and "timeout = 9.0004" in said and said.endswith(" 9")

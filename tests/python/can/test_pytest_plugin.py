@@ -1,0 +1,491 @@
+# SPDX-License-Identifier: MIT
+"""The pytest plugin in test files of a user, in a folder outside the tree."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import dahl.node  # noqa: F401  # pytester forgets what it imports, and dahl.Node would be two classes
+import pytest
+from conftest import ROOT
+from dahl.binding import models
+from dahl.codec import Param, ParamWrite
+from loop_tools import client, serving
+
+pytest_plugins = ["pytester"]
+README = re.findall(r"```python\n(from dahl.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+PAGE = re.findall(r"```python\n(.*?)```", (ROOT / "docs/python.md").read_text(), re.DOTALL)[-1]
+SCENE = "[friction]\nsigma0 = 100\nFc = 0.5\ntheta_per_count = 3.8e-4\n"
+
+
+class Outcome(NamedTuple):
+    """Code, last line and all lines of a run of pytest."""
+
+    code: int
+    last: str
+    said: str
+
+
+@pytest.fixture
+def outcome(
+    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, library: Path
+) -> Callable[..., Outcome]:
+    """Run pytest with the plugin on a test file with these lines."""
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+    monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+
+    def run(text: str, *options: str) -> Outcome:
+        path = pytester.makepyfile(text)
+        words = ["-p", "dahl.pytest_plugin", "-p", "no:cacheprovider", "-q"]
+        words += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # it is imported already
+        done = pytester.runpytest_inprocess(*words, *options, path)
+        return Outcome(int(done.ret), done.outlines[-1], done.stdout.str())
+
+    return run
+
+
+def test_the_example_of_the_readme(outcome):
+    (example,) = README
+    assert len([line for line in example.splitlines() if line]) <= 5
+    done = outcome(example)
+    assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
+    assert "dahl.node" not in {thread.name for thread in threading.enumerate()}  # it has ended
+    wrong = outcome(example.replace("ratio == 1", "ratio == 0.5"))
+    assert (wrong.code, wrong.last[:8]) == (1, "1 failed"), wrong.said
+
+
+def test_each_test_has_a_node_and_a_bus_of_its_own(outcome):
+    done = outcome("""
+import dahl, pytest, time
+from dahl import codec, node
+
+channels = []
+
+@pytest.fixture
+def dahl_plan():
+    return dahl.Plan(50, 2, 1e-3)
+
+@pytest.mark.parametrize("counter", [3, 9])
+def test_plan(dahl_bus, dahl_node, counter):
+    assert dahl_node.counts.ok == 0 and dahl_node.friction == dahl.Plan(50, 2, 1e-3)
+    assert node.ask(dahl_bus, codec.EncoderState(5, counter)).state == codec.State.INIT
+    time.sleep(0.12)  # more than the timeout of a node has by default
+    assert node.ask(dahl_bus, codec.EncoderState(6, counter + 1)).state == codec.State.OK
+    assert dahl_bus.channel_id not in channels
+    channels.append(dahl_bus.channel_id)
+    assert node.ask(dahl_bus, codec.ParamWrite(codec.Param.FC)).si == 2
+    assert dahl_node.counts.ok == 2
+""")
+    assert (done.code, done.last[:8]) == (0, "2 passed"), done.said
+
+
+def test_the_bus_is_opened_with_each_option(outcome):
+    """A virtual one too: whoever names a channel shares it with a bus of their own."""
+    words = ("--dahl-interface", "virtual", "--dahl-channel", "rig", "--dahl-bus-kwargs")
+    done = outcome(
+        """
+def test_bus(dahl_bus, dahl_bus_settings):
+    more = {"preserve_timestamps": True, "rx_queue_size": 7}
+    assert dahl_bus_settings == {"interface": "virtual", "channel": "rig", **more}
+    bus = dahl_bus
+    assert (bus.channel_id, bus.preserve_timestamps, bus.queue.maxsize) == ("rig", True, 7)
+""",
+        *(*words, "preserve-timestamps=True rx_queue_size=7"),
+    )
+    assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
+
+
+def options_of(port: int) -> list[str]:
+    words = ["--dahl-interface", "socketcand", "--dahl-channel", "vcan0"]
+    return [*words, "--dahl-bus-kwargs", f"host=127.0.0.1 port={port}"]
+
+
+@contextlib.contextmanager
+def rig(folder: Path, lines: str = "", *options: str) -> Iterator[tuple[subprocess.Popen, int]]:
+    """Another process with its own node: dahl-loop with more lines of its scene; its port."""
+    (folder / "scene.ini").write_text(f"{SCENE}{lines}\n")
+    words = ("--role", "node", *options)
+    with serving(folder / "loop", folder / "scene.ini", *words) as (process, port):
+        yield process, port
+
+
+@contextlib.contextmanager
+def rig_options(folder: Path, lines: str = "", *options: str) -> Iterator[list[str]]:
+    """Options for the bus of a rig."""
+    with rig(folder, lines, *options) as (_, port):
+        yield options_of(port)
+
+
+# --- rig and simulation ---------------------------------------------------------------------------
+
+SAME = """
+import dahl, pytest, time
+from dahl import codec, node
+from dahl.codec import EncoderState, Errors, Param, ParamWrite, State
+
+PLAN = dahl.Plan(50, 2, 1e-3)
+
+@pytest.mark.dahl(plan=PLAN)
+def test_what_a_node_says(dahl_bus, dahl_node, dahl_plan):
+    assert (dahl_node.number, dahl_node.state, dahl_node.errors) == (0, State.INIT, 0)
+    assert dahl_node.friction == dahl_plan == PLAN and dahl_node.counts.ok == 0
+    alone = dahl.Friction(PLAN)
+    for counter, count in enumerate((0, 40)):
+        answer = node.ask(dahl_bus, EncoderState(count, counter))
+        assert answer.torque_q30 == alone.step_counts_q30(count)
+    time.sleep(0.3)  # the timeout is that of dahl_node_settings
+    assert (dahl_node.state, dahl_node.counts.ok) == (State.OK, 2)
+    node.expect_silence(dahl_bus, EncoderState(40, 1), seconds=0.5)
+    assert (dahl_node.state, dahl_node.errors) == (State.REPEATED, Errors.REPEATED)
+    spoiled = codec.pack(EncoderState(50, 2))
+    spoiled.data[3] ^= 1
+    node.expect_silence(dahl_bus, spoiled, seconds=0.5)
+    assert dahl_node.state == State.CRC
+    assert node.ask(dahl_bus, EncoderState(60, 4)).state == State.LOST
+    counts = dahl_node.counts
+    assert (counts.ok, counts.lost, counts.repeated, counts.crc, counts.format) == (3, 2, 1, 1, 0)
+    assert (counts.wrong_sequence, counts.jump, counts.invalid, counts.stale) == (0, 0, 0, 0)
+
+@pytest.mark.dahl(timeout=0.5, gain=0.5, status_period=0.03)
+def test_settings(dahl_bus, dahl_node):
+    node.ask(dahl_bus, EncoderState(0))
+    assert node.ask(dahl_bus, EncoderState(10**6, 1)).ratio == 0.5
+    for param, value in ((Param.TIMEOUT, 0.5), (Param.GAIN, 0.5), (Param.STATUS, 0.03)):
+        assert node.ask(dahl_bus, ParamWrite(param)).si == value
+    while dahl_node.state != State.STALE:
+        time.sleep(0.1)
+    assert dahl_node.errors == Errors.STALE
+
+@pytest.mark.dahl(status_period=0)
+def test_no_status(dahl_bus, dahl_node):
+    node.ask(dahl_bus, EncoderState(0))
+    while dahl_bus.recv(0.2):
+        pass
+    assert (dahl_node.state, dahl_node.errors, dahl_node.counts.ok) == (State.INIT, 0, 1)
+    assert dahl_bus.recv(0.1) is None
+    assert node.ask(dahl_bus, ParamWrite(Param.STATUS)).si == 0
+
+def test_frames_wait_for_the_test_while_properties_are_read(dahl_bus, dahl_node):
+    dahl_bus.send(codec.pack(EncoderState(0)))
+    while dahl_node.counts.ok == 0:
+        time.sleep(0.01)
+    heard = []
+    while message := dahl_bus.recv(0.2):
+        heard.append(type(codec.unpack(message)))
+        if heard[-1] == codec.FrictionTorque:
+            break
+    assert codec.FrictionTorque in heard and codec.ParamReply not in heard
+"""
+
+
+@pytest.mark.parametrize("where", ["here", "on a rig", "served on its bus"])
+def test_the_same_tests_run_on_a_simulated_node_and_on_a_rig(outcome, tmp_path, dahl_loop, where):
+    """Other nodes on the bus do not matter. The rig keeps its parameters."""
+    lines = f"gain = 0.75\nnode = {9 if where[0] == 's' else 0}"
+    with rig_options(tmp_path, lines) as bus:
+        before = parameters(bus)
+        options = {"h": (), "o": bus, "s": [*bus, "--dahl-serve"]}[where[0]]
+        done = outcome(SAME, *options)
+        assert (done.code, done.last[:8]) == (0, "4 passed"), done.said
+        readme = outcome(f"{README[0]}    assert dahl_node.counts.ok == 2\n", *options)
+        assert (readme.code, readme.last[:8]) == (0, "1 passed"), readme.said
+        assert parameters(bus) == before
+
+
+def parameters(options: list[str]) -> list[int]:
+    """Raw values of all parameters of node 0 or 9, whichever answers."""
+    with client(int(options[-1].rpartition("=")[2])) as bus:
+        for number in (0, 9):
+            with contextlib.suppress(TimeoutError):
+                return [
+                    dahl.node.ask(bus, ParamWrite(param), number, timeout=0.5).value
+                    for param in Param
+                ]
+    pytest.fail("no node there")
+
+
+def test_a_missing_python_can_is_named(outcome, monkeypatch):
+    monkeypatch.setitem(sys.modules, "can", None)
+    done = outcome(README[0])
+    assert done.code == 1 and "pip install 'python-can" in done.said
+    assert "Traceback" not in done.said and "def python_can" not in done.said
+
+
+def test_an_unknown_value_of_a_rig_is_an_error(outcome, tmp_path, dahl_loop):
+    """Its Status has sums of counters, so a single counter is known only if it is 0."""
+    text = """
+import copy, dahl, pytest, time
+from dahl import codec, node
+from dahl.codec import EncoderState
+
+NUMBERS = ("ignored", "params", "format", "repeated", "stale", "bus_off")
+UNKNOWN = {f"counts.{name}": lambda one, name=name: getattr(one.counts, name) for name in NUMBERS}
+UNKNOWN |= {"copy": copy.copy, "receive": lambda one: one.receive(None)}
+UNKNOWN |= {"tick": lambda one: one.tick(1.0), "==": lambda one: one == dahl.Node(one.friction)}
+
+@pytest.mark.dahl(timeout=0.5)
+def test_unknown(dahl_bus, dahl_node):
+    node.ask(dahl_bus, EncoderState(0))
+    short = codec.pack(EncoderState(0, 1))
+    short.dlc, short.data = 7, short.data[:7]
+    for frame in (EncoderState(0, 0), EncoderState(0, 9), short):
+        dahl_bus.send(frame if frame is short else codec.pack(frame))
+    while dahl_node.state != codec.State.STALE:
+        time.sleep(0.1)
+    for name, call in UNKNOWN.items():
+        with pytest.raises(dahl.RunError) as caught:
+            call(dahl_node)
+        assert f"dahl_node.{name}" in str(caught.value)
+    assert (dahl_node.counts.jump, dahl_node.counts.invalid, dahl_node.counts.ok) == (0, 0, 1)
+    with pytest.raises(AttributeError, match="okay"):
+        dahl_node.counts.okay
+    assert dahl_node == dahl_node and dahl_node in [dahl_node]
+"""
+    with rig_options(tmp_path) as options:
+        done = outcome(text, *options)
+    assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
+
+
+def test_a_rig_of_another_model_keeps_it(outcome, tmp_path, dahl_loop):
+    text = """
+import dahl, pytest
+
+def test_as_it_is(dahl_node, dahl_plan):
+    assert (dahl_plan.sigma0, dahl_node.counts.ok) == (100, 0)
+    with pytest.raises(dahl.RunError, match="dahl_node.friction.*17"):
+        dahl_node.friction
+
+@pytest.mark.dahl(plan=dahl.Plan(50, 2, 1e-3))
+def test_another_plan(dahl_node): pass
+
+@pytest.mark.dahl(plan=dahl.Slip([1, 2], [1, 1], 1e-3))
+def test_another_model(dahl_node): pass
+"""
+    with rig_options(
+        tmp_path, f"model = {models.with_key('breakaway').name}\nbreakaway = 0.5"
+    ) as options:
+        done = outcome(text, *options)
+    assert (done.code, done.last[:18]) == (1, "1 passed, 2 errors"), done.said
+    assert "refuses SIGMA0 = 50" in done.said and "dahl_node.friction" in done.said
+    assert "rig.py" not in done.said  # no internal frames
+
+
+# --- no rig, and several tests at once ------------------------------------------------------------
+
+THREE = """
+import pytest
+
+@pytest.mark.parametrize("n", range(3))
+def test_alike(dahl_node, n):
+    assert dahl_node.counts.ok == 0
+"""
+
+
+@pytest.mark.parametrize("what", ["no bus", "no node", "no such device"])
+def test_without_a_rig_the_tests_are_skipped_at_once(outcome, tmp_path, dahl_loop, what):
+    """python-can alone would try for 10 s in each test."""
+    with rig_options(tmp_path, "node = 5") as silent, socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))  # no server
+        options = {
+            "no bus": options_of(unused.getsockname()[1]),
+            "no node": silent,
+            "no such device": ["--dahl-interface", "socketcan", "--dahl-channel", "dahl9"],
+        }
+        begin = time.monotonic()
+        done = outcome(THREE, *options[what], "-rs")
+    assert time.monotonic() - begin < 20  # python-can would need 30 s
+    assert (done.code, done.last[:9]) == (0, "3 skipped"), done.said
+    [reason] = re.findall(r"no rig: (.*)", done.said)
+    assert ("node 0" if what == "no node" else options[what][3]) in reason
+
+
+def test_a_rig_that_stops_answering_fails_the_tests(outcome, tmp_path, dahl_loop):
+    with rig(tmp_path) as (process, port):
+        text = THREE + f"    import os; n == 1 and os.kill({process.pid}, 15)\n"
+        done = outcome(text, *options_of(port))
+    assert done.code == 1 and done.last.startswith("2 passed, ") and "skipped" not in done.last
+    assert "ERROR test_a_rig_that_stops_answering_fails_the_tests.py::test_alike[2]" in done.said
+
+
+def test_parallel_workers_take_turns_on_a_rig(outcome, tmp_path, dahl_loop):
+    text = """
+import pytest
+from dahl import codec, node
+
+@pytest.mark.parametrize("n", range(6))
+def test_alone(dahl_bus, dahl_node, n):
+    for counter in range(16):
+        node.ask(dahl_bus, codec.EncoderState(n, counter))
+    assert dahl_node.counts.ok == 16 and dahl_node.errors == 0
+"""
+    with rig_options(tmp_path) as options:
+        done = outcome(text, *options, "-p", "xdist", "-n", "3", "-p", "no:dahl")
+    assert (done.code, done.last[:8]) == (0, "6 passed"), done.said
+
+
+# --- more of a test -------------------------------------------------------------------------------
+
+
+def test_the_report_of_a_failed_test_has_its_frames(outcome):
+    """Sent and received frames, also unread ones. A passed test shows none."""
+    done = outcome("""
+import can
+from dahl import codec, node
+
+def test_good(dahl_bus, dahl_node):
+    node.ask(dahl_bus, codec.EncoderState(7777, 2))
+
+def test_bad(dahl_bus, dahl_node):
+    node.ask(dahl_bus, codec.EncoderState(12345, 3))
+    dahl_bus.send(can.Message(arbitration_id=0x7FF, data=b"abc", is_extended_id=False))
+    spoiled = codec.pack(codec.EncoderState(5, 4))
+    spoiled.data[0] ^= 1
+    dahl_bus.send(spoiled)
+    node.expect_silence(dahl_bus, node=9)
+    dahl_bus.send(codec.pack(codec.ParamWrite(codec.Param.FC, counter=11)))
+    while dahl_node.counts.params == 0:
+        pass
+    assert dahl_node.counts.ok == 2
+""")
+    assert (done.code, done.last[:8]) == (1, "1 failed"), done.said
+    rows = re.findall(r"^ +[\d.]+ (->|<-) ([0-9A-F]{3})#(\w+)(.*)", done.said, re.MULTILINE)
+    sent = [(identifier, summary) for way, identifier, _, summary in rows if way == "->"]
+    assert [identifier for identifier, _ in sent] == ["100", "7FF", "100", "130"]
+    for place, summary in ((0, "12345"), (1, ""), (2, "CRC"), (3, "FC")):
+        assert summary in sent[place][1]
+    received = [identifier for way, identifier, _, _ in rows if way == "<-"]
+    assert {"110", "120", "140"} <= set(received) and "7777" not in done.said
+
+
+NODES = """
+import dahl, pytest
+from dahl import codec, node
+from dahl.codec import EncoderState
+
+def test_two(dahl_bus, dahl_node, dahl_make_node):
+    third = dahl_make_node(number=3, friction=dahl.Plan(50, 2, 1e-3), gain=0.5)
+    assert (dahl_node.number, third.number, third.friction.Fc) == (0, 3, 2)
+    for number, ratio in ((0, 1), (3, 0.5)):
+        node.ask(dahl_bus, EncoderState(0), number)
+        assert node.ask(dahl_bus, EncoderState(10**6, 1), number).ratio == ratio
+    assert (dahl_node.counts.ok, third.counts.ok) == (2, 2)
+    with pytest.raises(dahl.Error, match="number = 3"):
+        dahl_make_node(number=3)
+    with pytest.raises(dahl.Error, match="gain = 2"):
+        dahl_make_node(number=2, gain=2)
+
+def test_one(dahl_bus, dahl_make_node):
+    assert dahl_make_node().number == 1
+    node.ask(dahl_bus, EncoderState(0), 1)
+"""
+
+
+@pytest.mark.parametrize("where", ["here", "on a rig"])
+@pytest.mark.parametrize("text", [NODES, PAGE], ids=["two nodes", "example of the page"])
+def test_a_test_may_have_more_nodes(outcome, tmp_path, dahl_loop, text, where):
+    with rig_options(tmp_path, "", "--nodes", "4") as options:
+        done = outcome(text, *options if where != "here" else ())
+    assert (done.code, done.last[:8]) == (0, "2 passed"), done.said
+
+
+def test_async_tests_need_no_plugin(outcome):
+    """A wrong one fails."""
+    done = outcome("""
+import asyncio, dahl, pytest
+from dahl.codec import EncoderState, Param, ParamWrite
+
+class TestAsync:
+    @pytest.mark.parametrize("wanted", [0, 1])
+    async def test_torque(self, dahl_async_bus, dahl_node, wanted):
+        assert (await dahl_async_bus.ask(EncoderState(0))).ratio == wanted
+
+async def test_several_at_once(dahl_async_bus, dahl_node, dahl_make_node):
+    dahl_make_node(number=3)
+    asked = [dahl_async_bus.ask(ParamWrite(Param.FC, counter=k), k % 2 * 3) for k in range(8)]
+    assert [reply.counter for reply in await asyncio.gather(*asked)] == list(range(8))
+    await dahl_async_bus.expect_silence(EncoderState(0), node=7, seconds=0.02)
+    with pytest.raises(dahl.RunError, match="silent"):
+        await dahl_async_bus.expect_silence(EncoderState(0), seconds=9)
+    await dahl_async_bus.send(ParamWrite(Param.GAIN), 3)
+    while (message := await dahl_async_bus.recv()).arbitration_id != 0x143:
+        pass
+""")
+    assert (done.code, done.last[:18]) == (1, "1 failed, 2 passed"), done.said
+    assert "test_torque[1]" in done.said
+
+
+def test_the_mark_selects_tests_and_configures_the_node(outcome):
+    text = """
+import dahl, pytest
+
+pytestmark = pytest.mark.dahl(number=4)
+
+def test_node(dahl_bus, dahl_node):
+    assert dahl_node.number == 4
+
+class TestNearest:
+    pytestmark = pytest.mark.dahl(plan=dahl.Plan(1, 2, 3))
+
+    def test_plan(self, dahl_plan, dahl_node):
+        assert dahl_node.friction == dahl_plan == dahl.Plan(1, 2, 3)
+"""
+    other = "\ndef test_bus(dahl_bus): pass\ndef test_none(): pass\n"
+    done = outcome(text, "--strict-markers")
+    assert (done.code, done.last[:8]) == (0, "2 passed"), done.said
+    for options, count in ((("-m", "dahl"), 1), (("-m", "not dahl"), 1), ((), 2)):
+        done = outcome(other, *options)
+        assert (done.code, done.last[:8]) == (0, f"{count} passed"), done.said
+
+
+@pytest.mark.parametrize(
+    ("mark", "told"),
+    [("5", "5"), ("gian=1", "gian"), ("gain=7", "gain = 7"), ("plan=3", "friction = 3")],
+)
+def test_a_wrong_mark_is_one_line(outcome, mark, told):
+    done = outcome(f"""
+import pytest
+
+@pytest.mark.dahl({mark})
+def test_node(dahl_node): pass
+""")
+    assert (done.code, done.last[:7]) == (1, "1 error"), done.said
+    assert told in done.said and "pytest_plugin" not in done.said.replace("-p dahl", "")
+
+
+# --- errors ---------------------------------------------------------------------------------------
+
+
+def test_a_bus_that_cannot_be_opened_is_one_line(outcome):
+    """It is an error, not a skip: socketcand needs a host."""
+    options = ("--dahl-interface", "socketcand", "--dahl-channel", "vcan0")
+    done = outcome(README[0], *options)
+    assert done.code == 1
+    assert "cannot open the bus (interface=socketcand channel=vcan0)" in done.said
+    assert "open_bus" not in done.said and "During handling" not in done.said  # no internal frames
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--dahl-channel", "can0"), "--dahl-channel goes with --dahl-interface"),
+        (("--dahl-serve",), "--dahl-serve goes with --dahl-interface"),
+        (("--dahl-interface", "virtual", "--dahl-bus-kwargs", "fd=True bitrate"), "bitrate: KEY="),
+        (("--dahl-interface", "virtual", "--dahl-bus-kwargs", "=1"), "=1: KEY=VALUE was expected"),
+    ],
+)
+def test_an_option_without_its_interface_is_refused(pytester, monkeypatch, options, said):
+    """A test of can0 must not pass on another bus."""
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+    words = ("-p", "dahl.pytest_plugin", "-p", "no:cacheprovider", "-q")
+    done = pytester.runpytest_inprocess(*words, *options, pytester.makepyfile(README[0]))
+    assert done.ret == pytest.ExitCode.USAGE_ERROR
+    assert said in done.stderr.str() and "passed" not in done.stdout.str()

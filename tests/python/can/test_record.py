@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: MIT
+"""`dahl record` writes logs that can be replayed and drawn, and keeps old files."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import can
+import numpy as np
+import pytest
+from bus_frames import frames, new_channel, sending
+from identify_tools import complaint
+from loop_tools import SCENES, read_log, serving, wait_until
+from test_monitor import ANGLE, bus_of
+
+pytestmark = pytest.mark.usefixtures("library")
+
+QUIET = ("-i", "virtual", "-c", "quiet")
+
+
+@pytest.fixture
+def served(tmp_path):
+    limits = ("--wait-clients", "1", "--seconds", "20")
+    with serving(tmp_path / "loop", SCENES / "steering.ini", *limits) as (_, port):
+        yield bus_of(port)
+
+
+def angles(log: Path) -> list[can.Message]:
+    return [frame for frame in can.LogReader(log) if frame.arbitration_id == 0x100]
+
+
+# --- the log --------------------------------------------------------------------------------------
+
+
+def test_a_record_is_a_candump_log_without_gaps(served, dahl):
+    done = dahl("record", *served, "-o", "run.log", "--frames", "400")
+    assert (done.returncode, done.stderr, done.stdout) == (0, "", "400 frames in run.log\n")
+    lines = Path("run.log").read_text().splitlines()
+    form = r"\(\d{10}\.\d{6}\) vcan0 1[0-2]0#[0-9A-F]{16}( R)?"
+    assert len(lines) == 400 and all(re.fullmatch(form, line) for line in lines)
+    counters = np.array([frame.data[1] & 15 for frame in angles("run.log")])
+    assert len(counters) > 180 and set(np.diff(counters) % 16) == {1}
+
+
+@pytest.mark.parametrize(
+    "ending",
+    [
+        ".asc",
+        *(pytest.param(one, marks=pytest.mark.checks) for one in (".blf", ".LOG", ".mf4", ".trc")),
+    ],
+)
+def test_plot_draws_each_format_of_a_record(dahl, tmp_path, ending):
+    """Each angle has the time of the bus."""
+    log = f"run{ending}"
+    limits = ("--wait-clients", "1", "--seconds", "20")
+    with serving(tmp_path / "loop", SCENES / "steering.ini", *limits) as (_, port):
+        done = dahl("record", *bus_of(port), "-o", log, "--frames", "400")
+    assert (done.returncode, done.stderr) == (0, "")
+    held = angles(log)
+    bus = [one for one in read_log(tmp_path / "loop" / "run.log") if one.id == 0x100][: len(held)]
+    assert len(held) >= 190 and [bytes(one.data) for one in held] == [one.data for one in bus]
+    shifts = np.array([one.timestamp for one in held]) - [one.time for one in bus]
+    assert np.ptp(shifts) < 2e-4  # what the coarsest format rounds to
+    done = dahl("plot", log, "--scene", "segments", "-o", "loop.png")
+    assert done.returncode == 0, done.stderr
+    assert Path("loop.png").stat().st_size > 10_000
+
+
+def test_each_frame_is_written_at_once(dahl, dbc):
+    """As a whole line, since the recorder may be killed."""
+    log, lines, channel = Path("run.log"), [], new_channel()
+    sent = frames(dbc, *(("EncoderState", 1e9 + n, ANGLE | {"Counter": n}) for n in range(4)))
+
+    def look() -> None:
+        wait_until(lambda: log.read_text().count("\n") == 3)
+        lines.append(log.read_text())
+
+    with sending(channel, sent, log.exists, look):
+        done = dahl("record", "-i", "virtual", "-c", channel, "--frames", 4, "-o", log)
+    assert (done.returncode, done.stdout) == (0, "4 frames in run.log\n")
+    assert log.read_text().startswith(lines[0])
+    assert [message.timestamp for message in can.LogReader(log)] == [1e9 + n for n in range(4)]
+
+
+def test_ctrl_c_is_a_normal_end_of_a_record(served, root, tmp_path):
+    log = tmp_path / "run.log"
+    command = [sys.executable, "-m", "dahl", "record", *served, "-o", str(log)]
+    process = subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True)
+    wait_until(lambda: log.exists() and log.stat().st_size > 5000, 30)
+    process.send_signal(2)
+    assert process.wait(10) == 0
+    assert log.read_text().endswith("\n") and len(angles(log)) > 50
+    assert process.stdout.read() == f"{len(log.read_text().splitlines())} frames in {log}\n"
+
+
+@pytest.mark.parametrize("ending", [".log", ".asc", ".trc"])
+def test_a_full_disk_leaves_whole_lines(served, root, tmp_path, ending):
+    """A limit of the file size cuts a line as a full disk does."""
+    log, whole = tmp_path / f"run{ending}", tmp_path / f"whole{ending}"
+    limit = 5003
+    command = [sys.executable, "-m", "dahl", "record", *served, "--frames", "300", "-o"]
+    how = {"cwd": root, "capture_output": True, "text": True, "timeout": 60}
+    done = subprocess.run(
+        [*command, log],
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+        **how,
+    )
+    assert complaint(done) == (1, f"{log}: File too large")
+    subprocess.run([*command, whole], check=True, **how)
+    text, line = log.read_bytes(), max(map(len, whole.read_bytes().splitlines(keepends=True)))
+    assert text.endswith(b"\n") and limit - line <= len(text) <= limit
+    assert len(list(can.LogReader(log))) > 50
+
+
+def test_the_end_of_the_server_is_an_error_and_the_log_is_whole(dahl, tmp_path):
+    """python-can itself polls a dead connection without a pause."""
+    limits = ("--wait-clients", "1", "--seconds", "0.3")
+    with serving(tmp_path / "loop", SCENES / "segments.ini", *limits) as (_, port):
+        code, said = complaint(dahl("record", *bus_of(port), "-o", "run.log"))
+    assert code == 1 and "bus has gone" in said
+    assert len(angles("run.log")) >= 300
+
+
+# --- frames that a format cannot hold -------------------------------------------------------------
+
+
+def special_frames() -> list[can.Message]:
+    """CAN FD, remote and error frames, which a .trc cannot hold."""
+    kinds = ("is_fd", "is_remote_frame", "is_error_frame")
+    return [
+        can.Message(timestamp=1e9 + n, arbitration_id=0x100, is_extended_id=False, **{kind: True})
+        for n, kind in enumerate(kinds)
+    ]
+
+
+@pytest.mark.parametrize(("ending", "held"), [(".TRC", 2), (".asc", 5)])
+def test_frames_that_a_format_cannot_hold_are_not_counted_as_recorded(dahl, dbc, ending, held):
+    (plain,) = frames(dbc, ("EncoderState", 1e9 + 5, ANGLE | {"Counter": 1}))
+    log, channel = f"run{ending}", new_channel()
+    with sending(channel, [plain, *special_frames(), plain]):
+        done = dahl("record", "-i", "virtual", "-c", channel, "--frames", 5, "-o", log)
+    assert (done.returncode, done.stderr) == (0, "")
+    first, *more = done.stdout.splitlines()
+    assert first == f"{held} frames in {log}" and len(list(can.LogReader(log))) == held
+    assert [line.split()[0] for line in more] == ["3"] * (ending == ".TRC")
+
+
+def test_a_trc_without_frames_keeps_the_old_file(dahl):
+    """A bus with --fd is refused at once."""
+    log, channel = Path("run.TRC"), new_channel()
+    log.write_text("an old run")
+    words = ("record", "-i", "virtual", "-c", channel, "--frames", 3, "-o", log, "--force")
+    with sending(channel, special_frames()):
+        done = dahl(*words)
+    code, said = complaint(done)
+    assert (code, done.stdout) == (1, "") and said.startswith("run.TRC: 3 frames")
+    code, said = complaint(dahl(*words, "--fd"))
+    assert code == 2 and said.startswith("run.TRC: ") and "--fd" in said
+    assert log.read_text() == "an old run"
+
+
+# --- old files and no bus -------------------------------------------------------------------------
+
+
+def test_force_overwrites_a_log(served, dahl):
+    log = Path("run.log")
+    log.write_text("mine")
+    assert dahl("record", *served, "-o", log, "--frames", "10", "--force").returncode == 0
+    assert log.read_text().count("\n") == 10
+    log.unlink()
+    log.symlink_to("/dev/full")
+    done = dahl("record", *served, "-o", log, "--frames", "10", "--force")
+    assert complaint(done) == (1, "run.log: No space left on device")
+
+
+@pytest.mark.parametrize("old", ["an old run", ""])
+def test_a_silent_bus_keeps_the_old_file(dahl, old):
+    Path("run.log").write_text(old)
+    done = dahl("record", *QUIET, "--seconds", "0.3", "-o", "run.log", "--force")
+    assert done.returncode == 1 and Path("run.log").read_text() == old
+
+
+def test_a_recorder_without_frames_says_that_it_waits(dahl):
+    done = dahl("record", *QUIET, "--seconds", "4", "-o", "run.blf")
+    first, second = done.stderr.splitlines()
+    assert "waiting" in first and "Ctrl-C" in first and second.startswith("error: ")
+
+
+def test_a_missing_bus_is_refused_in_one_line(dahl, monkeypatch, tmp_path, run_dahl):
+    """python-can tries for ten seconds, which pass at once here."""
+    quick = SimpleNamespace(time=itertools.count().__next__, sleep=time.sleep)
+    monkeypatch.setattr("can.interfaces.socketcand.socketcand.time", quick)
+    for verb in (("monitor",), ("record", "-o", "run.log")):
+        code, said = complaint(dahl(*verb, *bus_of(1)))
+        assert code == 1 and "interface=socketcand channel=vcan0" in said and "port=1" in said
+        code, said = complaint(dahl(*verb, "-i", "nothing", "-c", "x"))
+        assert code == 2 and "-i" in said and "'nothing'" in said
+    assert list(tmp_path.iterdir()) == []
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("CAN_")}
+    done = run_dahl("monitor", env={**environment, "HOME": str(tmp_path)})
+    code, said = complaint(done)
+    assert code == 2 and "-i" in said and "-c" in said

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: MIT
+"""dahl-loop on a real SocketCAN, with can-utils as foreign clients.
+
+On this kernel if its vcan0 is up, else in a virtual machine (tools/vm.sh). One boot runs all cases
+(tests/socketcan/run.sh). Each test reads the files of one case.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from conftest import ROOT, built
+from dahl import bus
+from loop_tools import LINE, SCENES, counts_of, read_log, run, torques_of
+
+pytestmark = pytest.mark.checks
+
+SCENE = SCENES / "steering.ini"
+ABSENT = 77  # vm.sh's code for what cannot be had here
+
+
+@dataclass
+class Case:
+    """Files of one case."""
+
+    folder: Path
+
+    def summary(self, name: str) -> dict:
+        return json.loads((self.folder / f"{name}.json").read_text())
+
+    def code(self, name: str) -> int:
+        return int((self.folder / f"{name}.code").read_text())
+
+    def errors(self, name: str) -> str:
+        return (self.folder / f"{name}.err").read_text()
+
+    def frames(self, name: str) -> list[tuple[str, str]]:
+        """(time, id#data) of each line of a log."""
+        lines = (self.folder / f"{name}.log").read_text().splitlines()
+        return [(line.split()[0], line.split()[2]) for line in lines]
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory):
+    """Run all cases; returns a function from the name of a case to its files."""
+    if not shutil.which("candump"):
+        pytest.skip("can-utils are not installed (tools/setup.sh installs them where it can)")
+    folder = tmp_path_factory.mktemp("socketcan")
+    words = [ROOT / "tests/socketcan/run.sh", built("host_sim", "dahl-loop"), SCENE, folder]
+    if not (bus.has_socketcan() and bus.vcan_is_up()):
+        words = [ROOT / "tools/vm.sh", folder, *words]
+    done = subprocess.run(
+        [str(word) for word in words], capture_output=True, text=True, timeout=280, check=False
+    )
+    if done.returncode == ABSENT:
+        pytest.skip(done.stdout.strip())
+    print(done.stdout, done.stderr)
+    return lambda name: Case(folder / name)
+
+
+def test_virtual_time_is_the_same_byte_for_byte(machine, tmp_path):
+    """The same seed on vcan0 and in this process."""
+    here = run(tmp_path, SCENE, "--virtual", "--seconds", "2")
+    case = machine("virtual")
+    assert case.code("both") == 0, case.errors("both")
+    assert (case.folder / "run.log").read_bytes() == here.log.read_bytes()
+
+
+def test_candump_sees_what_the_loop_logs(machine):
+    """Except for the time, which is virtual in the log."""
+    case = machine("virtual")
+    assert len(case.frames("run")) == 4020
+    assert [words for _, words in case.frames("candump")] == [
+        words for _, words in case.frames("run")
+    ]
+
+
+def test_time_stamps_are_those_of_the_kernel(machine):
+    """In real time, to the microsecond."""
+    case = machine("noise")
+    assert case.code("both") == 0, case.errors("both")
+    assert len(case.frames("run")) > 6400
+    assert sorted(case.frames("run")) == sorted(case.frames("candump"))
+
+
+def test_two_processes_behind_kernel_filters(machine):
+    """The kernel keeps answers and Status away from the node."""
+    case = machine("two")
+    node, encoder = case.summary("node"), case.summary("encoder")
+    assert (case.code("node"), case.code("encoder")) == (0, 0)
+    assert (encoder["frames_sent"], encoder["frames_lost"]) == (2000, 0)
+    assert (node["node"]["ok"], node["node"]["ignored"]) == (2000, 0)
+    assert {LINE.fullmatch(line)[3] for line in lines(case)} == {"100", "110", "120"}
+    same = read_log(case.folder / "candump.log")
+    alone = read_log(machine("virtual").folder / "run.log")
+    assert counts_of(same) == counts_of(alone)
+    assert torques_of(same) == torques_of(alone)
+
+
+def lines(case: Case) -> list[str]:
+    return (case.folder / "candump.log").read_text().splitlines()
+
+
+def test_canplayer_replays_a_log_to_the_same_torques(machine):
+    case = machine("replay")
+    assert case.summary("node")["node"]["ok"] == 2000
+    assert torques_of(read_log(case.folder / "candump.log")) == torques_of(
+        read_log(machine("virtual").folder / "run.log")
+    )
+
+
+def test_cansend_disturbs_nothing_and_is_counted(machine):
+    """A wrong CRC; a short, an extended and a remote frame; two of CAN FD. 7FF is filtered out."""
+    summary = machine("disturb").summary("node")
+    seen = {name: count for name, count in summary["node"].items() if count}
+    assert seen == {"crc": 1, "format": 5, "bus_off": 1}
+    assert summary["bus_counts"]["error_frames"] == 1
+
+
+def test_cangen_on_the_encoders_own_id_loses_no_answer(machine):
+    case = machine("noise")
+    summary = case.summary("both")
+    assert (summary["frames_sent"], summary["frames_lost"]) == (3000, 0)
+    seen = {name: count for name, count in summary["node"].items() if count}
+    assert seen == {"ok": 3000, "crc": 150, "format": 150, "ignored": 100}
+
+
+def test_after_bus_off_the_third_good_frame_restores_the_torque(machine):
+    """After the error frame of the kernel there is no answer until the timeout has passed."""
+    case = machine("off")
+    assert case.code("both") == 0, case.errors("both")
+    summary = case.summary("both")
+    node = summary["node"]
+    assert (node["bus_off"], node["stale"], summary["bus_counts"]["error_frames"]) == (1, 0, 2)
+    assert node["rearm"] > 2  # two would be enough if the node did not wait for the timeout
+    assert node["ok"] + node["rearm"] == summary["frames_sent"]
+    log = read_log(case.folder / "run.log")
+    at = [frame.id for frame in log].index(0x20000040)
+    after = log[at + 1 :]
+    if after[0].id == 0x110:  # was on its way
+        assert after[0].data[1] >> 4 == 0
+        after = after[1:]
+    back = next(frame for frame in after if frame.id == 0x110)
+    unanswered = sum(frame.id == 0x100 for frame in after[: after.index(back)])
+    assert node["rearm"] <= unanswered - 1 <= node["rearm"] + 1
+    assert back.data[1] >> 4 == 5  # STALE: a new start
+    assert log[at - 1].id != 0x20000040
+    assert 0x20000004 in {frame.id for frame in log[:at]}
+
+
+def test_the_fourth_bus_off_in_a_row_is_latched(machine):
+    case = machine("off")
+    assert case.code("latched") == 0, case.errors("latched")
+    summary = case.summary("latched")
+    assert summary["node"]["bus_off"] == 4
+    assert summary["node"]["ok"] + summary["node"]["rearm"] == summary["frames_sent"]
+    log = read_log(case.folder / "latched.log")
+    last = max(i for i, frame in enumerate(log) if frame.id == 0x20000040)
+    after = [frame.id for frame in log[last:]]
+    assert after.count(0x100) > 1500  # longer than the timeout
+    assert 0x110 not in after
+    assert 0x120 in after
+
+
+def test_a_full_queue_does_not_stop_the_ticks(machine):
+    """ENOBUFS: the frame is retried, then dropped and counted."""
+    case = machine("full")
+    if not (case.folder / "both.json").exists():
+        pytest.skip(f"no queue to fill: {(case.folder / 'tc.err').read_text().strip()}")
+    summary = case.summary("both")
+    assert case.code("both") == 0, case.errors("both")
+    assert summary["ticks"] == 1000
+    assert summary["bus_counts"]["dropped"] > 500
+    assert summary["bus_counts"]["retries"] > summary["bus_counts"]["dropped"]
+
+
+def test_an_interface_that_goes_down_is_reported_once(machine):
+    case = machine("down")
+    assert case.code("both") == 1
+    assert case.errors("both").startswith("error: --bus socketcan:vcan0: the bus is gone after ")
+    assert case.errors("both").count("\n") == 1
+    log = read_log(case.folder / "run.log")
+    summary = case.summary("both")
+    assert len(counts_of(log)) <= summary["frames_sent"] <= summary["ticks"]
+    assert summary["ticks"] > 100
+    assert case.code("absent") == 1
+    assert case.errors("absent").count("\n") == 1

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: MIT
+"""Every option of every command: its names, both ends of its range, values beyond, required
+options, help, and completion in a shell.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+from dahl.binding import models
+from identify_tools import complaint
+
+FINITE, ABOVE_0, TIME = (-1e30, 1e30), (1e-30, 1e30), (0.001, 1e9)
+NODES, FRAMES, PORT = (0, 15), (1, 2**63), (0, 65535)  # of integers whole numbers, else any
+MODELS = tuple(name for name, model in models.table().items() if model.has_plan)
+FLAG, TEXT, NUMBER = "a flag", "any text", "any number"  # else (least, most), or all choices
+LIVE = {"--frames": FRAMES, "--seconds": TIME}
+BUS = {"-i/--interface": TEXT, "-c/--channel": TEXT, "-b/--bitrate": NUMBER, "--fd": FLAG}
+BUS |= {"--data-bitrate": NUMBER, "--timing": TEXT, "--bus-kwargs": TEXT, "--host": TEXT}
+BUS |= {"--port": PORT}
+OPTIONS: dict[str, dict[str, Any]] = {
+    "demo": {"--angle": TEXT, "--torque": TEXT, "--time": TEXT, "--sigma0": NUMBER}
+    | {"--fc": NUMBER, "--counts-per-turn": NUMBER, "--angle-unit": TEXT, "--scene": TEXT}
+    | dict.fromkeys(("--torque-scale", "--offset", "--spring"), FINITE)
+    | {"--bus": TEXT, "--target": TEXT, "--seconds": TIME, "--seed": (0, 2**64 - 1)}
+    | {"--json": FLAG, "-o/--output": TEXT},
+    "identify": dict.fromkeys(("--angle", "--torque", "--time", "--load", "--angle-unit"), TEXT)
+    | dict.fromkeys(("--torque-unit", "--time-unit", "--dbc", "--terms", "--model"), TEXT)
+    | dict.fromkeys(("--check", "--each", "--dask", "--json", "--name", "-o/--output"), TEXT)
+    | dict.fromkeys(("--skip-gaps", "--trust-units", "--no-delay", "--follow"), FLAG)
+    | {"--force": FLAG, "--no-files": FLAG, "--median": (0, 99), "--jobs": (-1, 1024)}
+    | {"--counts-per-turn": NUMBER, "--target-counts-per-turn": ABOVE_0, "--within": ABOVE_0}
+    | LIVE
+    | BUS,
+    "excite": dict.fromkeys(("--sigma0", "--fc", "--noise", "--counts-per-turn"), ABOVE_0)
+    | dict.fromkeys(("--within", "--rate", "--speed"), ABOVE_0)
+    | {"--from": TEXT, "--mm": FLAG, "--name": TEXT, "--force": FLAG, "-o/--output": TEXT},
+    "plan": dict.fromkeys(("--sigma0", "--fc", "--breakaway", "--counts-per-turn"), TEXT)
+    | {"--model": MODELS, "--theta-per-count": TEXT, "-o/--output": TEXT, "--name": TEXT}
+    | {"--force": FLAG},
+    "node": {"--scene": TEXT, "--sigma0": NUMBER, "--fc": NUMBER, "--theta-per-count": NUMBER}
+    | {"--node": NODES, "--target": TEXT, "--seconds": TIME}
+    | BUS,
+    "monitor": {"--node": NODES, "--dbc": TEXT, "--window": (2, 10**6), "--fc": ABOVE_0}
+    | {"--scene": TEXT, "--json": FLAG}
+    | LIVE
+    | BUS,
+    "record": {"-o/--output": TEXT, "--force": FLAG} | LIVE | BUS,
+    "plot": {"--scene": TEXT, "-c/--channel": TEXT, "-o/--output": TEXT},
+    "report": {"-o/--output": TEXT},
+    "data": {"--json": FLAG},
+    "dbc": {"--nodes": (1, 16), "-o/--output": TEXT, "--force": FLAG},
+    "complete": {},
+}
+NEEDED = {  # required options
+    "excite": ["--counts-per-turn=1"],
+    "plan": ["--sigma0=1", "--fc=1", "--theta-per-count=0", "-ox"],
+    **{"record": ["-ox"], "plot": ["x"], "report": ["x"]},
+}
+EVERY = [(verb, names) for verb, options in OPTIONS.items() for names in options]
+
+
+def refusal_of(dahl, verb: str, *words: str) -> str:
+    """The message for these words and an unknown option: of an accepted value, only the unknown
+    option is named.
+    """
+    option = words[0].partition("=")[0]
+    beside = [one for one in NEEDED.get(verb, []) if one.partition("=")[0] != option]
+    if option == "--counts-per-turn" and verb == "plan":
+        beside.remove("--theta-per-count=0")  # one of both
+    code, line = complaint(dahl(verb, *beside, *words, "--no-such-option"))
+    assert code == 2 and f"dahl {verb} --help" in line or "dahl --help" in line
+    return line
+
+
+def samples(takes: Any) -> list[str]:
+    """Accepted values: both ends of a range."""
+    if isinstance(takes, tuple):
+        return [one if isinstance(one, str) else repr(one) for one in takes]
+    return {TEXT: ["a=b"], NUMBER: ["7"]}[takes]
+
+
+def beyond(takes: Any) -> list[str]:
+    """Refused values: the next one on either side of a range."""
+    if takes == NUMBER:
+        return ["x", "1,5"]
+    if isinstance(takes[0], str):
+        return ["", "x", takes[0].upper()]
+    low, high = takes
+    if isinstance(low, float) or isinstance(high, float):
+        return [repr(low - abs(low) / 1000), repr(high * 1.001), "nan", "inf", "x", "1,5"]
+    return [str(low - 1), str(high + 1), "1.5", "x", "--5", "5-", "1" * 5000, "\u00b2"]
+
+
+@pytest.mark.parametrize(("verb", "names"), EVERY)
+def test_an_option_accepts_its_range_and_nothing_beyond(dahl, verb, names):
+    """A refusal names the limits."""
+    takes = OPTIONS[verb][names]
+    if takes == FLAG:
+        assert "--no-such-option" in refusal_of(dahl, verb, names)
+        assert "ignored explicit argument" in refusal_of(dahl, verb, f"{names}=1")
+        return
+    if names in ("-i/--interface", "--timing"):  # python-can's own choices and forms
+        assert names.split("/")[0] in refusal_of(dahl, verb, f"{names.split('/')[-1]}=x")
+        return
+    for name in names.split("/"):
+        for value in samples(takes):
+            word = f"{name}={value}" if name[:2] == "--" else name + value
+            assert "--no-such-option" in refusal_of(dahl, verb, word)
+    for value in () if takes == TEXT else beyond(takes):
+        line = refusal_of(dahl, verb, f"{names.split('/')[-1]}={value}")
+        assert names.split("/")[-1] in line and value[:100] in line
+        for limit in takes if isinstance(takes, tuple) else ():
+            assert (f"{limit:g}" if isinstance(limit, float) else str(limit)) in line
+
+
+MISSING = [(verb, word) for verb, words in NEEDED.items() for word in words]
+
+
+@pytest.mark.parametrize(("verb", "missing"), [*MISSING, ("record", "-c")])
+def test_a_missing_required_option_is_named(verb, missing, dahl):
+    """Before any file is written."""
+    words = [word for word in NEEDED[verb] if word != missing]
+    code, line = complaint(dahl(verb, *words, *["-c"] * (missing == "-c")))
+    name = {"x": "RUN", "-ox": "-o"}.get(missing, missing.partition("=")[0])
+    assert code == 2 and name in line and not list(Path.cwd().iterdir())
+
+
+@pytest.mark.parametrize(("words", "told"), [("", "required"), ("x", "'x'"), ("demo -y", "-y")])
+def test_an_unknown_command_or_option_is_named(words, told, dahl):
+    code, line = complaint(dahl(*words.split()))
+    assert code == 2 and told in line and "--help" in line
+
+
+UNITS = {"--fc": "N m", "--sigma0": "N m/rad", "--theta-per-count": "rad per count"}
+UNITS |= {"--offset": "N m", "--spring": "N m/rad", "--torque-scale": "N m per unit"}
+DEFAULTS = {"identify": {"--within": "2"}, "excite": {"--noise": "0.05", "--within": "1"}}
+DEFAULTS["excite"] |= {"--rate": "1000"}
+DEFAULTS |= {"plan": {"--model": "dahl"}}
+DEFAULTS |= {"node": {"--scene": "steering"}}
+
+
+@pytest.mark.parametrize("verb", OPTIONS)
+def test_the_help_has_unit_and_default_of_a_number(verb, dahl):
+    text = dahl(verb, "--help").stdout
+    parts = re.split(r"\n  (?=-)", text)
+    texts = {re.findall(r"--[\w-]+", part)[0]: " ".join(part.split()) for part in parts[1:]}
+    for name in UNITS.keys() & texts.keys() & OPTIONS[verb].keys():
+        assert re.search(rf"\b{UNITS[name]}(?![\w/])", texts[name]), (verb, name)
+    for name, value in DEFAULTS.get(verb, {}).items():
+        assert re.search(rf"default:? {value}(\)|$)", texts[name]), (verb, name)
+
+
+# --- completion in a shell ------------------------------------------------------------------------
+
+
+def test_bash_completes_commands_options_and_values(dahl, root):
+    """With the script of `dahl complete`. No option is missing in the table."""
+    script = dahl("complete").stdout
+    function = re.search(r"^complete .*-F (\w+) dahl$", script, re.MULTILINE)[1]
+
+    def completed(*words: str) -> list[str]:
+        line = " ".join(map(shlex.quote, ("dahl", *words)))
+        ask = f"COMP_WORDS=({line}); COMP_CWORD={len(words)}; {function} 2>/dev/null; "
+        ask += 'printf "%s\\n" "${COMPREPLY[@]}"'
+        shell = ["bash", "--norc", "-uc", script + ask]
+        return subprocess.run(shell, capture_output=True, text=True, check=True).stdout.split()
+
+    assert re.findall(r"^    (\w+) ", dahl("--help").stdout, re.MULTILINE) == list(OPTIONS)
+    assert set(completed("")) == {*OPTIONS}
+    assert set(completed("-")) == {"-h", "--help", "--version"}
+    assert completed("mon") == ["monitor"] and completed("demo", "--sce") == ["--scene"]
+    for verb, options in OPTIONS.items():
+        names = {name for names in options for name in names.split("/")}
+        assert set(completed(verb, "-")) == {*names, "-h", "--help"}
+    scenes = {path.stem for path in (root / "host_sim" / "scenes").glob("*.ini")}
+    assert set(completed("demo", "--scene", "")) == scenes
+    assert completed("plan", "--model", "asy") == ["asymmetric"]
+    for name in ("-i", "--interface"):
+        assert "socketcand" in completed("node", name, "socketcan")
+    assert completed("plot", str(root / "READ")) == [str(root / "README.md")]
+
+
+def test_the_script_of_zsh_has_all_verbs_and_options(dahl):
+    script = dahl("complete", "zsh").stdout
+    for verb, options in OPTIONS.items():
+        names = {name for names in options for name in names.split("/") if name.startswith("--")}
+        assert all(word in script for word in {verb, *names})

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: MIT
+"""The Arduino library: its layout, its sketches compiled as the IDE compiles them (avr-gcc,
+Debian's arduino-core-avr), and one of them on an emulated Mega.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import subprocess
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from conftest import ROOT, need
+from firmware_examples import expected_torques
+
+ARDUINO = ROOT / "port/arduino"
+CORE = Path("/usr/share/arduino/hardware/arduino/avr")
+BOARDS = {  # mcu, variant, bytes of flash that the bootloader leaves, bytes of RAM
+    "uno": ("atmega328p", "standard", 32256, 2048),
+    "mega": ("atmega2560", "mega", 253952, 8192),
+}
+# As platform.txt has it; and Debian's compiler gives C++ no DECIMAL_DIG, which WString.cpp wants.
+LAX = ["-fpermissive", "-DDECIMAL_DIG=__DECIMAL_DIG__"]
+SKETCHES = sorted(path.stem for path in ARDUINO.glob("examples/*/*.ino"))
+
+
+def run(*command: object, code: int = 0, **more: object) -> subprocess.CompletedProcess[str]:
+    words = [str(word) for word in command]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, **more)
+    assert done.returncode == code, done.stdout + done.stderr
+    return done
+
+
+@pytest.fixture(scope="module")
+def packed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The library as a user copies it into Arduino's folder."""
+    return Path(run(ARDUINO / "pack.sh", tmp_path_factory.mktemp("arduino")).stdout.strip())
+
+
+def test_the_library_has_the_layout_of_arduino(packed: Path) -> None:
+    """Revision 1.5 of Arduino's specification with all its fields."""
+    fields = dict(
+        line.split("=", 1) for line in (packed / "library.properties").read_text().splitlines()
+    )
+    wanted = "name version author maintainer sentence paragraph category url architectures"
+    assert set(wanted.split()) <= set(fields)
+    assert (fields["name"], fields["includes"]) == ("dahl", "dahl.hpp")
+    assert (packed / "src" / fields["includes"]).exists()
+    assert not [one for one in packed.rglob("*") if one.is_symlink()]
+    kinds = {one.suffix for one in (packed / "src").rglob("*.*")}
+    assert kinds == {".c", ".h", ".hpp", ".S", ".inc"}
+    assert (packed / "extras/dahl.dbc").exists()
+    headers = "".join(path.read_text() for path in packed.glob("src/*.h*"))
+    for line in (packed / "keywords.txt").read_text().splitlines():  # what the editor highlights
+        word, kind = line.split("\t")
+        assert re.search(rf"\b{word}\b", headers) and kind in ("KEYWORD1", "KEYWORD2", "LITERAL1")
+    done = run(ARDUINO / "pack.sh", packed.parent, code=2)
+    assert done.stderr.startswith("error: ") and str(packed) in done.stderr
+
+
+class Sketch:
+    """Build a sketch as the IDE does: compile core, library and sketch, link, measure."""
+
+    def __init__(self, packed: Path, folder: Path, board: str) -> None:
+        mcu, variant, self.flash, self.ram = BOARDS[board]
+        self.packed, self.folder = packed, folder
+        target = ["-Os", "-flto", "-ffunction-sections", "-fdata-sections", f"-mmcu={mcu}"]
+        core = [CORE / "cores/arduino", CORE / "variants" / variant]
+        self.flags = [*target, "-DF_CPU=16000000L", "-DARDUINO=10819", "-DARDUINO_ARCH_AVR"]
+        self.flags += [f"-I{one}" for one in (*core, packed / "src")]
+        self.core = [path for path in sorted(core[0].iterdir()) if path.suffix in (".c", ".cpp")]
+
+    def compiled(self, source: Path, *strict: str) -> Path:
+        cxx = source.suffix == ".cpp"
+        made = self.folder / f"{source.parent.name}_{source.name}.o"
+        own = ["-std=gnu++11", "-fno-exceptions", "-fno-threadsafe-statics"] if cxx else []
+        compiler = ["avr-g++" if cxx else "avr-gcc", *(own or ["-std=gnu11"])]
+        lax = ["-w", *(LAX if cxx else [])]  # Arduino's own sources
+        run(*compiler, *self.flags, *(strict or lax), "-c", source, "-o", made)
+        return made
+
+    def linked(self, name: str) -> Path:
+        source = self.folder / f"{name}.ino.cpp"
+        text = (self.packed / f"examples/{name}/{name}.ino").read_text()
+        source.write_text(f"#include <Arduino.h>\n{text}")
+        library = sorted(self.packed.glob("src/*/*.[cS]"))
+        strict = ["-Wall", "-Wextra", "-Werror"]
+        with ThreadPoolExecutor(2) as workers:
+            objects = list(workers.map(self.compiled, self.core))
+            objects += workers.map(lambda one: self.compiled(one, *strict), [*library, source])
+        image = self.folder / f"{name}.elf"
+        run("avr-gcc", *self.flags, "-Wl,--gc-sections", *objects, "-lm", "-o", image)
+        return image
+
+    def sizes(self, image: Path) -> tuple[int, int]:
+        """Bytes of flash, bytes of RAM."""
+        text, data, bss = map(int, run("avr-size", image).stdout.splitlines()[1].split()[:3])
+        return text + data, data + bss
+
+
+@pytest.fixture
+def sketch(packed: Path, tmp_path: Path) -> Callable[[str], Sketch]:
+    claim = "the sketches compile as Arduino's IDE compiles them"
+    for tool in ("avr-gcc", "avr-g++"):
+        need(tool, claim)
+    if not CORE.is_dir():
+        pytest.skip(f"unproven: {claim}: {CORE} is not here (Debian's arduino-core-avr)")
+    return lambda board: Sketch(packed, tmp_path, board)
+
+
+@pytest.mark.checks
+@pytest.mark.parametrize("name", SKETCHES)
+def test_a_sketch_fits_an_uno(sketch: Callable[[str], Sketch], name: str) -> None:
+    """With a quarter of the RAM for the stack, and half of the flash for the product."""
+    uno = sketch("uno")
+    flash, ram = uno.sizes(uno.linked(name))
+    assert flash < uno.flash / 2 and ram < uno.ram * 3 / 4
+
+
+@pytest.mark.checks
+def test_a_sketch_prints_the_torques_of_the_model(sketch: Callable[[str], Sketch]) -> None:
+    """On an emulated Mega."""
+    need("qemu-system-avr", "a sketch runs")
+    image = sketch("mega").linked("Friction")
+    words = ["-M", "mega2560", "-display", "none", "-monitor", "none", "-serial", "stdio"]
+    command = ["qemu-system-avr", *words, "-bios", str(image)]
+    with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE) as emulator:
+        said = []
+        for line in iter(emulator.stdout.readline, b""):
+            said.append(line.decode().strip())
+            if said[-1] == "done":
+                break
+        emulator.kill()
+    found = {int(line.split()[0]): float(line.split()[1]) for line in said[:-1]}
+    assert found == pytest.approx(expected_torques(), abs=2e-7)
+
+
+def test_the_quadrature_sketch_follows_a_turning_shaft(packed: Path, tmp_path: Path) -> None:
+    """On a stand-in for the board: each edge counts, and the torque has the sign of the motion."""
+    sketch = packed / "examples/QuadratureEncoder/QuadratureEncoder.ino"
+    shaft, program = Path(__file__).with_name("arduino_shaft.cpp"), tmp_path / "shaft"
+    library = sorted(packed.glob("src/*/*.[cS]"))
+    run("gcc", "-std=c99", "-O1", "-c", f"-I{packed}/src", *library, cwd=tmp_path)
+    words = ["-std=c++11", f"-I{packed}/src", f'-DSKETCH="{sketch}"', shaft]
+    run("g++", *words, *tmp_path.glob("*.o"), "-o", program)
+    rows = [line.split() for line in run(program).stdout.splitlines()]
+    per_edge = 2.0 / 0.05 * 2 * math.pi / 2000  # sigma0 / Fc, rad
+    top = 1 - math.exp(-300 * per_edge)
+    assert len(rows) >= 3
+    for n, (edges, torque) in enumerate(rows):
+        forward = n == 0 or int(edges) > int(rows[n - 1][0])
+        back = -1 + (top + 1) * math.exp(-(300 - int(edges)) * per_edge)
+        ratio = 1 - math.exp(-int(edges) * per_edge) if forward else back
+        assert float(torque) == pytest.approx(0.05 * ratio, abs=2e-6), edges
+    assert min(int(edges) for edges, _ in rows) < 0 < max(int(edges) for edges, _ in rows)

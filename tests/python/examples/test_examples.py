@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: MIT
+"""The examples run as their pages describe."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import random
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import can
+import dahl
+import pytest
+from conftest import need
+from dahl.codec import EncoderState
+from dahl.node import ask
+from firmware_examples import expected_torques
+from sources import CORE
+
+
+@pytest.fixture
+def node(dahl_loop, root):
+    """A simulated node that is stale, and its port."""
+    command = [dahl_loop, "--scene", root / "host_sim/scenes/segments.ini", "--role", "node"]
+    command += ["--bus", "socketcand:0", "--wait-clients", "1"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        port = re.search(r":(\d+) ", process.stdout.readline())[1]
+        where = {"channel": "vcan0", "host": "127.0.0.1", "port": int(port)}
+        with can.Bus(interface="socketcand", **where) as bus:
+            ask(bus, EncoderState(count=0, counter=9))
+        time.sleep(0.3)  # its timeout is 0.1 s
+        yield port
+        process.kill()
+
+
+def test_python_can_asks_a_node(node, root, tmp_path):
+    text = (root / "examples/python_can/test_node.py").read_text()
+    assert '"port": 28600' in text
+    (tmp_path / "test_node.py").write_text(text.replace("28600", node))
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+    command += ["--rootdir", tmp_path, tmp_path / "test_node.py"]
+    done = subprocess.run(
+        command, cwd=root, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0 and "1 passed" in done.stdout, done.stdout
+
+
+def test_asyncio_asks_a_node(node, root):
+    """A sine of 500 counts, asked tick by tick: in each direction F/Fc grows up to 1."""
+    command = [sys.executable, root / "examples/python_can/asyncio_node.py", node]
+    done = subprocess.run(
+        command, cwd=root, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    found = [float(ratio) for ratio in re.findall(r"F/Fc ([+-][\d.]+)", done.stdout)]
+    assert len(found) == 10 and found[0] == 0
+    assert max(found) > 0.99 and min(found) < -0.99 and max(map(abs, found)) <= 1
+    assert "states: " in done.stdout and "OK" in done.stdout
+
+
+@pytest.fixture
+def shaft(root: Path, tmp_path: Path) -> ctypes.CDLL:
+    """The example of changing parameters as a shared library."""
+    folder, made = root / "examples/change_parameters", tmp_path / "shaft.so"
+    words = ["gcc", "-std=c11", "-shared", "-fPIC", f"-I{root}/lib/include", folder / "friction.c"]
+    subprocess.run([*words, *CORE, "-o", made], check=True)
+    lib = ctypes.CDLL(str(made))
+    lib.friction_set.restype, lib.friction_tick.restype = ctypes.c_bool, ctypes.c_float
+    return lib
+
+
+@pytest.mark.usefixtures("library")
+def test_the_next_tick_uses_new_parameters(shaft) -> None:
+    """Bad parameters, and parameters before the last ones were used, change nothing. With an
+    interrupt: tests/target/change_parameters.c.
+    """
+    bearing, waiting, err, chance = None, None, ctypes.c_int(), random.Random(1)
+    refused = early = 0
+    for tick in range(3000):
+        for _ in range(chance.randrange(3) if tick else 1):
+            good = tick == 0 or chance.random() < 0.7
+            params = (chance.uniform(30, 170), chance.uniform(0.2, 1) if good else -1.0, 4e-4)
+            words = (ctypes.c_float * 3)(*params)
+            accepted = shaft.friction_set(words, ctypes.byref(err))
+            assert accepted == (good and waiting is None)
+            assert (err.value != 0) == (not good and waiting is None)
+            refused, early = refused + (err.value != 0), early + (waiting is not None)
+            waiting = dahl.Plan(*words) if accepted else waiting
+        if bearing is None:
+            bearing = dahl.Friction(waiting)
+        elif waiting is not None:
+            bearing.change_plan(waiting)
+        waiting, move = None, chance.randint(-20, 20)
+        assert shaft.friction_tick(move) == bearing.step_counts(move)
+    assert refused > 100 and early > 100
+
+
+USE = """#include "friction.h"
+int main(void)
+{
+    dahl_params_t params = {100.0f, 0.5f, 4e-4f};
+    dahl_err_t err;
+    return friction_set(&params, &err) && friction_plan() != 0 && friction_tick(3) > 0.0f;
+}
+"""
+
+
+@pytest.mark.checks
+@pytest.mark.parametrize(
+    "compiler",
+    ["avr-gcc -mmcu=atmega2560", "arm-none-eabi-gcc -mcpu=cortex-m0 --specs=nosys.specs"],
+)
+def test_new_parameters_need_no_library_of_atomics(compiler, root, tmp_path) -> None:
+    """A non-atomic access would be a call that bare-metal libraries lack."""
+    words, folder = compiler.split(), root / "examples/change_parameters"
+    need(words[0], "parameters change under an interrupt")
+    (main := tmp_path / "main.c").write_text(USE)
+    words += ["-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Werror", f"-I{root}/lib/include"]
+    files = [f"-I{folder}", main, folder / "friction.c", *CORE, "-o", tmp_path / "image"]
+    done = subprocess.run([*words, *files], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.checks
+@pytest.mark.parametrize("words", [[], ["-m", "pytest", "-p", "no:cacheprovider"]])
+def test_an_example_without_a_node_ends_with_few_lines(root, tmp_path, words):
+    """python-can tries for 10 s and logs each of 100,000 attempts."""
+    name = "test_node.py" if words else "asyncio_node.py"
+    text = (root / "examples/python_can" / name).read_text()
+    (tmp_path / name).write_text(text.replace("28600", "1"))
+    done = subprocess.run(
+        [sys.executable, *words, name],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    said = done.stdout + done.stderr
+    assert done.returncode == 1 and "connect" in said
+    assert len(said.splitlines()) < (200 if words else 2)
+
+
+@pytest.mark.checks
+def test_a_plain_makefile_builds_a_firmware_that_runs(root: Path, tmp_path: Path) -> None:
+    """Outside the tree and without a warning. Its torques are right."""
+    need("arm-none-eabi-gcc", "a Makefile builds a firmware")
+    need("make", "a Makefile builds a firmware")
+    need("qemu-system-arm", "a firmware of a Makefile runs")
+    project = shutil.copytree(root / "examples/makefile_firmware", tmp_path / "project")
+    for words in ([], ["run"]):
+        command = ["make", f"DAHL={root}", *words]
+        done = subprocess.run(
+            command, cwd=project, capture_output=True, text=True, timeout=60, check=False
+        )
+        assert done.returncode == 0 and "warning" not in done.stderr, done.stderr
+    said = re.findall(r"tick +(\d+) +(-?\d+) nN m", done.stdout + done.stderr)
+    found = {int(tick): int(torque) * 1e-9 for tick, torque in said}
+    assert found == pytest.approx(expected_torques(), abs=1e-7)
+    image = project / "build/firmware.elf"
+    names = subprocess.run(["arm-none-eabi-nm", image], capture_output=True, text=True, check=True)
+    assert " T dahl_step_counts_q30\n" in names.stdout  # in assembly: the C is weak, W
+
+
+def test_the_example_for_esp_idf_prints_torques_of_the_model(root: Path, tmp_path: Path) -> None:
+    """Its app_main() on this machine."""
+    (main := tmp_path / "main.c").write_text(
+        "void app_main(void);\nint main(void) { app_main(); }\n"
+    )
+    example, program = root / "examples/esp_idf/main/main.c", tmp_path / "program"
+    words = ["gcc", "-std=c11", "-Wall", "-Wextra", "-Werror", f"-I{root}/lib/include"]
+    subprocess.run([*words, main, example, *CORE, "-o", program], check=True)
+    said = subprocess.run([program], capture_output=True, text=True, check=True).stdout
+    found = {int(t): float(F) for t, F in re.findall(r"tick (\d+) (\S+) N m", said)}
+    assert found == pytest.approx(expected_torques(), abs=1e-6)
+
+
+@pytest.mark.checks
+def test_the_notebook_goes_from_a_log_to_the_bus(dahl_loop, root: Path, tmp_path: Path) -> None:
+    """Each cell runs. It finds the parameters of the log, and the node answers with them."""
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    book = nbformat.read(root / "examples/notebook/log_to_bus.ipynb", 4)
+    assert not any(cell.get("outputs") or cell.get("execution_count") for cell in book.cells)
+    where = {"metadata": {"path": tmp_path}}
+    done = nbclient.NotebookClient(book, timeout=120, resources=where).execute()
+    found = json.loads((tmp_path / "log_to_bus/rig.json").read_text())
+    assert found["sigma0"] == pytest.approx(120.0, rel=0.01)
+    assert found["Fc"] == pytest.approx(0.8, rel=0.01)
+    run = json.loads((tmp_path / "log_to_bus/run/summary.json").read_text())
+    assert run["ticks"] == 8000 and run["max_error_ulp_Fc"] < 0.6 and run["r2_measured"] > 0.99
+    shown = [out for cell in done.cells for out in cell.get("outputs", []) if "data" in out]
+    assert sum("image/png" in out["data"] for out in shown) == 3

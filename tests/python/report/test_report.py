@@ -1,0 +1,349 @@
+# SPDX-License-Identifier: MIT
+"""Reports on runs with known result: a fit, a gap, a lost record, a wrong torque. `dahl plot` shows
+the ticks that were used. Exact error and summary come from dahl.report.traces, since `dahl demo`
+gets only sound frames from dahl-loop.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from bus_runs import FC, SIGMA0, THETA, Run, plotted
+from dahl import Asymmetric, Friction, Loaded, Plan
+from dahl.report import traces
+from dahl.sim.scene import Measured, Recorded, Scene
+from log_reading import RefusedError, drawing
+from log_reading import run as command
+
+SCENE = Scene(Path("a/b.ini"), "t", "dahl", ((SIGMA0, FC),), THETA)
+BOUND, BOUND_PARTS = 0.52, 0.55  # ulp of Fc
+
+
+def summed(run: Run, scene: Scene = SCENE, recorded: Recorded | None = None, **loop) -> dict:
+    return traces.summary(scene, traces.trace_of(run.frames), recorded, loop)
+
+
+def error_of(run: Run, scene: Scene = SCENE) -> float:
+    """Error of the torque on the bus in ulp of Fc."""
+    return summed(run, scene)["max_error_ulp_Fc"]
+
+
+@pytest.fixture
+def run(library, dbc) -> Run:
+    """A run of three ticks. The first tick is a new start."""
+    begun = Run(dbc)
+    begun.tick(0, -500, state=6, used=False)
+    begun.tick(1, -480)
+    begun.tick(2, -470)
+    return begun
+
+
+START = [0, 20, 30]  # counts of it, from the first
+
+
+# --- ticks that are used --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("state", [3, 5, 6], ids=["WrongSequence", "Stale", "Init"])
+def test_a_new_start_adds_no_travel(run, state, tmp_path):
+    """Neither in the node nor in the reference."""
+    run.tick(3, 4000, state=state, used=False)
+    run.tick(4, 4010)
+    assert plotted(run, tmp_path).counts == [*START, 4500, 4510] and error_of(run) <= BOUND
+
+
+@pytest.mark.parametrize("state", [0, 2], ids=["OK", "Lost"])
+def test_travel_over_lost_frames_counts(run, state, tmp_path):
+    run.send(3, -460)  # not answered
+    run.send(4, 77, valid=0)  # disowned by the encoder itself
+    run.tick(5, -400, state=state)
+    seen = plotted(run, tmp_path)
+    assert (seen.counts, seen.rows) == ([*START, 100], [0, 1, 2, 5])
+    numbers = summed(run)
+    assert (numbers["frames_recorded"], numbers["frames_not_recorded"]) == (5, 1)
+    assert numbers["max_error_ulp_Fc"] <= BOUND
+
+
+def test_a_restart_after_a_gap_relaxes_its_own_tick(run, tmp_path):
+    """Two records before the Reset are lost. A Reset of errors relaxes nothing."""
+    run.tick(5, -440, state=2)
+    run.add("Reset", Counter=0, What=2)
+    run.bearing = Friction(Plan(SIGMA0, FC, THETA))
+    run.tick(6, -400, state=6, used=False)
+    run.tick(7, 300)
+    run.add("Reset", Counter=0, What=1)
+    run.tick(8, 310)
+    seen = plotted(run, tmp_path)
+    assert seen.rows == [0, 1, 2, 5, 6, 7, 8] and error_of(run) <= BOUND
+    whole = seen.figure.axes[1]
+    marks = {mark.get_label()[:7]: mark.get_segments() for mark in whole.collections}
+    assert [stroke[0][0] for stroke in marks["restart"]] == [6]
+
+
+def test_a_load_holds_from_the_frame_that_writes_it(library, dbc):
+    """Up to 1. A read, a held value, a value beyond 1 and other parameters change no load."""
+    run, gear, load = Run(dbc), Loaded(Plan(SIGMA0, FC, THETA)), 1.0
+    run.bearing = SimpleNamespace(step_counts_q30=lambda move: gear.step_counts_q30(move, load))
+    run.tick(0, 0, state=6, used=False)
+    raw = {"Counter": 0, "Write": 1, "Param": 10, "Load": 2**14}
+    steps = [(raw, 0.25), (raw | {"Load": 2**16}, 1.0), (raw, 0.25)]
+    steps += [(raw | {"Load": 2**16 + 1}, 0.25), (raw | {"Write": 0, "Load": 9}, 0.25)]
+    steps += [(raw | {"Write": 2, "Load": 9}, 0.25), (raw | {"Load": 49152}, 0.75)]
+    steps += [({"Counter": 0, "Write": 1, "Param": 1, "Fc": 5}, 0.75)]
+    for number, (signals, load) in enumerate(steps, start=1):  # noqa: B007 (run's bearing has it)
+        run.add("ParamWrite", **signals)
+        run.tick(number, 70 * number)
+    scene = Scene(SCENE.path, "t", "loaded", SCENE.elements, THETA)
+    assert error_of(run, scene) <= BOUND
+
+
+@pytest.mark.parametrize("limits", [(FC, 0.7 * FC), (0.7 * FC, FC)])
+def test_an_asymmetric_torque_is_in_parts_of_its_larger_limit(library, dbc, limits):
+    """Either way round, at both ends."""
+    elements = tuple((SIGMA0, limit) for limit in limits)
+    run, scene = Run(dbc), Scene(SCENE.path, "t", "asymmetric", elements, THETA)
+    run.bearing = Asymmetric(SIGMA0, *limits, THETA)
+    run.tick(0, 0, state=6, used=False)
+    for number, count in enumerate((300, 9000, 8700, -9000), start=1):
+        run.tick(number, count)
+    torque = traces.trace_of(run.frames).torque(scene)
+    assert (torque.max(), torque.min()) == pytest.approx((limits[0], -limits[1]), rel=1e-6)
+    assert error_of(run, scene) <= BOUND_PARTS
+
+
+def test_an_error_of_the_node_is_seen(run):
+    """A travel that it left out in spite of its state, and one unit of 2^-16 of Fc."""
+    run.tick(3, 500, state=0, used=False)
+    assert error_of(run) > 1000
+    del run.frames[-2:]
+    run.count = -470
+    run.send(3, -470)
+    run.add("FrictionTorque", Counter=0, State=0, EchoCounter=3, TorqueRatio=run.ratio + 2**14)
+    assert error_of(run) > 100
+
+
+@pytest.mark.parametrize("kind", ["is_extended_id", "is_error_frame", "is_fd", "node", "crc"])
+def test_frames_of_another_kind_or_node_are_left_out(run, kind):
+    before = summed(run)
+    run.tick(3, 7000)
+    for frame in run.frames[-2:]:
+        frame.arbitration_id += kind == "node"
+        frame.data[0] ^= kind == "crc"
+        if kind.startswith("is_"):
+            setattr(frame, kind, True)
+    assert summed(run) == before
+
+
+def test_the_node_of_the_scene_is_read(run, tmp_path):
+    for frame in run.frames:
+        frame.arbitration_id += 3
+    with pytest.raises(RefusedError, match=r"no EncoderState"):
+        plotted(run, tmp_path)
+    scene = "[friction]\nnode = 3\n"
+    text = (tmp_path / "x.ini").read_text().replace("[friction]\n", scene)
+    (tmp_path / "y.ini").write_text(text)
+    seen = plotted(run, tmp_path, words=("--scene", str(tmp_path / "y.ini")))
+    assert seen.counts == START
+
+
+def test_a_count_that_wraps_is_one_path(library, dbc, tmp_path):
+    run = Run(dbc)
+    run.tick(0, 2**31 - 5, state=6, used=False)
+    run.tick(1, -(2**31) + 5)
+    assert plotted(run, tmp_path).counts == [0, 10] and error_of(run) <= BOUND
+
+
+@pytest.mark.parametrize(
+    ("step", "pause", "taken"),
+    [(7, 0, True), (8, 0, True), (9, 0, False), (9, 0.0035, False), (9, 0.0045, True)],
+)
+def test_a_frame_ahead_is_a_gap_and_a_later_one_is_late(run, step, pause, taken, tmp_path):
+    """As in the node: DAHL_NODE_GAP_MAX_STEP is 8. After a pause of 5 ms no frame is late."""
+    run.pause = pause
+    run.tick(2 + step, -450, used=taken)
+    assert plotted(run, tmp_path).rows == [0, 1, 2] + [2 + step] * taken
+    assert summed(run)["frames_not_recorded"] == (step - 1) * taken
+
+
+@pytest.mark.parametrize("ticks", [2, 57])
+def test_late_answers_belong_to_their_frames(run, ticks, tmp_path):
+    """The 4-bit echo alone would point to newer frames. A second answer to one frame is ignored."""
+    counts = [-470 + 3 * i * (-1) ** i for i in range(3, 3 + ticks)]
+    for counter, count in enumerate(counts, start=3):
+        run.send(counter, count)
+    for counter, count in enumerate(counts, start=3):
+        run.answer(counter, count)
+    again = {"Counter": 0, "State": 0, "EchoCounter": (2 + ticks) % 16}
+    run.add("FrictionTorque", **again, TorqueRatio=-run.ratio)
+    shown = plotted(run, tmp_path)
+    assert shown.counts == [*START, *(count + 500 for count in counts)]
+    assert error_of(run) <= BOUND
+
+
+def test_after_a_gap_a_new_start_answers_the_newest_frame(run, tmp_path):
+    for counter in range(3, 60):
+        run.send(counter, 100 * counter)
+    run.answer(59, 5900, state=5, used=False)
+    run.tick(60, 5910)
+    seen = plotted(run, tmp_path)
+    assert (seen.rows, seen.counts) == ([0, 1, 2, 59, 60], [*START, 6400, 6410])
+    assert error_of(run) <= BOUND
+
+
+@pytest.mark.parametrize("interrupted", [False, True])
+@pytest.mark.parametrize(
+    ("lost", "compared"),
+    [
+        ((), True),
+        (range(2), False),
+        (range(60, 70), False),
+        (range(61, 62), False),  # an answer
+        (range(60, 61), False),  # an angle with its answer
+        (range(194, 200), None),  # where the recorder has ended
+    ],
+)
+def test_a_run_with_missing_records_is_not_compared(library, dbc, lost, compared, interrupted):
+    """The shaft turns back in them. The end of an interrupted run may be missing."""
+    run = Run(dbc)
+    run.answers = 7
+    for number in range(100):
+        run.tick(number, 900 * (number % 7) - 300, state=6 * (number == 0), used=number > 0)
+    run.frames = [frame for number, frame in enumerate(run.frames) if number not in lost]
+    loop = {"frames_sent": 100, "frames_answered": 100, "interrupted": interrupted}
+    measured = Recorded(np.arange(100.0), None, 100)
+    numbers = summed(run, recorded=measured, **loop)
+    wanted = interrupted if compared is None else compared
+    if wanted:
+        assert numbers["max_error_ulp_Fc"] <= BOUND and numbers["r2_measured"] is not None
+    else:
+        assert numbers["max_error_ulp_Fc"] is None and numbers["r2_measured"] is None
+        assert numbers["frames_not_recorded"] > 0
+
+
+# --- numbers --------------------------------------------------------------------------------------
+
+
+def fitted(run: Run, torque, **measured) -> tuple[float | None, float | None]:
+    scene = Scene(SCENE.path, "t", "dahl", SCENE.elements, THETA)
+    scene.measured = Measured(torque="T", **measured)
+    found = summed(run, scene, Recorded(np.array(torque), None, len(torque)))
+    return found["rmse_measured"], found["r2_measured"]
+
+
+def test_rmse_and_r2_follow_their_definitions(run):
+    """Without rows before `settle` and rows without an answer, with offset and spring. None if
+    there are no rows or no spread.
+    """
+    run.send(3, -460)  # not answered
+    run.tick(4, -440, state=2)
+    bearing = Friction(Plan(SIGMA0, FC, THETA))
+    torque = np.array([bearing.step_counts(move) for move in (0, 20, 10, 30)])
+    shown = torque + 0.25 + [9, 0.1, -0.3, 0]
+    rmse, r2 = fitted(run, [*shown[:3], 99, shown[3]], offset=0.25, settle=1)
+    assert rmse == pytest.approx((0.1 / 3) ** 0.5, rel=1e-4)
+    assert r2 == pytest.approx(1 - 0.1 / (3 * np.var(shown[1:])), rel=1e-4)
+    springy = torque + 7 * THETA * np.array([0, 20, 30, 60])
+    rmse, _ = fitted(run, [*springy[:3], 99, springy[3]], spring=7.0)
+    assert rmse == pytest.approx(0, abs=1e-5)
+    assert fitted(run, [1, 2, 3, 4, 5], settle=5) == (None, None)
+    assert fitted(run, [1] * 5)[1] is None
+
+
+def test_the_summary_describes_the_record(run):
+    run.send(3, -460)  # not answered
+    run.tick(6, -450, state=2)
+    scene = Scene(SCENE.path, "t", "dahl", SCENE.elements, THETA, measured=Measured(settle=2))
+    scene.kinds, scene.breakaway = ("dahl",), 0.25
+    numbers = summed(run, scene, ticks=7)
+    wanted = {
+        "ticks": 7,
+        "scene": "b",
+        "title": "t",
+        "frames_recorded": 5,
+        "frames_not_recorded": 2,
+        "answers_by_state": {"OK": 2, "Lost": 1, "Init": 1},
+        "model": "dahl",
+        "elements": [{"sigma0": SIGMA0, "Fc": FC}],
+        "kinds": ["dahl"],
+        "breakaway": 0.25,
+        "units": {"sigma0": "N m/rad", "Fc": "N m", "theta_per_count": "rad"},
+        "parameters": {"sigma0": SIGMA0, "Fc": FC, "theta_per_count": THETA},
+        "compared_from_row": 2,
+        "scene_file": str(Path.cwd() / "a/b.ini"),
+        "rmse_measured": None,
+        "r2_measured": None,
+    }
+    assert 0 < numbers.pop("max_error_ulp_Fc") <= BOUND
+    assert numbers == wanted
+
+
+def test_the_caption_has_the_fit_of_the_drawn_curves(run, tmp_path):
+    run.tick(3, -300)
+    seen = plotted(run, tmp_path, "torque = torque\noffset = 0.5\n")
+    measured, computed = (line.get_ydata() for line in seen.figure.axes[0].lines)
+    assert measured == pytest.approx(np.sin(np.arange(4.0)))
+    left = np.sum((measured - computed) ** 2)
+    r2 = 1 - left / np.sum((measured - measured.mean()) ** 2)
+    caption = seen.figure.axes[0].get_title(loc="left")
+    assert float(re.search(r"R² = (\S+)", caption)[1]) == pytest.approx(r2, abs=6e-5)
+    assert "50 N m/rad" in caption and "0.5 N m" in caption and "4 ticks" in caption
+    assert "4 ticks" in seen.said
+
+
+def page_of(folder: Path, numbers: dict) -> tuple[list[str], str]:
+    """Cells of the page of a summary, and the page."""
+    (folder / "loop.png").touch()
+    (folder / "summary.json").write_text(json.dumps({"scene_file": "x.ini"} | numbers))
+    assert command("report", folder).returncode == 0
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    return re.findall("<td>(.*?)</td>", page), page
+
+
+@pytest.mark.parametrize(("force", "slope"), [("N", "N/m"), ("N m", "N m/rad")])
+def test_the_page_shows_each_number_in_its_unit(force, slope, tmp_path):
+    latency = {"p50": 100.0, "p99": 1000.0, "max": 10000.4}
+    numbers = {"title": "x", "ticks": 800, "bus_load": 0.2434, "max_error_ulp_Fc": 0.51}
+    numbers |= {"bus": "a bus", "time": "real", "frames_sent": 11, "frames_lost": 0}
+    numbers |= {"deadline_misses": 13, "rmse_measured": 0.0123456, "r2_measured": 0.98765}
+    numbers |= {"realtime_factor": 3.21, "parameters": {"sigma0": 12.5}, "node": {"jumps": 1234567}}
+    numbers |= {"latency_us": latency, "jitter_us": dict.fromkeys(latency, 0.0)}
+    numbers |= {"units": {"sigma0": slope, "Fc": force, "theta_per_count": "rad"}}
+    cells, _ = page_of(tmp_path, numbers | {"answers_by_state": {"OK": 790}})
+    shown = f"a bus;real;800;11;0;13;0.510 ulp of Fc;0.01235 {force};0.9877;24.3%;3.2"
+    shown += f";p50 100, p99 1000, max 10000 µs;12.5 {slope};790;1234567"
+    assert cells[1::2] == shown.split(";")
+    assert cells[-6:] == ["sigma0", f"12.5 {slope}", "OK", "790", "jumps", "1234567"]
+    cells, page = page_of(tmp_path, {"version": "9"})
+    assert cells == [] and "dahl 9" in page and "a run" in page
+
+
+def test_the_fit_is_that_of_the_drawn_scene(run, tmp_path):
+    """Not that of the summary, which may be of another scene."""
+    run.tick(3, -300)
+    plotted(run, tmp_path, "torque = torque\n")
+    (tmp_path / "frames.log").rename(tmp_path / "run.log")
+    summary = {"scene_file": str(tmp_path / "x.ini"), "r2_measured": 0.875}
+    (tmp_path / "summary.json").write_text(json.dumps(summary))
+    with drawing(rendered=False) as figures:
+        assert command("plot", tmp_path, "--scene", tmp_path / "x.ini").returncode == 0
+    caption = figures[0].axes[0].get_title(loc="left")
+    assert "R²" in caption and "0.875" not in caption
+
+
+def test_the_page_marks_a_wrong_counter(tmp_path):
+    faults = {"injected": {"bad_crc": 4}, "expected": {"crc": 4, "lost": 2}}
+    numbers = {"faults": faults, "node": {"crc": 4, "lost": 9}, "control": {"max_error_rad": 0.5}}
+    _, page = page_of(tmp_path, numbers)
+    assert re.findall(r'class="wrong">(.*?)<', page) == ["9"]
+    cells = [re.sub("<.*?>", "", cell) for cell in re.findall("<td>(.*?)</td>", page, re.DOTALL)]
+    assert [cell.strip() for cell in cells] == (
+        ["bad crc", "4", "crc", "4", "4", "lost", "2", "9", "max error rad", "0.5"]
+        + ["crc", "4", "lost", "9"]
+    )
+    _, page = page_of(tmp_path, numbers | {"node": {"crc": 4, "lost": 2}})
+    assert 'class="wrong"' not in page

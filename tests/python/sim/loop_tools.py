@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: MIT
+"""Helpers for tests of dahl-loop: run it, read its log, join its bus."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import re
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import can
+from conftest import ROOT, built
+
+logging.getLogger("can").setLevel(logging.CRITICAL)  # it warns at every part of a TCP stream
+
+SCENES = ROOT / "host_sim" / "scenes"
+LINE = re.compile(
+    r"\((\d{10}\.\d{6})\) (\S+) ([0-9A-F]{3}|[0-9A-F]{8})#((?:[0-9A-F]{2}){0,8}|R[1-8]?)"
+)
+
+
+def program() -> str:
+    return str(built("host_sim", "dahl-loop"))
+
+
+def setting(*texts: str) -> list[str]:
+    """Options that set keys of a scene: "friction.gain=1"."""
+    return [word for text in texts for word in ("--set", text)]
+
+
+def run_program(*words: object, **how: object) -> subprocess.CompletedProcess:
+    """Run dahl-loop with these words alone, to its end."""
+    command = [program(), *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=20, check=False, **how)
+
+
+@dataclass
+class Run:
+    """A finished run."""
+
+    code: int
+    out: str
+    err: str
+    summary: dict[str, Any]
+    log: Path
+
+
+def command(folder: Path, scene: Path | str, *options: str) -> list[str]:
+    files = ("--log", folder / "run.log", "--summary", folder / "summary.json")
+    return [program(), *map(str, ("--scene", scene, *files, *options))]
+
+
+def finished(folder: Path, process: subprocess.Popen, timeout: float = 60) -> Run:
+    try:
+        out, err = process.communicate(timeout=timeout)
+    except subprocess.TimeoutExpired:
+        process.kill()  # its log would fill the disk
+        process.wait()
+        raise
+    summary = folder / "summary.json"
+    return Run(
+        process.returncode,
+        out,
+        err,
+        json.loads(summary.read_text()) if summary.exists() else {},
+        folder / "run.log",
+    )
+
+
+def run(folder: Path, scene: Path | str, *options: str, timeout: float = 60) -> Run:
+    """Run to the end."""
+    return finished(folder, start(folder, scene, *options), timeout)
+
+
+def start(folder: Path, scene: Path | str, *options: str) -> subprocess.Popen:
+    folder.mkdir(exist_ok=True)
+    return subprocess.Popen(
+        command(folder, scene, *options), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+@contextlib.contextmanager
+def serving(
+    folder: Path, scene: Path | str, *options: str
+) -> Iterator[tuple[subprocess.Popen, int]]:
+    """Serve a bus on a free port. The server is terminated on the way out."""
+    process = start(folder, scene, "--bus", "socketcand:0", *options)
+    try:
+        yield (
+            process,
+            int(
+                re.fullmatch(r"socketcand 127\.0\.0\.1:(\d+) vcan0\n", process.stdout.readline())[1]
+            ),
+        )
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGTERM)
+            try:
+                process.wait(15)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+@contextlib.contextmanager
+def client(port: int, opens: Callable[..., can.BusABC] = can.Bus) -> Iterator[can.BusABC]:
+    bus = opens(interface="socketcand", channel="vcan0", host="127.0.0.1", port=port)
+    try:
+        yield bus
+    finally:
+        bus.shutdown()
+
+
+def line_of(message: can.Message) -> str:
+    """A python-can message as dahl-loop logs it."""
+    identifier = (
+        f"{message.arbitration_id:08X}"
+        if message.is_extended_id
+        else f"{message.arbitration_id:03X}"
+    )
+    return f"({message.timestamp:017.6f}) vcan0 {identifier}#{message.data.hex().upper()}"
+
+
+def record(bus: can.BusABC, process: subprocess.Popen, silence: float = 0.5) -> list[str]:
+    """All frames until the program has ended and only Status frames come."""
+    lines = []
+    last_received = time.monotonic()
+    while process.poll() is None or time.monotonic() - last_received < silence:
+        message = bus.recv(0.05)
+        if message is not None:
+            lines.append(line_of(message))
+        if process.poll() is None or (
+            message is not None and message.arbitration_id & ~15 != 0x120
+        ):
+            last_received = time.monotonic()
+    return lines
+
+
+@dataclass
+class Logged:
+    """A line of a candump log."""
+
+    time: float
+    id: int
+    data: bytes
+    is_extended: bool = False
+    is_foreign: bool = False  # a remote frame or a frame of CAN FD; not in a log
+
+
+def read_log(path: Path) -> list[Logged]:
+    """Every line; each must be complete."""
+    text = path.read_text(encoding="ascii")
+    assert text == "" or text.endswith("\n")
+    matches = [LINE.fullmatch(line) for line in text.splitlines()]
+    assert all(matches), "a line of the log is not whole"
+    return [
+        Logged(
+            float(m[1]),
+            int(m[3], 16),
+            b"" if m[4].startswith("R") else bytes.fromhex(m[4]),
+            len(m[3]) == 8,
+        )
+        for m in matches
+    ]
+
+
+def word(data: bytes, at: int) -> int:
+    """A signed number of 32 bits."""
+    return int.from_bytes(data[at : at + 4], "little", signed=True)
+
+
+def counts_of(log: list[Logged], number: int = 0) -> list[int]:
+    """Counts that the encoder sent, in order."""
+    return [word(frame.data, 2) for frame in log if frame.id == 0x100 + number]
+
+
+def torques_of(log: list[Logged]) -> list[tuple[int, int]]:
+    """(state, F/Fc in Q30) of each answer, in order."""
+    return [(frame.data[1] >> 4, word(frame.data, 4)) for frame in log if frame.id == 0x110]
+
+
+def raw_client(port: int, receive_buffer: int | None = None) -> socket.socket:
+    """A client in raw mode, without python-can."""
+    peer = socket.socket()
+    peer.settimeout(10)
+    if receive_buffer:
+        peer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
+    peer.connect(("127.0.0.1", port))
+    for words, answer in (
+        (b"", b"< hi >"),
+        (b"< open vcan0 >", b"< ok >"),
+        (b"< rawmode >", b"< ok >"),
+    ):
+        peer.sendall(words)
+        assert peer.recv(len(answer)) == answer
+    return peer
+
+
+def wait_until(what, seconds: float = 10) -> None:
+    """Poll until what() is true."""
+    end = time.monotonic() + seconds
+    while not what():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.01)

@@ -1,0 +1,343 @@
+# SPDX-License-Identifier: MIT
+"""`dahl demo` and the programs that it starts: the scene that it writes, the options that it gives
+to dahl-loop, and a dahl-loop or firmware that fails, hangs or gives wrong answers.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+from dahl import Node, Plan, RunError, node
+from dahl.codec import Param, ParamWrite
+from demo_tools import FC, OWN, SIGMA0, TURN, in_role, scene_of, summary_of, write_log, write_loop
+from identify_tools import complaint
+from log_reading import drawing
+from loop_tools import SCENES
+
+pytestmark = pytest.mark.usefixtures("library", "dahl_loop", "unpainted")
+
+
+@pytest.fixture
+def unpainted() -> Iterator[None]:
+    """Save each picture as an empty file, since drawing takes longest."""
+    with drawing(rendered=False):
+        yield
+
+
+@pytest.fixture(scope="module")
+def own_log(tmp_path_factory, library) -> Path:
+    return write_log(tmp_path_factory.mktemp("own") / "shaft.csv")
+
+
+# --- own logs -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("column", "unit"),
+    [
+        ("angle", "deg"),
+        ("Winkel [°]", "deg"),
+        ("theta [rad]", "rad"),
+        ("theta_rad", "rad"),
+        ("Position [mm]", "mm"),
+        ("Counts", "counts"),
+        ("gradient", "deg"),
+        *(("theta_mrad", "mrad"), ("angle [rev]", "turn"), ("pos [um]", "um"), ("x_m", "m")),
+    ],
+)
+def test_the_unit_of_an_angle_is_read_from_the_name_of_its_column(dahl, column, unit):
+    Path("x.csv").write_text(f"{column},T\n1,2\n")
+    own = ("--torque", "T", *OWN[4:10], "--bus", "canopy")
+    done = dahl("demo", "x.csv", "--angle", column, *own, "-o", "out")
+    assert complaint(done)[0] == 2
+    assert re.match(rf"angle .*'{re.escape(column)}' in {unit} ", done.stdout)
+    assert scene_of(Path("out/own.ini"))["motion"]["angle"] == column
+
+
+@pytest.mark.parametrize(
+    ("unit", "counts_per_unit", "theta_per_count", "plotted", "per_unit"),
+    [
+        ("deg", TURN / 360, math.tau / TURN, "deg", math.degrees(1)),
+        ("rad", TURN / math.tau, math.tau / TURN, "rad", 1),
+        ("counts", 1, math.tau / TURN, "rad", 1),
+        ("mm", TURN, 1e-3 / TURN, "mm", 1000),
+        ("mrad", TURN / math.tau / 1e3, math.tau / TURN, "rad", 1),
+        ("um", TURN / 1e3, 1e-3 / TURN, "m", 1),
+    ],
+)
+def test_the_scene_of_an_own_log_is_in_its_units(
+    dahl, unit, counts_per_unit, theta_per_count, plotted, per_unit
+):
+    Path("x.csv").write_text("a #1,T\n0,1\n")
+    words = ("--angle", "a #1", "--torque", "T", *OWN[4:10], "--angle-unit", unit)
+    words += ("--bus", "canopy")  # refused once the scene is written
+    assert dahl("demo", "x.csv", *words, "-o", "out").returncode == 2
+    scene = scene_of(Path("out/own.ini"))
+    number = {name: float(scene["friction"][name]) for name in ("sigma0", "Fc", "theta_per_count")}
+    assert number == pytest.approx({"sigma0": SIGMA0, "Fc": FC, "theta_per_count": theta_per_count})
+    assert float(scene["motion"]["counts_per_unit"]) == pytest.approx(counts_per_unit, rel=1e-15)
+    measured = scene["measured"]
+    assert (measured["torque"], scene["motion"]["angle"]) == ("T", "a #1")
+    assert measured["label_angle"].endswith(f" [{plotted}]")
+    assert measured["label_torque"].endswith(" [N]" if unit in ("mm", "um") else " [N m]")
+    assert float(measured["angle_scale"]) == pytest.approx(per_unit, rel=1e-15)
+
+
+@pytest.mark.parametrize(("unit", "turn"), [("deg", 360), ("rad", math.tau), ("counts", 16384)])
+def test_an_angle_that_wraps_at_each_turn_is_unwrapped(dahl, unit, turn):
+    """A scene that replays the log itself is refused, as the shaft would turn back in one tick."""
+    angle = np.arange(800) % 360 / 360 * turn
+    Path("wraps.csv").write_text("a,T\n" + "".join(f"{one!r},0\n" for one in angle.tolist()))
+    words = ("--angle", "a", "--angle-unit", unit, "--torque", "T", *OWN[4:10], "--bus", "canopy")
+    assert "canopy" in complaint(dahl("demo", "wraps.csv", *words, "-o", "out"))[1]
+    played = np.loadtxt("out/own.csv", delimiter=",", skiprows=1)[:, 0]
+    np.testing.assert_allclose(played, np.arange(800) / 360 * turn)
+    scene = Path("out/own.ini").read_text().replace("own.csv", "wraps.csv")
+    Path("wraps.ini").write_text(scene)
+    code, line = complaint(dahl("demo", "--scene", "wraps.ini", "-o", "again"))
+    assert code == 2 and line.startswith("wraps.csv: ") and f"{angle[359]:g} to 0" in line
+
+
+def test_an_angle_in_mm_may_jump_and_its_scale_need_not_be_whole(dahl):
+    """A rig that is put back by hand jumps. --counts-per-turn is counts per mm here."""
+    Path("x.csv").write_text("a\n" + "".join(f"{n % 10 * 500}\n" for n in range(20)))
+    words = ("--angle", "a", "--angle-unit", "mm", *OWN[4:8], "--counts-per-turn", 99.5)
+    assert dahl("demo", "x.csv", *words, "--bus", "socketcand", "-o", "out").returncode == 0
+
+
+def test_a_bad_row_is_named_before_anything_runs(own_log, dahl):
+    Path("bad.csv").write_text(own_log.read_text().replace("\n0.003,", "\n0.003,x", 1))
+    code, line = complaint(dahl("demo", "bad.csv", *OWN, "--output", "out"))
+    assert code == 2 and line.startswith("bad.csv:5: ") and "'shaft [deg]'" in line
+    assert not Path("out/run.log").exists()
+
+
+# --- what dahl-loop is started with ---------------------------------------------------------------
+
+REAL = ("node", "encoder")
+RUNS = [
+    (("--scene", "segments", "--bus", "socketcand", "--seed", 0), REAL, {"--seed": "0"}),
+    (("--scene", "creep"), ("both",), {"--virtual": None, "--trace": "out/trace.csv"}),
+    (("--scene", "fault-storm", "--seed", 7), ("both",), {"--virtual": None, "--seed": "7"}),
+    (("--scene", "own.ini", "--bus", "socketcand"), REAL, {"--log-file": "own.csv"}),
+]
+OF_ENCODER = ("--virtual", "--trace", "--seed", "--log-file", "--lockstep", "--seconds")
+
+
+def options_by_role(loop_said: Path) -> dict[str, dict[str, str | None]]:
+    """Options with values, by the role of the program that was started with them."""
+    started = {}
+    for line in (line.split() for line in loop_said.read_text().splitlines()):
+        following = [*line[1:], "--"]
+        pairs = {a: b for a, b in zip(line, following, strict=True) if a.startswith("--")}
+        started[pairs["--role"]] = {a: None if b[:2] == "--" else b for a, b in pairs.items()}
+    return started
+
+
+@pytest.mark.parametrize(("words", "roles", "chosen"), RUNS, ids=lambda each: str(each)[:40])
+def test_each_demo_starts_the_programs_that_it_needs(
+    dahl, monkeypatch, tmp_path, words, roles, chosen
+):
+    """Results of an earlier run in the same folder are not used."""
+    script = f'echo "$*" >>{tmp_path}/told\nexec "$LOOP" "$@"'
+    monkeypatch.setenv("DAHL_LOOP", str(write_loop(tmp_path / "bin", script)))
+    Path("own.ini").write_text(
+        "[scene]\ntitle = mine\n[friction]\nsigma0 = 50\nFc = 0.5\ntheta_per_count = 1e-4\n"
+        "[motion]\nkind = log\nfile = own.csv\nangle = a\ncounts_per_unit = 1\n"
+    )
+    Path("own.csv").write_text("\n".join(["a", *map(str, range(400))]))
+    Path("out").mkdir()
+    for name in (*roles, "summary"):
+        Path(f"out/{name}.json").write_text('{"ticks": 99, "node": {"crc": 70000}}')
+    done = dahl("demo", *words, "--seconds", 0.2, "--output", "out")
+    assert done.returncode == 0, done.stderr
+    started = options_by_role(tmp_path / "told")
+    assert set(started) == set(roles)
+    motion = started[roles[-1]]  # the program that moves
+    assert Path(motion["--scene"]).stem == Path(words[1]).stem
+    wanted = chosen | {"--seconds": "0.2"}
+    assert {key: motion[key] for key in OF_ENCODER if key in motion} == wanted
+    assert {role["--with-parent"] for role in started.values()} == {str(os.getpid())}
+    numbers = summary_of(Path("out"))
+    log = str(tmp_path / "own.csv") if "--log-file" in chosen else None
+    assert (numbers["log"], numbers["ticks"]) == (log, 200)
+    assert numbers["node"]["crc"] < 70000
+    shown = done.stdout.partition("bus ")[2].split("\n")[0]
+    assert ("virtual time" in shown) == (len(roles) == 1)
+    if len(roles) > 1:
+        assert {"--lockstep", "--until-idle"} <= started["node"].keys()
+        assert not {"--seconds", "--seed"} & started["node"].keys()
+
+
+# --- a dahl-loop with a fault ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("script", "code", "words"),
+    [
+        ("exit 0", 1, r"\(node\).* port"),
+        ("exit 3", 1, r"\(node\).* 3"),
+        ("echo x; echo error: no wheel >&2; exit 2", 2, "^no wheel$"),
+        ("echo error: no bus >&2; exit 1", 1, "^no bus$"),
+        ("echo odd >&2; echo '  error: no rig ' >&2; echo error: two >&2; exit 1", 1, "^no rig$"),
+        ("kill -TERM $$", 1, r"\(node\).* -15"),
+        ("kill -INT $$", 1, r"\(node\).* -2"),
+    ],
+)
+def test_an_error_of_dahl_loop_is_passed_on(dahl, monkeypatch, tmp_path, script, code, words):
+    monkeypatch.setenv("DAHL_LOOP", str(write_loop(tmp_path / "bin", script)))
+    found = complaint(dahl("demo", "--scene", "segments", "--bus", "socketcand", "--output", "out"))
+    assert found[0] == code and re.search(words, found[1]), found
+
+
+AFTERWARDS = """for word; do [ "$last" = --summary ] && file=$word; last=$word; done
+"$LOOP" $(echo "$*" | sed 's/--with-parent [0-9]*//'); code=$?
+sed -i '0,/"{name}":[[:space:]]*[0-9]*/s//"{name}": {value}/' "$file"; exit $code"""
+NO_FAULTS = AFTERWARDS.replace(
+    AFTERWARDS.splitlines()[2], "sed -i s/faults/others/ $file; exit $code"
+)
+BEHIND = [  # scene, a dahl-loop with a fault, pattern of the message
+    ("segments", in_role("node", 'set -- "$@" --set friction.sigma0=50.000008'), "ulp.* 0.52"),
+    ("segments", AFTERWARDS.format(name="frames_lost", value=2), "2 frames"),
+    ("fault-storm", AFTERWARDS.format(name="crc", value=99999), "'crc': .99999, "),
+    ("fault-storm", NO_FAULTS, r"\d frames .*\d frames"),
+    ("slip.ini", in_role("node", 'set -- "$@" --set friction.sigma0=50.000004'), "ulp.* 0.55"),
+]
+SLIP = (SCENES / "segments.ini").read_text().replace("[friction]", "[friction]\nmodel = slip")
+
+
+@pytest.mark.parametrize(
+    ("scene", "script", "words"), BEHIND, ids=["error", "lost", "faults", "missing", "slip"]
+)
+def test_a_wrong_run_exits_with_1_and_keeps_its_files(
+    dahl, monkeypatch, tmp_path, scene, script, words
+):
+    """sigma0 one float away, an unanswered frame, a wrong count of faults, no count of faults."""
+    Path("slip.ini").write_text(SLIP)
+    monkeypatch.setenv("DAHL_LOOP", str(write_loop(tmp_path / "bin", script)))
+    done = dahl("demo", "--scene", scene, "--seconds", "0.6", "--output", "out")
+    code, said = complaint(done)
+    assert code == 1 and said.startswith("out/summary.json: ") and re.search(words, said), said
+    assert summary_of(Path("out"))["max_error_ulp_Fc"] < 1.5
+    assert Path("out/loop.png").exists()
+
+
+DEAF = "$LOOP $(echo \"$*\" | sed 's/--with-parent [0-9]*//'); exec sleep 60"
+QUIET = 'set -- "$@" --set status.period_ms=60000'
+HANGING = {  # a demo that would wait for ever: scene, dahl-loop, fact of the message
+    "silent": ("segments", in_role("encoder", "exec sleep 60", QUIET), "10"),
+    "deaf": ("segments", in_role("node", f"trap '' INT; echo $$ >$0.pid; {DEAF}"), "-9"),
+    "unserved": ("segments", "exec sleep 60", "(node)"),
+    "still": ("creep", 'exec "$LOOP" "$@" --wait-clients 2', "10"),
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def hanging(request, tmp_path_factory, library, dahl_loop) -> Iterator[dict[str, subprocess.Popen]]:
+    """A demo of each case. They wait while the other tests of this file run."""
+    running = {}
+    chosen = " ".join(item.name for item in request.session.items)
+    for name in [name for name in HANGING if f"leaves_no_program[{name}]" in chosen]:
+        scene, script, _ = HANGING[name]
+        loop = write_loop(tmp_path_factory.mktemp(name), script)
+        words = ("demo", "--scene", scene, "--seconds", "0.2", "--output", loop.parent / "out")
+        words += ("--bus", "socketcand") if scene == "segments" else ()
+        running[name] = subprocess.Popen(
+            ["timeout", "45", sys.executable, "-m", "dahl", *map(str, words)],
+            env={**os.environ, "DAHL_LOOP": str(loop)},
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+    yield running
+    for process in running.values():
+        process.terminate()
+        process.communicate()
+
+
+# --- firmware in the place of the node ------------------------------------------------------------
+
+BUILDS = [
+    ("echo odd >&2; echo broken tool >&2; exit 1", "m4f .*: broken tool$"),
+    ("echo only here; exit 1", "tools/setup.sh firmware .*: only here$"),
+    ("printf 'odd\\nfatal: no host\\n  where (include)\\n' >&2; exit 1", ": fatal: no host$"),
+    (None, "cmake .*tools/setup.sh"),
+]
+
+
+@pytest.mark.parametrize(("script", "words"), BUILDS)
+def test_an_image_that_cannot_be_built_is_one_line(
+    dahl, monkeypatch, tmp_path, root, script, words
+):
+    """It is built in the checkout by the preset of its core."""
+    if script:
+        asked = f'echo "$PWD: $*" >>{tmp_path}/asked'
+        (tmp_path / "cmake").write_text(f"#!/bin/sh\n{asked}\n{script}\n")
+        (tmp_path / "cmake").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin" if script else str(tmp_path))
+    for verb in (("node",), ("demo", "--scene", "segments", "-o", "out")):
+        code, said = complaint(dahl(*verb, "--target", "m4f"))
+        assert code == 1 and re.search(words, said), said
+    if script:
+        assert (tmp_path / "asked").read_text().startswith(f"{root}: --preset m4f")
+
+
+@contextlib.contextmanager
+def attached(asked, core, params, folder, port, number) -> Iterator[None]:
+    """Join the served bus with a node in Python, as the firmware does. Its number is free."""
+    asked.append((core, params, folder, number))
+    settings = {"interface": "socketcand", "channel": "vcan0", "host": "127.0.0.1", "port": port}
+    with can.Bus(**settings) as bus:
+        with pytest.raises(RunError, match=f"node {number} "):
+            node.ask(bus, ParamWrite(Param.MODEL), number, timeout=0.2)
+        notifier = can.Notifier(bus, [node.Listener(bus, Node(Plan(*params), number))])
+        try:
+            yield
+        finally:
+            notifier.stop()
+
+
+def test_firmware_replaces_the_node_of_dahl_loop(dahl, monkeypatch, root):
+    """The emulator takes seconds, so its two calls are replaced."""
+    asked: list[tuple[object, ...]] = []
+    monkeypatch.setattr("dahl.sim.firmware.build", lambda core: root / "build/m4f/node_image")
+    monkeypatch.setattr("dahl.sim.firmware.attach_firmware", partial(attached, asked))
+    words = ("--scene", "segments", "--seconds", 0.3, "--target", "m4f")
+    for _ in range(4):  # the node in Python may be late on a busy machine
+        done = dahl("demo", *words, "--output", "out")
+        if done.returncode == 0 or "no answer in time" not in done.stderr:
+            break
+    assert done.returncode == 0, done.stderr
+    numbers = summary_of(Path("out"))
+    assert set(asked) == {("m4f", (50.0, 0.5, 9.587379924285257e-05), Path("out"), 0)}
+    assert (numbers["target"], numbers["node"], numbers["frames_answered"]) == ("m4f", {}, 300)
+    assert numbers["max_error_ulp_Fc"] <= 0.52
+    assert "build/m4f/node_image" in done.stdout and "QEMU" in done.stdout
+
+
+# --- a run that waits (last, see `hanging`) -------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", HANGING)
+def test_a_demo_that_would_hang_ends_and_leaves_no_program(hanging, name):
+    """A silent encoder, a node that ignores SIGINT or serves no bus, virtual time that stands
+    still.
+    """
+    process = hanging[name]
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 1 and said.startswith("error: ") and said.count("\n") == 1, said
+    assert HANGING[name][2] in said
+    if name == "deaf":
+        (left,) = Path(process.args[process.args.index("--output") + 1]).parent.glob("*.pid")
+        assert not Path(f"/proc/{left.read_text().strip()}").exists()

@@ -1,0 +1,276 @@
+# SPDX-License-Identifier: MIT
+"""The closed loop: the rotor against an ODE solver, drive and summary against trace and log, and
+the benefit of friction compensation.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from loop_model import nearest
+from loop_tools import SCENES, Logged, counts_of, read_log, run, setting, word
+from scipy.integrate import solve_ivp
+
+SIGMA0, FC = 120.0, float(np.float32(1.8))
+COUNT = float(np.float32(3.7450702829239285e-07))  # rad
+COLUMNS = ("time", "reference", "angle", "velocity", "motor", "friction", "compensation")
+NAMED = ("time_s", "reference_rad", "angle_rad", "velocity_rad_s")  # in the file, with units
+NAMED += ("motor_Nm", "friction_Nm", "compensation_Nm")
+Traced = tuple[dict[str, np.ndarray], dict, list[Logged]]
+
+
+@pytest.fixture(scope="module")
+def traced(tmp_path_factory):
+    """Columns of --trace, each of shape (ticks,), summary and log; one run for each scene."""
+
+    @functools.cache
+    def of(scene: str, *sets: str) -> Traced:
+        folder = tmp_path_factory.mktemp("traced")
+        trace = folder / "trace.csv"
+        words = ("--virtual", "--trace", trace, *setting(*sets))
+        result = run(folder, SCENES / f"{scene}.ini", *words)
+        assert (result.code, result.err) == (0, "")
+        assert trace.read_text(encoding="ascii").split("\n", 1)[0] == ",".join(NAMED)
+        table = np.loadtxt(trace, delimiter=",", skiprows=1)
+        return dict(zip(COLUMNS, table.T, strict=True)), result.summary, read_log(result.log)
+
+    return of
+
+
+def solved(motor: np.ndarray, viscous: float, inertia: float) -> np.ndarray:
+    """(angle, velocity, friction) at each tick from rest on, by an ODE solver.
+
+    Each tick is solved by itself, since the motor's torque leaps between two.
+    """
+
+    def slope(_: float, y: np.ndarray, torque: float) -> tuple[float, float, float]:
+        _, omega, friction = y
+        bristle = SIGMA0 * (omega - abs(omega) * friction / FC)
+        return omega, (torque - viscous * omega - friction) / inertia, bristle
+
+    states = [np.zeros(3)]
+    for torque in motor:
+        done = solve_ivp(
+            slope, (0, 0.001), states[-1], args=(torque,), method="DOP853", rtol=1e-11, atol=1e-13
+        )
+        states.append(done.y[:, -1])
+    return np.array(states[:-1])
+
+
+@pytest.mark.parametrize(
+    ("scene", "viscous", "inertia", "ticks", "angle_limit"),
+    [
+        ("creep", 0.5, 0.02, 1500, 3e-6),
+        ("slow-reversal", 0.02, 0.02, 2500, 1e-5),
+        ("parking", 2.0, 0.05, 2500, 1e-5),
+    ],
+)
+def test_the_rotor_follows_an_ode_solver(traced, scene, viscous, inertia, ticks, angle_limit):
+    """From rest, with the motor torque of the trace."""
+    trace, *_ = traced(scene, f"rotor.viscous={viscous}", f"rotor.inertia={inertia}")
+    angle, velocity, friction = solved(trace["motor"][:ticks], viscous, inertia).T
+    assert np.abs(angle).max() > 100 * angle_limit
+    assert np.abs(trace["angle"][:ticks] - angle).max() < angle_limit
+    assert np.abs(trace["velocity"][:ticks] - velocity).max() < 1e-3
+    assert np.abs(trace["friction"][:ticks] - friction).max() < 1e-3 * FC
+
+
+def used_answers(log: list[Logged], ticks: int) -> np.ndarray:
+    """The torque of the drive at each tick: the last answer, for three ticks."""
+    answers = {round(f.time * 1000): word(f.data, 4) / 2**30 * FC for f in log if f.id == 0x110}
+    ages = (
+        (answers[tick - age] for age in (1, 2, 3) if tick - age in answers) for tick in range(ticks)
+    )
+    return np.array([next(fresh, 0.0) for fresh in ages])
+
+
+def drive(trace: dict[str, np.ndarray], kp: float, kd: float, limit: float) -> np.ndarray:
+    """Motor torque: a PD controller on counts with a filtered rate, plus friction feedforward,
+    limited.
+    """
+    seen = np.array([nearest(angle / COUNT) for angle in trace["angle"]])
+    error = np.rint(trace["reference"] / COUNT) - seen
+    rates, rate = [], 0.0
+    for change in np.diff(error, prepend=0):
+        rate += 0.2 * (change - rate)
+        rates.append(rate)
+    feedback = COUNT * (kp * error + kd * np.array(rates) / 0.001)
+    return np.clip(feedback + trace["compensation"], -limit, limit)
+
+
+def turns(signs: np.ndarray) -> int:
+    return np.count_nonzero(np.diff(signs[signs != 0]))
+
+
+DROPS = ("friction.max_step=100000", "faults.drop=0.45", "friction.ramp_ms=0")
+BACKWARD = [f"motion.theta{k}={end}" for k, end in ((1, -100000), (2, -90000), (3, -100000))]
+DRIVEN = [  # scene, settings, kp, kd, limit
+    ("parking", (), 60, 2, 8),
+    ("parking", ("control.torque_limit=1.5",), 60, 2, 1.5),
+    ("parking", ("motion.tremor=20000", "motion.tremor_s=0.2", "motion.seconds=10"), 60, 2, 8),
+    ("parking", DROPS, 60, 2, 8),
+    ("parking", ("friction.model=asymmetric", "friction.Fc=1.1 1.8"), 60, 2, 8),
+    ("parking", ("friction.model=asymmetric", "friction.Fc=1.8 1.1"), 60, 2, 8),
+    ("slow-reversal", (), 60, 2, 6),
+    ("slow-reversal", ("control.kp=55", "control.kd=3", *BACKWARD), 55, 3, 6),
+]
+
+
+@pytest.mark.parametrize(("scene", "sets", "kp", "kd", "limit"), DRIVEN)
+def test_the_trace_agrees_with_bus_drive_and_summary(traced, scene, sets, kp, kd, limit):
+    """Reference, compensation and motor torque row by row; errors and alternations of the whole
+    run.
+    """
+    trace, summary, log = traced(scene, *sets)
+    ticks = summary["ticks"]
+    assert len(trace["time"]) == ticks == summary["frames_sent"]
+    assert np.abs(trace["time"] - np.arange(ticks) * 1e-3).max() < 1e-9
+    sent = {round(f.time * 1000): word(f.data, 2) * COUNT for f in log if f.id == 0x100}
+    rows = np.array([*sent])
+    assert np.abs(trace["reference"][rows] - np.array([*sent.values()])).max() < 1e-12
+    assert len(rows) == ticks or sets == DROPS
+    assert np.abs(trace["compensation"] - used_answers(log, ticks)).max() < 1e-12
+    assert np.abs(trace["motor"] - drive(trace, kp, kd, limit)).max() < 1e-9
+    told, error = summary["control"], trace["reference"] - trace["angle"]
+    assert told["max_error_rad"] == pytest.approx(np.abs(error).max(), rel=1e-9)
+    assert told["rms_error_rad"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-9)
+    assert told["torque_alternations"] == turns(np.sign(trace["motor"]))
+    assert told["reference_reversals"] == turns(np.sign(np.diff(trace["reference"]))) >= 2
+
+
+def test_a_driven_shaft_is_read_to_the_count_until_its_motor_ends(traced):
+    """There is no feedforward. The reference is the count itself."""
+    sets = ("motor.bias=-0.2", "motor.amplitude=0.3", "motor.frequency=5", "motor.seconds=1.3")
+    trace, summary, log = traced("creep", *sets)
+    assert (summary["ticks"], "control" in summary) == (1300, False)
+    due = -0.2 + 0.3 * np.sin(2 * np.pi * 5 * trace["time"])
+    assert np.abs(trace["motor"] - due).max() < 1e-9
+    assert counts_of(log) == [nearest(angle / COUNT) for angle in trace["angle"]]
+    assert (np.abs(trace["reference"] - np.array(counts_of(log)) * COUNT) < 1e-12).all()
+    assert not trace["compensation"].any()
+
+
+def test_presliding_creep(traced):
+    """The torque stays below Fc. A constant torque moves the shaft once, a vibration lets it
+    creep.
+    """
+    steady, *_ = traced("creep", "motor.amplitude=0")
+    held = steady["angle"][-1]
+    assert steady["friction"][-1] == pytest.approx(0.9, rel=1e-6)
+    assert steady["angle"][-10000] == pytest.approx(held, abs=1e-7)
+    shaken, *_ = traced("creep")
+    assert np.abs(shaken["motor"]).max() < 0.75 * FC
+    cycles = shaken["angle"][::500]
+    assert (np.diff(cycles)[1:] > 0).all() and cycles[-1] > 2 * held
+
+
+@pytest.mark.parametrize("scene", ["slow-reversal", "parking"])
+def test_compensation_divides_the_error_by_five_without_chatter(traced, scene):
+    """The motor torque changes its sign at most once for each reversal of the reference."""
+    _, without, _ = traced(scene, "friction.gain=0")
+    trace, summary, _ = traced(scene)
+    told = summary["control"]
+    assert np.abs(trace["compensation"]).max() <= 0.95 * FC * (1 + 1e-6)
+    assert without["control"]["rms_error_rad"] >= 5 * told["rms_error_rad"]
+    assert told["torque_alternations"] <= told["reference_reversals"]
+    assert turns(np.sign(trace["compensation"])) <= told["reference_reversals"]
+
+
+def test_limit_and_ramp_of_the_node_act_on_the_drive(traced):
+    """A ramp of 2 s has half of the friction after 1 s."""
+    trace, *_ = traced("parking", "friction.limit=0.5")
+    assert np.abs(trace["compensation"]).max() == pytest.approx(0.5 * FC, rel=1e-6)
+    trace, *_ = traced("slow-reversal", "friction.ramp_ms=2000")
+    assert trace["compensation"][1000] == pytest.approx(0.5 * FC, rel=0.05)
+
+
+def test_overcompensation_runs_ahead_of_the_reference(traced):
+    """With a third too much, the sliding shaft leads."""
+    behind, *_ = traced("slow-reversal")
+    ahead, summary, _ = traced("over-compensation")
+    at = slice(1000, 1600)
+    lag = behind["reference"][at] - behind["angle"][at]
+    lead = ahead["angle"][at] - ahead["reference"][at]
+    assert (lag > 0).all() and (lead > 0).all()
+    assert lead.mean() == pytest.approx((2.4 - FC) / 60, rel=0.1)
+    assert summary["control"]["rms_error_rad"] > 2 * np.sqrt(np.mean(lag**2))
+
+
+def test_the_loop_tracks_during_a_fault_storm(traced):
+    """A tenth of the frames is spoiled; the error grows by less than 30 %."""
+    storm = [f"faults.{kind}=0.02" for kind in ("drop", "corrupt", "delay", "duplicate", "glitch")]
+    _, calm, _ = traced("parking")
+    _, rough, _ = traced("parking", "friction.max_step=100000", *storm)
+    assert rough["node"]["crc"] > 100
+    assert rough["faults"]["expected"]["ok"] == rough["node"]["ok"]
+    assert rough["control"]["rms_error_rad"] < 1.3 * calm["control"]["rms_error_rad"]
+
+
+AWAY = [  # scene, settings, largest count of the message
+    ("creep", ["motor.bias=1e12", "rotor.inertia=5e-6"], np.inf),
+    (
+        "slow-reversal",
+        ["control.kp=1e12", "control.torque_limit=1e12", "rotor.inertia=3e-7"],
+        np.inf,
+    ),
+    ("creep", ["motor.bias=2e9"], 1.002 * 2**53),  # against the viscous friction: 4e9 rad/s
+]
+
+
+@pytest.mark.parametrize(("scene", "sets", "most"), AWAY)
+def test_a_shaft_beyond_2_to_the_53_counts_is_an_error(tmp_path, scene, sets, most):
+    """The frames before it are logged. At a thousandth of the limit in each tick, the count is just
+    beyond.
+    """
+    result = run(tmp_path, SCENES / f"{scene}.ini", "--virtual", *setting(*sets))
+    assert (result.code, result.err.count("\n")) == (2, 1)
+    seconds, counts = re.search(r"(\S+) s: .* (\S+) counts", result.err).groups()
+    assert round(float(seconds) * 1000) == result.summary["ticks"] > 0
+    assert 2**53 < abs(float(counts)) < most and "2^53" in result.err
+    assert len(read_log(result.log)) > result.summary["ticks"]
+
+
+ROTOR = """[friction]
+sigma0 = 120
+Fc = 1.8
+theta_per_count = 3.7e-7
+[rotor]
+inertia = {inertia!r}
+viscous = {viscous!r}
+sigma0 = {sigma0!r}
+Fc = 1.8
+[motor]
+bias = 1
+amplitude = 2
+frequency = 5
+seconds = 2
+"""
+
+
+@pytest.mark.parametrize("viscous", [0.0, 1e-4, 0.5, 100.0])
+@pytest.mark.parametrize("sigma0", [10.0, 120.0, 314.159265358, 1e6])
+def test_an_inertia_below_the_limit_is_refused_and_the_limit_is_stable(
+    tmp_path: Path, viscous, sigma0
+):
+    """At the limit of the message, speed and friction stay within their drive."""
+    path = tmp_path / "scene.ini"
+    path.write_text(ROTOR.format(inertia=1e-9, viscous=viscous, sigma0=sigma0))
+    refused = run(tmp_path, path, "--virtual")
+    assert refused.code == 2
+    assert refused.err.startswith(f"error: {path}:6: [rotor] inertia = 1e-09: ")
+    least = float(re.search(r"below (\S+),", refused.err)[1])
+    assert least == pytest.approx(max(viscous * 1e-5, sigma0 * 4e-10), rel=1e-8)
+    path.write_text(ROTOR.format(inertia=least, viscous=viscous, sigma0=sigma0))
+    done = run(tmp_path, path, "--virtual", "--trace", tmp_path / "trace.csv")
+    if viscous == 0 and "2^53" in done.err:
+        return  # free and light: it does fly away
+    assert (done.code, done.err) == (0, "")
+    table = np.loadtxt(tmp_path / "trace.csv", delimiter=",", skiprows=1)
+    assert np.isfinite(table).all()
+    assert np.abs(table[:, 5]).max() <= FC * (1 + 1e-6)
+    if viscous >= 0.5:  # overdamped: the speed follows the torque
+        assert np.abs(table[:, 3]).max() <= 1.05 * (3 + FC) / viscous

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: MIT
+"""How dahl-loop ends: by each signal, with its parent, and in the examples of its help."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from loop_tools import (
+    SCENES,
+    command,
+    finished,
+    program,
+    raw_client,
+    read_log,
+    run,
+    run_program,
+    start,
+    wait_until,
+)
+
+STEERING = SCENES / "steering.ini"
+ENDINGS = ["HUP", "INT", "QUIT", "TERM", "USR1", "USR2", "PIPE", "ALRM", "XCPU", "XFSZ"]
+ENDINGS += ["IO", "PROF", "VTALRM", "STKFLT", "PWR", "RTMIN", "RTMAX"]
+VIRTUAL = ("--virtual", "--set", "motion.seconds=300")
+
+
+@pytest.fixture
+def default_signals():
+    """Restore signals that nohup or a shell ignores."""
+    numbers = (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT)
+    ignored = [number for number in numbers if signal.getsignal(number) == signal.SIG_IGN]
+    for number in ignored:
+        signal.signal(number, signal.SIG_DFL)
+    yield
+    for number in ignored:
+        signal.signal(number, signal.SIG_IGN)
+
+
+@pytest.mark.usefixtures("default_signals")
+@pytest.mark.parametrize(("name", "options"), [*((name, ()) for name in ENDINGS), ("INT", VIRTUAL)])
+def test_each_signal_ends_a_run_with_whole_files(tmp_path, name, options):
+    process = start(tmp_path, STEERING, *options)
+    log = tmp_path / "run.log"
+    wait_until(lambda: log.exists() and log.stat().st_size > 10000)
+    process.send_signal(signal.Signals[f"SIG{name}"])
+    result = finished(tmp_path, process, 20)
+    assert (result.code, result.err) == (0, "")
+    lines = sum(1 for frame in read_log(log) if frame.id == 0x100)
+    assert lines == result.summary["frames_sent"] > 100
+    assert result.summary["frames_lost"] == 0
+
+
+@pytest.mark.parametrize(("number", "ends"), [("HUP", False), ("INT", True), ("PIPE", True)])
+def test_a_signal_ignored_at_the_start_stays_ignored_except_sigint(tmp_path, number, ends):
+    """nohup ignores SIGHUP. A shell starts background jobs with SIGINT ignored."""
+    words = command(tmp_path, STEERING, "--seconds", "1")
+    shell = ["sh", "-c", f'trap "" {number}; exec "$@"', "sh"]
+    process = subprocess.Popen(
+        [*shell, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    log = tmp_path / "run.log"
+    wait_until(lambda: log.exists() and log.stat().st_size > 10000)
+    process.send_signal(signal.Signals[f"SIG{number}"])
+    result = finished(tmp_path, process)
+    assert (result.code, result.summary["ticks"] < 1000) == (0, ends)
+
+
+PARENT = """
+import os, subprocess, sys
+options = [*sys.argv[1:], "--with-parent", str(os.getpid())]
+print(subprocess.Popen(options, stdout=subprocess.DEVNULL, start_new_session=True).pid, flush=True)
+sys.stdin.read()
+"""
+
+
+def is_running(pid: int) -> bool:
+    try:
+        with open(f"/proc/{pid}/stat") as file:
+            return file.read().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.usefixtures("default_signals")
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_a_run_ends_with_its_parent_and_leaves_whole_files(tmp_path, number):
+    options = ("--bus", "socketcand:0", "--wait-clients", "0")
+    words = [sys.executable, "-c", PARENT, *command(tmp_path, STEERING, *options)]
+    with subprocess.Popen(
+        words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as parent:
+        child = int(parent.stdout.readline())
+        log = tmp_path / "run.log"
+        wait_until(lambda: log.exists() and log.stat().st_size > 10000)
+        assert is_running(child)
+        parent.send_signal(number)
+    wait_until(lambda: not is_running(child))
+    assert json.loads((tmp_path / "summary.json").read_text())["ticks"] > 100
+    read_log(log)
+
+
+def test_a_parent_that_has_already_ended_ends_the_run(tmp_path):
+    """The kernel reports only later deaths."""
+    gone = subprocess.Popen(["true"])
+    gone.wait()
+    result = run(tmp_path, STEERING, "--with-parent", gone.pid, timeout=20)
+    assert (result.code, result.summary["ticks"]) == (0, 0)
+
+
+@pytest.mark.parametrize("user", [None, 65534])
+def test_a_process_that_is_not_the_parent_is_refused(tmp_path, user):
+    """Such as $$ in a subshell, or a process of another user."""
+    may = {"user": user} if user and os.geteuid() == 0 else {}
+    done = run_program("--scene", STEERING, "--virtual", "--with-parent", 1, **may)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert done.stderr.startswith("error: --with-parent 1: ")
+    assert str(os.getpid()) in done.stderr
+
+
+def examples() -> list[str]:
+    """Complete command lines of --help."""
+    text = run_program("--help").stdout.replace("\\\n", " ")
+    lines = [line for line in text.splitlines() if line.startswith("  build/")]
+    return [re.sub(r"    \w.*", "", line).strip() for line in lines]
+
+
+def checkout(folder) -> set[str]:
+    """A folder with the files of the examples and a build folder."""
+    (folder / "build" / "host" / "host_sim").mkdir(parents=True)
+    (folder / "build" / "host" / "host_sim" / "dahl-loop").symlink_to(program())
+    (folder / "host_sim").mkdir()
+    (folder / "host_sim" / "scenes").symlink_to(SCENES)
+    return {path.name for path in folder.iterdir()}
+
+
+def test_the_printed_examples_run_and_leave_nothing_outside_build(tmp_path):
+    """The first runs to its end. The second waits for clients and ends with the last one."""
+    before = checkout(tmp_path)
+    alone, served = examples()
+    done = subprocess.run(
+        ["sh", "-c", alone], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads(done.stdout)["ticks"] == 30000
+    served = served.replace(":28600", ":0").replace("--bus", "--summary build/s.json --bus")
+    shell = subprocess.Popen(
+        ["sh", "-c", f"{served} wait"], cwd=tmp_path, stdout=subprocess.PIPE, text=True
+    )
+    port = int(re.match(r"socketcand \S+:(\d+) ", shell.stdout.readline())[1])
+    time.sleep(0.5)
+    assert shell.poll() is None  # it waits for its clients
+    client = raw_client(port)
+    assert client.recv(1000).startswith(b"< frame ")
+    client.close()
+    assert shell.wait(10) == 0
+    assert 0 < json.loads((tmp_path / "build" / "s.json").read_text())["ticks"] < 20000
+    assert {path.name for path in tmp_path.iterdir()} == before

@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: MIT
+"""A bus that takes time: frame lengths, arbitration, load, latencies and jitter against the log; up
+to 16 nodes.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from loop_model import bits, check_arbitration
+from loop_tools import SCENES, Logged, Run, read_log, run, setting
+
+STEERING = SCENES / "steering.ini"
+STORM = SCENES / "fault-storm.ini"
+LATE_LINES = re.compile(r"^note: bus load (\d+) % at (\d+) bit/s: above 70 %.*$", re.MULTILINE)
+
+
+def timed(folder, rate: int, *options: object) -> tuple[Run, list[Logged]]:
+    result = run(folder, STEERING, "--virtual", "--bitrate", rate, *options)
+    assert result.code == 0
+    return result, read_log(result.log)
+
+
+def asked_and_latencies(log: list[Logged]) -> tuple[list[int], dict[int, list[int]]]:
+    """When each frame was asked for in us, and the latencies of each node's answers in us.
+
+    An encoder and a Status ask at their tick, an answer when the angle that it echoes has come.
+    """
+    asked, latencies, sent, came = [], {}, {}, {}
+    for frame in log:
+        now, node = round(frame.time * 1e6), frame.id & 15
+        if frame.id & ~15 == 0x100:
+            tick = sent[node] = sent.get(node, -1) + 1
+            came[node, frame.data[1] & 15] = tick, now
+            asked.append(1000 * tick)
+        elif frame.id & ~15 == 0x110:
+            tick, of = came[node, frame.data[2] & 15]
+            asked.append(of)
+            latencies.setdefault(node, []).append(now - 1000 * tick)
+        else:
+            asked.append(now // 100000 * 100000)
+    return asked, latencies
+
+
+def quantile(values: np.ndarray, part: float) -> float:
+    return float(np.sort(values)[int(np.ceil(part * len(values))) - 1])
+
+
+def check_histogram(told: dict, values: np.ndarray) -> None:
+    """Median, 99 % and greatest: the histogram's bins are 1/32 of their place wide."""
+    for name, part in (("p50", 0.5), ("p99", 0.99)):
+        exact = quantile(values, part)
+        assert exact - 1e-3 <= told[name] <= exact * 33 / 32 + 1e-3, name
+    assert told["max"] == pytest.approx(values.max(), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("rate", "nodes", "seconds"),
+    [(1_000_000, 1, 2), (1_000_000, 3, 2), (500_000, 1, 2.5), (1_000_000, 3, 0.001)]
+    + [(700_000, 3, 0.05)],  # answers to two of the encoders come too late
+)
+def test_frames_and_summary_follow_the_standard(tmp_path, rate, nodes, seconds):
+    """Highest priority first. Latency, jitter, deadlines and load are those of the log."""
+    result, log = timed(tmp_path, rate, "--nodes", nodes, "--seconds", seconds)
+    asked, latencies = asked_and_latencies(log)
+    check_arbitration(log, asked, rate)
+    summary, every = result.summary, np.concatenate([*latencies.values()])
+    ticks = round(seconds * 1000)
+    assert summary["frames_sent"] == summary["frames_answered"] == len(every) == nodes * ticks
+    assert (summary["nodes"], summary["bitrate"], summary["ticks"]) == (nodes, rate, ticks)
+    check_histogram(summary["latency_us"], every)
+    jitter = np.concatenate([np.abs(np.diff(one)) for one in latencies.values()])
+    if len(jitter):
+        check_histogram(summary["jitter_us"], jitter)
+    assert summary["deadline_misses"] == np.count_nonzero(every > 1000)
+    edges, counts = np.array(summary["latency_histogram"]).T
+    assert (np.diff(edges) > 0).all() and counts.sum() == len(every)
+    below = [np.count_nonzero(every <= edge + 1e-3) for edge in edges]
+    assert np.cumsum(counts).tolist() == below
+    total = sum(bits(frame) for frame in log if frame.time <= seconds)
+    assert summary["bus_load"] == pytest.approx(total / seconds / rate, rel=3e-3)
+
+
+def test_a_bus_that_is_too_slow_loses_frames_and_counts_them(tmp_path):
+    """It is full, not fuller."""
+    result, log = timed(tmp_path, 500000, "--nodes", 4, "--seconds", 2)
+    told = result.summary
+    assert 0.99 < told["bus_load"] <= told["bus_load_peak"] <= 1.003
+    assert told["deadline_misses"] > 0 and told["bus_counts"]["dropped"] > 0
+    assert told["bus_counts"]["send_failed"] == told["bus_counts"]["dropped"]
+    assert told["frames_lost"] == told["frames_sent"] - told["frames_answered"] > 0
+    ends = np.array([frame.time for frame in log]) * 1e6
+    lengths = np.array([bits(frame) for frame in log]) * 2.0
+    assert (np.diff(ends) >= lengths[1:] - 1).all()
+
+
+@pytest.mark.parametrize("seconds", [0.02, 0.5, 2])
+def test_frames_that_wait_at_the_end_do_not_count(tmp_path, seconds):
+    """A full bus is full from its first second on, even in a shorter run."""
+    result, _ = timed(tmp_path, 50000, "--seconds", seconds)
+    full = 1 - 0.003 / seconds  # a frame, of up to 135 bits, that is not over at the end
+    assert full < result.summary["bus_load"] <= 1
+    assert full < result.summary["bus_load_peak"] <= 1.003
+    assert len(LATE_LINES.findall(result.err)) == 1
+
+
+@pytest.mark.parametrize(
+    ("nodes", "rate", "warned"),
+    [(2, 1000000, False), (3, 1000000, True), (2, 700000, False), (2, 680000, True)],
+)
+def test_a_load_above_70_percent_is_noted_once(tmp_path, nodes, rate, warned):
+    result, _ = timed(tmp_path, rate, "--nodes", nodes, "--seconds", 3)
+    told = result.summary
+    assert (told["bus_load_peak"] > 0.7) == warned
+    assert told["bus_load_peak"] == pytest.approx(told["bus_load"], rel=0.05)
+    said = [(int(load), int(at)) for load, at in LATE_LINES.findall(result.err)]
+    assert said == [(pytest.approx(100 * told["bus_load_peak"], abs=1.5), rate)] * warned
+    assert result.err.count("\n") == warned
+    assert told["frames_lost"] == 0
+
+
+def test_the_peak_is_the_fullest_second(tmp_path):
+    """Pauses of an encoder make the seconds differ. The last second counts too."""
+    words = setting("faults.silence=0.002", "friction.max_step=2000", "friction.timeout_ms=400")
+    rate = 1_000_000
+    runs = [timed(tmp_path, rate, *words, "--seconds", seconds) for seconds in range(1, 13)]
+    loads = np.zeros(13)
+    for frame in runs[-1][1]:
+        loads[int(frame.time)] += bits(frame) / rate
+    for i, (result, _) in enumerate(runs):
+        assert result.summary["bus_load_peak"] == pytest.approx(max(loads[: i + 1]), rel=0.01)
+        assert result.summary["bus_load"] == pytest.approx(np.mean(loads[: i + 1]), rel=0.01)
+    rises = [loads[i] > 1.1 * max(loads[:i]) for i in range(1, 12)]
+    assert any(rises) and not all(rises), "this seed shows nothing: take another"
+
+
+def test_lengths_of_extended_and_short_frames(tmp_path):
+    """By the standard, if the bus was free when an angle was sent."""
+    words = setting("faults.extended=0.3", "faults.length=0.3", "friction.max_step=2000")
+    _, log = timed(tmp_path, 1_000_000, "--seconds", 1, *words)
+    seen = {True: 0, False: 0}
+    for before, frame in zip(log, log[1:], strict=False):
+        tick = frame.time * 1000 // 1 / 1000
+        if frame.id == 0x100 and before.time <= tick:
+            assert round((frame.time - tick) * 1e6) == bits(frame)
+            seen[frame.is_extended] += 1
+    assert min(seen.values()) > 100
+
+
+def test_a_slow_bus_carries_the_last_answers(tmp_path):
+    """Frames of babblers go before them."""
+    words = setting("friction.max_step=2000", "faults.babble=0.15")
+    for seed in range(12):
+        result, _ = timed(tmp_path, 500000, "--seconds", 0.02, "--seed", seed, *words)
+        assert (result.summary["frames_sent"], result.summary["frames_lost"]) == (20, 0), seed
+
+
+def test_a_bit_rate_on_a_served_bus_gives_the_load_only(tmp_path):
+    """It changes no frame. Virtual time has no latencies."""
+    words = ("--virtual", "--seconds", "2")
+    served, log = timed(tmp_path / "s", 1_000_000, *words, "--bus", "socketcand:0")
+    alone = run(tmp_path / "a", STEERING, *words)
+    assert served.log.read_bytes() == alone.log.read_bytes()
+    total = sum(map(bits, log))
+    assert served.summary["bus_load"] == pytest.approx(total / 2 / 1e6, rel=1e-9)
+    assert not {"latency_us", "deadline_misses", "jitter_us"} & served.summary.keys()
+
+
+# --- many nodes, and real time --------------------------------------------------------------------
+
+
+def test_sixteen_nodes_in_virtual_time_lose_nothing(tmp_path):
+    options = ("--virtual", "--nodes", "16", "--seconds", "5")
+    result = run(tmp_path, STEERING, *options)
+    told = result.summary
+    assert told["frames_sent"] == told["frames_answered"] == told["node"]["ok"] == 80_000
+    assert told["max_rss_kib"] < 16 * 1024 and told["node"]["ignored"] == 0
+    ids = {frame.id for frame in read_log(result.log)}
+    assert ids == {kind + node for kind in (0x100, 0x110, 0x120) for node in range(16)}
+
+
+SLIP = {"sigma0": "100 60", "Fc": "1 0.5", "model": "slip"}
+PARALLEL = {"sigma0": "100 60", "Fc": "1 0.5", "model": "parallel", "kinds": "slip dahl"}
+
+
+@pytest.mark.parametrize("keys", [{}, SLIP, PARALLEL], ids=["dahl", "slip", "parallel"])
+def test_each_of_three_nodes_behaves_as_alone(tmp_path, keys):
+    """Seeds are consecutive: motion, faults and bristles are separate."""
+    words = setting("faults.bus_off=0", *(f"friction.{key}={value}" for key, value in keys.items()))
+    common = ("--virtual", "--seconds", "4", *words)
+    three = run(tmp_path, STORM, *common, "--nodes", "3", "--set", "friction.node=4")
+    log = [frame for frame in read_log(three.log) if 0x100 <= frame.id < 0x160]
+    sums = dict.fromkeys(three.summary["node"], 0)
+    for i in range(3):
+        alone = ("--seed", 1 + i, "--set", f"friction.node={4 + i}")
+        one = run(tmp_path, STORM, *common, *alone)
+        own = [frame for frame in read_log(one.log) if 0x100 <= frame.id < 0x160]
+        assert [frame for frame in log if frame.id & 15 == 4 + i] == own and len(own) > 7000
+        sums = {name: sums[name] + count for name, count in one.summary["node"].items()}
+    sums["ignored"] = three.summary["node"]["ignored"]  # each node counts the babble of its number
+    assert sums == three.summary["node"]
+
+
+def test_frames_take_their_time_in_real_time(tmp_path):
+    """No answer comes before two frames have passed."""
+    result = run(tmp_path, STEERING, "--bitrate", "500000", "--seconds", "1")
+    told, log = result.summary, read_log(result.log)
+    assert (result.code, told["frames_sent"], told["frames_lost"]) == (0, 1000, 0)
+    lengths = [bits(frame) for frame in log]
+    assert told["latency_us"]["p50"] > 2 * 2 * min(lengths)
+    assert told["bus_load"] == pytest.approx(sum(lengths) / 500000, rel=0.01)
+
+
+@pytest.mark.parametrize("seconds", [2, pytest.param(600, marks=pytest.mark.long)])
+@pytest.mark.timeout(700)
+def test_four_nodes_at_one_kilohertz_lose_nothing(tmp_path, seconds):
+    """Real time on a served bus."""
+    options = ("--bus", "socketcand:0", "--nodes", "4", *setting(f"motion.seconds={seconds}"))
+    result = run(tmp_path, STEERING, *options, timeout=680)
+    told = result.summary
+    assert result.code == 0, result.err
+    assert told["frames_sent"] == told["frames_answered"] == 4000 * seconds

@@ -1,0 +1,283 @@
+# SPDX-License-Identifier: MIT
+"""dahl-loop in virtual time: the whole log against models of motion, node and Eq. 1
+(loop_model.py); determinism, memory, absent parts, logs that are replayed.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import random
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from loop_model import Node, Steering, check_node, nearest, segments, travel_per_count
+from loop_tools import SCENES, Logged, counts_of, program, read_log, run, setting
+
+FRICTION = "[friction]\nsigma0 = 50\nFc = 0.5\ntheta_per_count = 1e-4\n"
+MOTION = "[motion]\nkind = segments\ntheta1 = 200\ntheta2 = -100\ntheta3 = 300\nspeed = 2000\n"
+STATUS = "[status]\nperiod_ms = 100\n"
+REPLAY = "[motion]\nkind = log\nfile = log.csv\nangle = {}\ncounts_per_unit = {}\n"
+TRAVEL = travel_per_count(50, 0.5, 1e-4)
+
+
+def scene(folder: Path, *parts: str) -> Path:
+    path = folder / "scene.ini"
+    path.write_text("\n".join(parts), encoding="utf-8")
+    return path
+
+
+def wrapped(counts: list[int], start: int = 0) -> list[int]:
+    return [(count + start + 2**31) % 2**32 - 2**31 for count in counts]
+
+
+def check_answers(log: list[Logged], node: Node, Fc: float, told: dict) -> None:  # noqa: N803
+    """Each answer follows its angle, and its torque is within 0.52 ulp of Fc."""
+    check_node(log, node, told)
+    pairs = [frame.id for frame in log if frame.id & ~0x1F == 0x100]
+    assert pairs == [0x100 + node.number, 0x110 + node.number] * (len(pairs) // 2)
+    exact = np.array([answer.ratio for answer in node.answers])
+    limit = float(np.float32(Fc))
+    numbers = [int.from_bytes(f.data[4:], "little", signed=True) for f in log if f.id & ~15 == 272]
+    torque = np.float32(np.array(numbers) * 2.0**-30 * limit).astype(float)
+    assert np.abs(torque - exact * limit).max() <= 0.52 * float(np.spacing(np.float32(Fc)))
+
+
+SHIPPED = {
+    "segments": (50, 0.5, 9.587379924285257e-05),
+    "steering": (120, 1.8, 2.396844981071314e-05),
+}
+STEER = Steering(131072, 2.5, 600, 0.15, 30, 0.8)
+VARIED = {"amplitude": 9e5, "sweep_s": 0.3, "tremor": 0, "tremor_s": 1, "seconds": 20, "hold_s": 1}
+PLAYED = [  # scene, settings, seed, counts
+    ("segments", {}, 1, segments(209, -104, 313, speed=200, hold_s=0.2)),
+    (
+        "segments",
+        {"speed": 1000, "hold_s": 0.05},
+        5,
+        segments(209, -104, 313, speed=1e3, hold_s=0.05),
+    ),
+    (
+        "segments",
+        {"theta1": 0, "theta2": 7, "theta3": 7, "hold_s": 0},
+        1,
+        segments(0, 7, 7, speed=200),
+    ),
+    ("steering", {}, 1, STEER.counts(1)),
+    (
+        "steering",
+        {"start_count": 2147483600},
+        2**64 - 1,
+        wrapped(STEER.counts(2**64 - 1), 2147483600),
+    ),
+    ("steering", VARIED, 7, Steering(**VARIED).counts(7)),
+    (
+        "steering",
+        {"amplitude": 0, "tremor": 5e4, "tremor_s": 0.5},
+        3,
+        Steering(0, 2.5, 5e4, 0.5, 30, 0.8).counts(3),
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "keys", "seed", "counts"), PLAYED)
+def test_counts_follow_the_scene_and_each_answer_is_exact(tmp_path, name, keys, seed, counts):
+    """No frame is lost, on any machine."""
+    words = setting(*(f"motion.{key}={value}" for key, value in keys.items()))
+    result = run(tmp_path, SCENES / f"{name}.ini", "--virtual", "--seed", seed, *words)
+    assert (result.code, result.err) == (0, "")
+    log, summary = read_log(result.log), result.summary
+    assert counts_of(log) == counts
+    sigma0, Fc, theta = SHIPPED[name]  # noqa: N806
+    check_answers(log, Node(travel_per_count(sigma0, Fc, theta)), Fc, summary["node"])
+    assert summary["frames_sent"] == summary["frames_answered"] == summary["ticks"] == len(counts)
+    assert summary["frames_lost"] == summary["answers_unmatched"] == summary["answers_corrupt"] == 0
+    assert {*summary["bus_counts"].values()} == {0}
+    assert [f.time for f in log if f.id == 0x100] == [tick / 1000 for tick in range(len(counts))]
+
+
+@pytest.mark.parametrize("name", ["segments", "steering", "parking", "fault-storm"])
+def test_same_seed_same_bytes(tmp_path, name):
+    """Another seed gives another run, except for a motion without chance. The default is 1."""
+    words = (SCENES / f"{name}.ini", "--virtual")
+    seeds = ("--seed", 7), ("--seed", 7), ("--seed", 1), ()
+    first, again, other, none = (run(tmp_path, *words, *s).log.read_bytes() for s in seeds)
+    assert first == again and other == none
+    assert (first == other) == (name == "segments")
+
+
+def test_measured_log_is_exact_and_complete(tmp_path, measured_file):
+    file = measured_file("tribometer", "reciprocating.tsv")
+    result = run(tmp_path, SCENES / "tribometer.ini", "--virtual", "--data", file.parents[1])
+    log = read_log(result.log)
+    position = np.loadtxt(file, skiprows=1, usecols=2, delimiter="\t")
+    assert counts_of(log) == np.rint((position - position[0]) * 10000).astype(int).tolist()
+    node = Node(travel_per_count(36500, 2.70, 1e-7))
+    check_answers(log, node, 2.70, result.summary["node"])
+
+
+def test_memory_does_not_grow_with_the_log_file(tmp_path):
+    rows = "".join(f"{i % 1000}\n" for i in range(2_000_000))
+    (tmp_path / "log.csv").write_text("angle\n" + rows)
+    path = scene(tmp_path, FRICTION, REPLAY.format("angle", 1))
+    summary = run(tmp_path, path, "--virtual", "--log", "/dev/null").summary
+    assert summary["frames_answered"] == 2_000_000
+    assert 512 < summary["max_rss_kib"] < 16 * 1024
+
+
+@pytest.mark.parametrize(
+    ("parts", "options", "ids"),
+    [
+        ((MOTION,), (), {0x100}),
+        ((FRICTION, MOTION, STATUS), ("--role", "encoder"), {0x100}),
+        ((FRICTION, STATUS), ("--seconds", "2"), {0x120}),
+        ((FRICTION, MOTION, STATUS), ("--role", "node", "--seconds", "2"), {0x120}),
+        ((FRICTION, "node = 9", MOTION, STATUS), (), {0x109, 0x119, 0x129}),
+    ],
+)
+def test_an_absent_part_sends_no_frame(tmp_path, parts, options, ids):
+    result = run(tmp_path, scene(tmp_path, *parts), "--virtual", *options)
+    log, told = read_log(result.log), result.summary
+    assert (result.code, {frame.id for frame in log}) == (0, ids), result.err
+    assert ("node" in told, "frames_sent" in told) == (ids != {0x100}, ids != {0x120})
+    assert not {"control", "faults", "bus_load", "latency_us"} & told.keys()
+    if len(ids) == 3:
+        assert counts_of(log, 9) == segments(200, -100, 300, speed=2000)
+        check_answers(log, Node(TRAVEL, number=9), 0.5, told["node"])
+    else:
+        period = 0.1 if ids == {0x120} else 0.001
+        assert [f.time for f in log] == pytest.approx(np.arange(len(log)) * period, abs=1e-9)
+
+
+@pytest.mark.parametrize(("max_step", "used"), [(2, True), (1, False)])
+def test_a_move_beyond_max_step_is_a_jump(tmp_path, max_step, used):
+    """The motion has two counts in each tick."""
+    words = setting(f"friction.max_step={max_step}", "friction.timeout_ms=1000")
+    path = scene(tmp_path, FRICTION, MOTION)
+    result = run(tmp_path, path, "--virtual", *words)
+    node = Node(TRAVEL, max_step, timeout_us=10**6, status_us=0)
+    check_node(read_log(result.log), node, result.summary["node"])
+    assert (node.counts["jump"] == 0) == used
+
+
+@pytest.mark.parametrize("ms", [30.4, 1234.5, 3000])
+def test_status_has_timeout_and_version_and_keeps_its_period(tmp_path, ms):
+    words = setting(f"friction.timeout_ms={ms}", f"status.period_ms={ms}", "motion.hold_s=3")
+    log = read_log(run(tmp_path, scene(tmp_path, FRICTION, MOTION), "--virtual", *words).log)
+    statuses = [frame for frame in log if frame.id == 0x120]
+    period = np.ceil(ms) / 1000
+    assert [s.time for s in statuses[1:]] == pytest.approx(
+        period * np.arange(1, len(statuses)), abs=1e-9
+    )
+    line = subprocess.check_output([program(), "--version"], text=True)
+    major, minor = map(int, line.split()[1].split(".")[:2])
+    shown = min(255, int(np.ceil(ms / 10)))
+    assert {s.data[2:] for s in statuses} == {bytes([0, 0, 0, 0, major << 4 | minor, shown])}
+
+
+ANGLE = "angle of the steering wheel, absolute [deg]"
+
+
+def random_table(rng: random.Random) -> tuple[bytes, list[float]]:
+    """A log of a spreadsheet and its angles: columns in any order, long or odd words, any line
+    ends.
+    """
+    columns = rng.sample(["t [s]", "", ANGLE, 'a "note"'], 4)
+    angles = [rng.randrange(-800, 800) / 8 for _ in range(rng.randrange(1, 400))]
+    times = sorted(rng.choice(range(300)) / 1000 for _ in angles)
+    words = ["x" * 60000, "", "a, b", '"', " two\nlines", "9"]
+    end, text = rng.choice(["\n", "\r\n"]), io.StringIO()
+    quoting = rng.choice([csv.QUOTE_MINIMAL, csv.QUOTE_ALL])
+    table = csv.writer(text, delimiter=rng.choice(",;\t"), lineterminator=end, quoting=quoting)
+    table.writerow(columns)
+    for time, angle in zip(times, angles, strict=True):
+        cells = {"t [s]": time, "": 9, ANGLE: angle, 'a "note"': rng.choice(words)}
+        table.writerow([cells[name] for name in columns])
+    mark = rng.choice(["", "\ufeff"])
+    return f"{mark}{text.getvalue().removesuffix(end)}{end * rng.randrange(3)}".encode(), angles
+
+
+def test_log_files_of_many_forms_are_read(tmp_path):
+    """As the csv module of Python writes them."""
+    path = scene(tmp_path, FRICTION, REPLAY.format(ANGLE, 10), "time = t [s]\n")
+    for seed in range(24):
+        text, angles = random_table(random.Random(seed))
+        (tmp_path / "log.csv").write_bytes(text)
+        result = run(tmp_path, path, "--virtual")
+        assert (result.code, result.err) == (0, ""), seed
+        due = [nearest(10 * angle - 10 * angles[0]) for angle in angles]
+        assert counts_of(read_log(result.log)) == due, seed
+
+
+@pytest.mark.parametrize(
+    ("rows", "scale", "counts"),
+    [
+        ("0.5 0.54 0.56 0.46 0.44 1.4999999999", 10, [0, 0, 1, 0, -1, 10]),
+        ("0.5 0.54 0.56 0.46 0.44 1.4999999999", -10, [0, 0, -1, 0, 1, -10]),
+        ("5 2147483651", 1, [0, 2147483646]),
+        ("5 -2147483641", 1, [0, -2147483646]),
+    ],
+)
+def test_angles_go_to_the_nearest_count_from_the_first_row(tmp_path, rows, scale, counts):
+    """Up to the limit of a count; a larger angle is refused (test_scene_errors.py)."""
+    (tmp_path / "log.csv").write_text("\n".join(["a,", *(f"{row},9" for row in rows.split())]))
+    path = scene(tmp_path, FRICTION, REPLAY.format("a", scale))
+    assert counts_of(read_log(run(tmp_path, path, "--virtual").log)) == counts
+    start = setting("motion.start_count=2147483647")
+    log = read_log(run(tmp_path, path, "--virtual", *start).log)
+    assert counts_of(log) == wrapped(counts, 2147483647)
+
+
+def test_a_log_is_searched_next_to_the_scene_then_in_data(tmp_path, monkeypatch):
+    """An absolute path is used as it is. --log-file overrides the scene."""
+    for end, name in enumerate(("beside", "data", "own")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "log.csv").write_text(f"a\n0\n{end}\n")
+    own = str(tmp_path / "own" / "log.csv")
+    data = ("--data", str(tmp_path / "data"))
+    for file, options, end in (
+        ("log.csv", (), 0),
+        ("log.csv", data, 1),
+        (own, data, 2),
+        ("log.csv", (*data, "--log-file", own), 2),
+    ):
+        text = REPLAY.format("a", 1).replace("log.csv", file)
+        path = scene(tmp_path / "beside", FRICTION, text)
+        result = run(tmp_path, path, "--virtual", *options)
+        assert counts_of(read_log(result.log)) == [0, end], (file, options)
+    scene(tmp_path / "beside", FRICTION, REPLAY.format("a", 1))
+    monkeypatch.chdir(tmp_path / "beside")
+    for name in ("scene.ini", "./scene.ini", "../beside/scene.ini"):
+        log = run(tmp_path, name, "--virtual", "--log-file", "../own/log.csv").log
+        assert counts_of(read_log(log)) == [0, 2]
+
+
+@pytest.mark.parametrize(("seconds", "ticks"), [("0.001", 1), ("1.2346", 1235), ("0.0015", 2)])
+def test_seconds_are_rounded_to_ticks(tmp_path, seconds, ticks):
+    """A shorter motion ends the run earlier, with a note."""
+    path = SCENES / "steering.ini"
+    whole = run(tmp_path, path, "--virtual", "--seconds", seconds)
+    assert (whole.summary["ticks"], whole.err) == (ticks, "")
+    short = setting(f"motion.seconds={seconds}")
+    ended = run(tmp_path, path, "--virtual", "--nodes", 16, "--seconds", 9, *short)
+    assert ended.summary["ticks"] == ticks
+    assert re.fullmatch(rf"note: .*\b9\b.*\b{ticks / 1000} s\n", ended.err)
+    assert run(tmp_path, path, "--virtual", *short).err == ""
+
+
+def test_the_summary_names_scene_seed_bus_and_time(tmp_path):
+    """Of two settings of one key the last one counts."""
+    path = scene(tmp_path, "[scene]\ntitle = A shaft", FRICTION, MOTION, STATUS)
+    seed = 2**64 - 59  # more than a double holds
+    words = ("--seed", seed, "--seconds", "0.02", *setting("scene.title=x", "scene.title=a = b; c"))
+    for time, options in (("real", ()), ("virtual", ("--virtual", "--bus", "socketcand:0"))):
+        said = run(tmp_path / time, path, *words, *options).summary
+        assert (said["time"], said["seed"], said["ticks"]) == (time, seed, 20)
+        assert (said["title"], said["scene"]) == ("a = b; c", str(path))
+        assert said["bus"] == (options[2] if options else "loopback")
+        assert ("beat_late_us" in said) == ("latency_us" in said) == (time == "real")
+        assert 0 < said["wall_s"] < 5 and 512 < said["max_rss_kib"] < 16 * 1024
+        assert said["realtime_factor"] == pytest.approx(0.02 / said["wall_s"], rel=1e-6)
