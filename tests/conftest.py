@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""What all tests in Python share: where the build is, measured data, and the marks `checks`,
-`long` and `soak`.
+"""Fixtures of all tests in Python, and the marks `checks`, `long` and `soak`.
 
-A missing build is a failure, not a skip: nothing is proved without it. Measured data out of reach
-is a skip with its reason, since a clone need not have it.
+A missing build is a failure. Measured data that is out of reach is a skip.
 """
 
 from __future__ import annotations
@@ -19,25 +17,25 @@ import hypothesis
 import pytest
 from _pytest.junitxml import xml_key
 
-EXAMPLES, MORE_EXAMPLES = 50, 200  # of each law, by default and with --checks or more
+EXAMPLES, MORE_EXAMPLES = 50, 200  # of each Hypothesis test, by default and with --checks or more
 
 ROOT = Path(__file__).resolve().parents[1]
 BUILD = Path(os.environ.get("DAHL_BUILD_DIR", ROOT / "build" / "host"))
 
 
-CHECKS = ("proof", "fuzz", "static", "quality")  # folders whose tests are all marked checks
-MODES = ("--checks", "--long", "--full", "--soak")  # that run some of these
+CHECKS = ("proof", "fuzz", "static", "quality")  # folders: all their tests are marked checks
+MODES = ("--checks", "--long", "--full", "--soak")  # each runs some of these folders
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--checks", action="store_true", help="also the tests marked checks")
-    parser.addoption("--long", action="store_true", help="also those marked checks or long")
+    parser.addoption("--checks", action="store_true", help="also run the tests marked checks")
+    parser.addoption("--long", action="store_true", help="also run the tests marked checks or long")
     parser.addoption("--full", action="store_true", help="the same as --long")
-    parser.addoption("--soak", action="store_true", help="the tests marked soak, no others")
+    parser.addoption("--soak", action="store_true", help="run the tests marked soak only")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """The same examples on every machine: a red test stays red until it is mended."""
+    """Draw the same examples on every machine, so that a red test stays red."""
     hypothesis.settings.register_profile(
         "dahl",
         deadline=None,
@@ -46,29 +44,28 @@ def pytest_configure(config: pytest.Config) -> None:
         max_examples=MORE_EXAMPLES if runs_checks(config) else EXAMPLES,
     )
     hypothesis.settings.load_profile("dahl")
-    os.environ.pop(
-        "PYTHONUNBUFFERED", None
-    )  # programs buffer as a user's do, so that a flush that is missing shows
+    os.environ.pop("PYTHONUNBUFFERED", None)  # programs buffer, so that a missing flush shows
 
 
 def runs_checks(config: pytest.Config) -> bool:
-    """Whether the chosen mode runs tests in the folders of checks."""
+    """Return whether the chosen mode runs tests in the folders of checks."""
     return any(config.getoption(mode) for mode in MODES)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Import no checks that the mode does not run: their packages come with tools/setup.sh checks.
-    A file that the caller names is imported all the same.
+    """Skip the folders of checks, because their packages come with tools/setup.sh checks.
+
+    A file that the caller names is imported anyway.
     """
     is_check = bool({collection_path.name, collection_path.parent.name} & set(CHECKS))
     return True if is_check and not runs_checks(config) else None
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
-    """Say which folders were not imported."""
-    asked = [Path(word.partition("::")[0]).resolve() for word in config.args]
+    """Name the folders that were not imported."""
+    chosen = [Path(word.partition("::")[0]).resolve() for word in config.args]
     folders = [Path(__file__).parent / name for name in CHECKS]
-    left_out = [folder.name for folder in folders if {folder, *folder.parents}.intersection(asked)]
+    left_out = [folder.name for folder in folders if {folder, *folder.parents}.intersection(chosen)]
     if left_out and not runs_checks(config):
         names = ", ".join(left_out)
         terminalreporter.write_line(
@@ -77,7 +74,7 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
 
 
 def is_wanted(config: pytest.Config, item: pytest.Item) -> bool:
-    """Whether the chosen mode runs this test; by default none that is marked."""
+    """Return whether the chosen mode runs this test. By default no marked test runs."""
     marks = {mark.name for mark in item.iter_markers()}
     if config.getoption("--soak") or "soak" in marks:
         return bool(config.getoption("--soak") and "soak" in marks)
@@ -87,7 +84,7 @@ def is_wanted(config: pytest.Config, item: pytest.Item) -> bool:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what the mode does not run (deselected, not reported as skipped)."""
+    """Deselect the tests that the mode does not run; they are not reported as skipped."""
     for item in items:
         if item.path.parent.name in CHECKS:
             item.add_marker("checks")
@@ -97,15 +94,24 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def need(tool: str, claim: str) -> str:
-    """Path of a tool. Without it the claim is not shown, and the skip says which."""
+    """Return the path of a tool. Without it, skip and name the claim that is unproven."""
     path = shutil.which(tool) or next(iter(BUILD.parent.glob(f"deps/{tool}/bin/{tool}")), None)
     if path is None:
         pytest.skip(f"unproven: {claim}: {tool} is not here, and tools/setup.sh could not get it")
     return str(path)
 
 
+def with_compilers(*commands: str) -> list[Any]:
+    """Parameters of a test, one for each compiler. Only gcc is part of the default set-up."""
+    default = ("gcc", "g++")
+    return [
+        pytest.param(one, id=one, marks=[] if one.split()[0] in default else pytest.mark.checks)
+        for one in commands
+    ]
+
+
 def from_pypi(name: str, requirements: str, claim: str) -> Path:
-    """The folder of programs of these packages, in an environment of their own below build/."""
+    """Install packages into their own environment below build/; return its folder of programs."""
     environment = BUILD.parent / name
     stamp = environment / "installed.txt"
     if not stamp.exists() or stamp.read_text() != requirements:
@@ -119,7 +125,7 @@ def from_pypi(name: str, requirements: str, claim: str) -> Path:
 
 
 def announce(config: pytest.Config, tests: int) -> None:
-    """How many tests there were to run: tools/count_tests.py misses those without a result."""
+    """Record the number of tests, so that tools/count_tests.py notices a missing result."""
     if junit := config.stash.get(xml_key, None):
         junit.global_properties[:] = [("collected", str(tests))]
 
@@ -130,18 +136,18 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_node_collection_finished(node: Any, ids: list[str]) -> None:
-    """The same where workers run the tests; each of them collects all."""
+    """Do the same if workers run the tests; each of them collects all."""
     announce(node.config, len(ids))
 
 
 @pytest.fixture(scope="session")
 def root() -> Path:
-    """The project's folder."""
+    """Return the folder of the project."""
     return ROOT
 
 
 def built(*parts: str) -> Path:
-    """A file of the build; its absence fails the test."""
+    """Return a file of the build. Its absence fails the test."""
     path = BUILD.joinpath(*parts)
     if not path.exists():
         pytest.fail(
@@ -153,7 +159,7 @@ def built(*parts: str) -> Path:
 
 @pytest.fixture(scope="session")
 def library() -> Path:
-    """The shared library."""
+    """Return the shared library."""
     path = built("lib", "libdahl.so")
     os.environ.setdefault("DAHL_LIBRARY", str(path))
     return path
@@ -161,7 +167,7 @@ def library() -> Path:
 
 @pytest.fixture(scope="session")
 def dahl_loop() -> Path:
-    """The program dahl-loop."""
+    """Return the program dahl-loop."""
     path = built("host_sim", "dahl-loop")
     os.environ.setdefault("DAHL_LOOP", str(path))
     return path
@@ -169,13 +175,13 @@ def dahl_loop() -> Path:
 
 @pytest.fixture(scope="session")
 def dbc(root: Path) -> Path:
-    """The bus description."""
+    """Return the bus description."""
     return root / "lib" / "node" / "dahl.dbc"
 
 
 @pytest.fixture
 def run_dahl(root: Path):
-    """Call the command `dahl` with arguments; returns the finished process with its text."""
+    """Run the command `dahl` in a process; return the finished process with its text."""
 
     def run(*args: str, timeout: float = 120, **kwargs) -> subprocess.CompletedProcess:
         command = [sys.executable, "-m", "dahl", *map(str, args)]
@@ -193,7 +199,7 @@ def run_dahl(root: Path):
 
 @pytest.fixture
 def dahl_here(capsys):
-    """A verb of `dahl` in this process, called as run_dahl is."""
+    """Run a verb of `dahl` in this process, called like run_dahl."""
     from identify_tools import caller
 
     return caller(capsys)
@@ -201,23 +207,23 @@ def dahl_here(capsys):
 
 @pytest.fixture
 def dahl(dahl_here, monkeypatch, tmp_path):
-    """The same in an empty folder."""
+    """Do the same in an empty folder."""
     monkeypatch.chdir(tmp_path)
     return dahl_here
 
 
 @pytest.fixture
 def measured_file():
-    """Path of a measured file by data set and name; skips with the reason where it is out of
-    reach.
-    """
+    """Return the path of a measured file by data set and name; skip if it is out of reach."""
 
     def find(name: str, file: str) -> Path:
         from dahl.io import data
 
         folder = data.local_folder(name)
         if folder is None or not (folder / file).exists():
-            pytest.skip(f"measured set {name} is not in reach (see `dahl data`)")
+            pytest.skip(
+                f"unproven: claims about measured set {name}: not in reach (see `dahl data`)"
+            )
         return folder / file
 
     return find

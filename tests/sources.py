@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Where the product's C stands, by what each part is for; the only place where tests say so. Files
-are found by folder: one more, or a function that moves from one to another, changes nothing here.
-"""
+"""The C files of the product by purpose, found by folder, so that a new file needs no change."""
 
 from __future__ import annotations
 
@@ -11,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 LIB = ROOT / "lib"
-BESIDE = ("batch", "cores", "float", "node", "parts")  # what comes beside the element itself
+NOT_CORE = ("batch", "cores", "float", "node", "parts")
 
 
 def _found(*folders: str, kind: str = "c") -> list[Path]:
@@ -19,7 +17,7 @@ def _found(*folders: str, kind: str = "c") -> list[Path]:
 
 
 def _is_core(path: Path) -> bool:
-    return not path.relative_to(LIB).parts[0].startswith(BESIDE)
+    return not path.relative_to(LIB).parts[0].startswith(NOT_CORE)
 
 
 CORE = [path for path in _found("lib") if _is_core(path)]  # one element, as firmware links it
@@ -37,22 +35,22 @@ INCLUDES = [f"-I{folder}" for folder in FOLDERS]
 
 @functools.cache
 def number(name: str, header: str = "dahl.h") -> float:
-    """The value of a macro of a header, as the preprocessor knows it."""
+    """Return the value of a macro of a header by the preprocessor."""
     command = ["cc", "-E", "-dM", *INCLUDES, "-include", header, "-x", "c", "/dev/null"]
-    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    text = next(line.split()[2] for line in said.splitlines() if line.split()[1] == name)
+    output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    text = next(line.split()[2] for line in output.splitlines() if line.split()[1] == name)
     return float.fromhex(text) if text.startswith("0x") else float(text.rstrip("f"))
 
 
 def as_one(folder: Path, files: list[Path] = CORE, name: str = "library.c") -> Path:
-    """One C file of many, for a compiler or prover that should see all at once."""
+    """Write one C file that includes many, for a compiler or prover that must read all at once."""
     unit = folder / name
     unit.write_text("".join(f'#include "{path}"\n' for path in files))
     return unit
 
 
 def with_main(test: Path, folder: Path) -> Path:
-    """One C file of a Unity test with the main that runs it."""
+    """Write the main of a Unity test and return one C file of both."""
     main = folder / f"{test.stem}_main.c"
     words = [f"-DSOURCE={test}", f"-DMAIN={main}", "-P", ROOT / "tests/unity_main.cmake"]
     subprocess.run(["cmake", *words], check=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""How a law is tried: on some inputs by default, on many with --long, found by hypothesis."""
+"""Run a law on some inputs by default and on many with --long."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from hypothesis import HealthCheck, Phase
 from hypothesis.strategies import SearchStrategy
 
 PHASES = (Phase.explicit, Phase.generate, Phase.shrink)
-SLOW = (HealthCheck.too_slow, HealthCheck.filter_too_much)  # where two cores are busy
+SLOW = (HealthCheck.too_slow, HealthCheck.filter_too_much)  # a busy machine is slow
 
 
 def modes(short: int, long: int) -> pytest.MarkDecorator:
-    """The parameter `examples`: so many by default, so many with --long."""
+    """Return the parameter `examples`: its values by default and with --long."""
     many = pytest.param(long, id="long", marks=pytest.mark.long)
     return pytest.mark.parametrize("examples", [pytest.param(short, id="short"), many])
 
 
 def holds(law: Callable[..., None], examples: int, *inputs: SearchStrategy) -> None:
-    """Raise where the law does not hold, on the smallest input that shows it."""
+    """Raise if the law does not hold, on the smallest input that shows it."""
     settings = hypothesis.settings(
         max_examples=examples, phases=PHASES, report_multiple_bugs=False, suppress_health_check=SLOW
     )

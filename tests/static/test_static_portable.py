@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Other machines: golden bits and C tests of library, codec and receiver on a big-endian core
 (s390x, with qemu-user) and without extensions of GNU; the batches also in 32 bits and without
-128-bit words. (tests/python/test_bits.py has the golden bits in 32 bits.)
+128-bit words. (tests/python/library/test_bits.py has the golden bits in 32 bits.)
 
 The accuracy tests do not run there: equal bits have equal errors. The batches run briefly on the
 big-endian core, because their own test needs minutes under emulation.

@@ -6,7 +6,7 @@
  *                                      on a sine of a A = 20 at 1 Hz, sampled RATE times a second
  *   host_bench growth SCENARIO TICKS   worst error up to each power of ten of ticks
  *   host_bench speed TICKS             nanoseconds a tick, and of a plain copy
- *   host_bench batches SCENARIO TICKS  each batch of the library once, for callgrind (tests/python/test_batch_cost.py)
+ *   host_bench batches SCENARIO TICKS  each batch of the library once, for callgrind (tests/python/library/test_batch_cost.py)
  *   host_bench moves SCENARIO TICKS    the moves in counts and the exact F/Fc, as text, for rivals in Python
  */
 #define _POSIX_C_SOURCE 199309L /* clock_gettime */

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The Python package as a user gets it: wheel and sdist by `python -m build`, installed into a
-fresh environment outside the tree, where nothing of the tree is read.
+"""The Python package of a user: wheel and sdist by `python -m build`, installed into a new
+environment that reads no file of the tree.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ PLAN = ["plan", "--sigma0", "100", "--fc", "0.5", "--counts-per-turn", "16384", 
 
 
 def run(*command: object, code: int | None = 0, **more: object) -> subprocess.CompletedProcess[str]:
-    """A command in an environment that knows nothing of this tree."""
+    """Run a command without the environment variables of this tree."""
     clean = {name: value for name, value in os.environ.items() if name not in OURS}
     more = {"env": clean, "timeout": 240, **more}
     words = list(map(str, command))
@@ -43,7 +43,7 @@ def run(*command: object, code: int | None = 0, **more: object) -> subprocess.Co
 
 
 class Environment:
-    """A fresh one, with one wheel and its dependencies as they are here: no network is used."""
+    """A new environment with one wheel and copies of its dependencies, made without network."""
 
     def __init__(self, folder: Path, wheel: Path, packages: Sequence[str] = ()) -> None:
         run(sys.executable, "-m", "venv", "--without-pip", folder)
@@ -53,7 +53,7 @@ class Environment:
             if ".." not in file.parts and "__pycache__" not in file.parts:
                 (self.site / file).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy(file.locate(), self.site / file)
-        if packages:  # of the extras: those that are here
+        if packages:  # folders with the packages of the extras
             (self.site / "extras.pth").write_text("\n".join(packages))
         pip = [sys.executable, "-m", "pip", "--python", self.bin / "python", "install", "--quiet"]
         run(*pip, "--no-index", "--no-deps", "--no-warn-script-location", wheel)
@@ -70,7 +70,7 @@ class Environment:
 
 @pytest.fixture(scope="module")
 def dist(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The sdist, the wheel made from it, and in tree/ the wheel made from the tree."""
+    """Make the sdist, its wheel, and in tree/ the wheel of the tree."""
     folder = tmp_path_factory.mktemp("dist")
     run(sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, root)
     wheel = [sys.executable, "-m", "build", "--no-isolation", "--wheel"]
@@ -85,13 +85,13 @@ def only(folder: Path, pattern: str) -> Path:
 
 @pytest.fixture(scope="module")
 def core(dist: Path, tmp_path_factory: pytest.TempPathFactory) -> Environment:
-    """The wheel that was made from the sdist, with its dependencies and no extra."""
+    """Install the wheel of the sdist with its dependencies and no extra."""
     return Environment(tmp_path_factory.mktemp("core"), only(dist, "*.whl"))
 
 
 @pytest.fixture(scope="module")
 def full(dist: Path, tmp_path_factory: pytest.TempPathFactory) -> Environment:
-    """The wheel that was made from the tree, with what the extras bring."""
+    """Install the wheel of the tree with the packages of the extras."""
     here = [path for path in sys.path if path.endswith("-packages")]
     return Environment(tmp_path_factory.mktemp("full"), only(dist / "tree", "*.whl"), here)
 
@@ -105,7 +105,7 @@ SHARED |= {"dahl/share/scene_keys.def", "dahl/share/timing.h"}
 SHARED |= {"dahl/py.typed", "dahl/commands/demo.py"}
 
 
-def test_both_wheels_hold_the_same_files_and_twine_finds_nothing(dist: Path) -> None:
+def test_both_wheels_have_the_same_files_and_twine_accepts_them(dist: Path) -> None:
     done = run(sys.executable, "-m", "twine", "check", "--strict", *dist.glob("dahl-*"))
     assert done.stdout.count("PASSED") == 2
     first, second = (
@@ -116,11 +116,11 @@ def test_both_wheels_hold_the_same_files_and_twine_finds_nothing(dist: Path) -> 
     assert first.keys() == second.keys() >= built | SHARED | {"dahl/lib/dahl_declarations.h"}
     differ = {name for name in first if first[name] != second[name]}
     libraries = {name for name in first if re.search(r"\.so(\.|$)", name)}
-    assert libraries == {one for one in built if ".so" in one}  # none of other people's
+    assert libraries == {one for one in built if ".so" in one}  # no library of others
     assert differ <= built | {name for name in first if name.endswith("/RECORD")}
 
 
-def test_the_sdist_holds_no_more_than_it_needs(dist: Path) -> None:
+def test_the_sdist_has_only_the_files_that_it_needs(dist: Path) -> None:
     with tarfile.open(only(dist, "*.tar.gz")) as sdist:
         files = {name.partition("/")[2] for name in sdist.getnames()}
     assert {"tools/wheel.cmake", "tools/dahl/cli.py"} <= files
@@ -169,7 +169,7 @@ dahl.Frction(1)  # wrong: attr-defined
 def test_types_of_the_installed_package_find_wrong_arguments(
     core: Environment, tmp_path: Path
 ) -> None:
-    """Each marked line of a user's script, by its kind of finding, and no other."""
+    """mypy reports each marked line of a user's script with its kind, and no other line."""
     (tmp_path / "user.py").write_text(USER)
     python = ["--python-executable", core.bin / "python", "--cache-dir", tmp_path / "cache"]
     done = run(*(sys.executable, "-m", "mypy", "--strict", *python, "user.py"),
@@ -200,9 +200,9 @@ def test_types_of_the_installed_package_find_wrong_arguments(
         (["demo"], "matplotlib, mpmath, pooch, pandas", "can,plot"),
     ],
 )
-def test_a_verb_says_which_extra_it_lacks(core: Environment, words, packages, extra) -> None:
-    [said] = core.dahl(*words, code=1).stderr.splitlines()
-    assert f"dahl {words[0]} " in said and packages in said and f"'.[{extra}]'" in said
+def test_a_verb_names_its_missing_extra(core: Environment, words, packages, extra) -> None:
+    [line] = core.dahl(*words, code=1).stderr.splitlines()
+    assert f"dahl {words[0]} " in line and packages in line and f"'.[{extra}]'" in line
     brought = {
         re.match(r"[\w-]+", one)[0]
         for one in core.metadata().requires
@@ -211,8 +211,8 @@ def test_a_verb_says_which_extra_it_lacks(core: Environment, words, packages, ex
     assert brought >= {name.lower() for name in packages.split(", ")}
 
 
-def test_nothing_of_the_tree_is_read(core: Environment, root: Path) -> None:
-    """Each file that Python or its loader opens, as the interpreter itself tells it."""
+def test_the_installed_package_opens_no_file_of_the_tree(core: Environment, root: Path) -> None:
+    """An audit hook of the interpreter records the files."""
     watched = f"""
 import sys
 opened = []
@@ -230,9 +230,9 @@ assert any(one.endswith("libdahl.so") for one in opened) and codes[0] == 0
     assert [line for line in done.stderr.splitlines() if line.startswith(str(root))] == []
 
 
-def test_the_demo_runs_with_what_the_wheel_carries(full: Environment) -> None:
-    """Into a folder of its own below the one that it is called in; and its picture is drawn. A
-    second run writes nothing into this environment, nor into the interpreter that it is made of.
+def test_the_demo_runs_from_the_wheel(full: Environment) -> None:
+    """It writes below the current folder only, neither into the environment nor into the base
+    interpreter.
     """
     full.dahl("demo", "--scene", "steering", "--seconds", "0.5")
     base = sysconfig.get_paths(vars={"base": sys.base_prefix, "platbase": sys.base_prefix})
@@ -252,7 +252,7 @@ def test_the_demo_runs_with_what_the_wheel_carries(full: Environment) -> None:
 
 
 def test_the_test_of_the_readme_finds_its_fixtures(root: Path, full: Environment) -> None:
-    """By the plugin's entry point: nothing names it."""
+    """The entry point of the plugin suffices."""
     readme = (root / "README.md").read_text()
     (example,) = re.findall(r"```python\n(from dahl.*?)```", readme, re.DOTALL)
     (full.folder / "test_readme.py").write_text(example)
@@ -261,8 +261,10 @@ def test_the_test_of_the_readme_finds_its_fixtures(root: Path, full: Environment
     assert "--dahl-interface" in full.python("-m", "pytest", "--help").stdout
 
 
-def test_a_wheel_without_the_loop_says_so(root: Path, tmp_path: Path, full: Environment) -> None:
-    """Built where the parsers of dahl-loop are not there, the rest works."""
+def test_a_wheel_without_dahl_loop_names_the_missing_packages(
+    root: Path, tmp_path: Path, full: Environment
+) -> None:
+    """If the parsers of dahl-loop are missing during the build, the rest works."""
     nowhere = ["CMAKE_FIND_ROOT_PATH=/nowhere", "CMAKE_FIND_ROOT_PATH_MODE_LIBRARY=ONLY"]
     settings = [word for one in nowhere for word in ("-C", f"cmake.define.{one}")]
     words = ["--no-isolation", "--wheel", "--outdir", tmp_path, *settings, root]
@@ -282,7 +284,7 @@ def test_cmake_installs_the_library_and_the_bus_description(root: Path, tmp_path
     run("cmake", "--install", tmp_path / "b")
     names = {path.name: path for path in (tmp_path / "prefix").rglob("libdahl.so*")}
     version = importlib.metadata.version("dahl")
-    minor = version.rpartition(".")[0]  # before 1.0 each has structs of its own
+    minor = version.rpartition(".")[0]  # before 1.0 each minor version has other structures
     assert names.keys() == {"libdahl.so", f"libdahl.so.{minor}", f"libdahl.so.{version}"}
     library = names["libdahl.so"]
     own = {**os.environ, "DAHL_LIBRARY": str(library)}

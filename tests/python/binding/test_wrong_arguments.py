@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The Python API takes nothing silently: a wrong argument is one dahl.Error of one line, with name,
-value and limit, and nothing has moved.
-"""
+"""A wrong argument raises dahl.Error in one line with name, value, limit, and changes nothing."""
 
 from __future__ import annotations
 
@@ -14,7 +12,6 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from ctypes import Structure
 from decimal import Decimal
 from fractions import Fraction
 from types import ModuleType
@@ -34,19 +31,19 @@ BLIND = dahl.Plan(100.0, 0.5)  # without an encoder
 
 
 def bearing() -> dahl.Friction:
-    """One that carries some torque."""
+    """Return a bearing with a torque."""
     one = dahl.Friction(PLAN)
     one.step_counts(7)
     return one
 
 
 def refused(call: Callable[[], object], *words: str) -> None:
-    """The call raises dahl.Error, in one line that holds all the words."""
+    """Assert that the call raises dahl.Error in one line with all words."""
     with pytest.raises(dahl.Error) as caught:
         call()
-    said = str(caught.value)
-    assert "\n" not in said and len(said) < 300
-    assert [word for word in words if word not in said] == [], said
+    line = str(caught.value)
+    assert "\n" not in line and len(line) < 300
+    assert [word for word in words if word not in line] == [], line
 
 
 # --- scalars --------------------------------------------------------------------------------------
@@ -82,7 +79,7 @@ REAL = {
     "Fc_backward": [lambda v: dahl.Asymmetric(1.0, 1.0, v, 1.0)],
 }
 BREAKAWAY = models.class_of(models.with_key("breakaway"))
-WHOLE = {  # with its limits
+WHOLE = {  # name and limits of a whole number
     ("dcounts", *I32): [
         lambda v: bearing().step_counts(v),
         lambda v: bearing().step_counts_q30(v),
@@ -95,6 +92,8 @@ WHOLE = {  # with its limits
     ],
     ("before", *U32): [lambda v: dahl.counts_between(v, 1)],
     ("now", *U32): [lambda v: dahl.counts_between(1, v)],
+    ("before", 0, 9999): [lambda v: dahl.counts_between(v, 1, 10000)],
+    ("now", 0, 9999): [lambda v: dahl.counts_between(1, v, 10000)],
     ("modulus", *U32): [lambda v: dahl.counts_between(0, 0, v), dahl.Encoder],
     ("ratio_q30", *I32): [lambda v: dahl.to_units(v, 1)],
     ("Fc_units", 0, 2**30): [lambda v: dahl.to_units(1, v)],
@@ -114,15 +113,14 @@ WHOLE = {  # with its limits
 
 
 @pytest.mark.parametrize("value", NO_NUMBER, ids=repr)
-def test_what_is_no_number_is_named(value):
+def test_a_value_that_is_not_a_number_is_named(value):
     for name, calls in [*REAL.items(), *((limits[0], calls) for limits, calls in WHOLE.items())]:
         for call in calls:
             refused(lambda call=call: call(value), f"{name} = ", "is not a number")
 
 
 @pytest.mark.parametrize("limits", WHOLE, ids=str)
-def test_a_whole_number_has_the_limits_that_are_told(limits):
-    """At both it is taken, and beyond them it is named with them."""
+def test_a_whole_number_is_accepted_at_its_limits_and_refused_beyond(limits):
     name, least, most = limits
     beyond = [least - 1, most + 1, 2**64, -(10**400), 1e300, np.uint64(2**63), 10**5000]
     for call in WHOLE[limits]:
@@ -132,7 +130,7 @@ def test_a_whole_number_has_the_limits_that_are_told(limits):
             refused(lambda call=call, v=value: call(v), f"{name} = ", str(least), str(most))
 
 
-def test_numbers_of_any_kind_are_numbers():
+def test_numbers_of_any_type_are_accepted():
     plan = dahl.Plan(np.float64(100), Fraction(1, 2), np.float32(1e-4))
     assert plan == PLAN
     wanted = dahl.Friction(plan).step_counts(3)
@@ -141,7 +139,7 @@ def test_numbers_of_any_kind_are_numbers():
     assert dahl.State(np.int64(2**62 - 1)).w == 2**62 - 1  # more digits than a float has
 
 
-# --- values that do not go together, and calls ----------------------------------------------------
+# --- values that do not fit together, and calls ---------------------------------------------------
 
 TRAVEL = ("2^-30 <=", "< 2^20")
 SLIPS = [
@@ -180,6 +178,8 @@ REFUSED = [
     (lambda: dahl.Parallel(*[dahl.Slip([1], [1], 1)] * 2), ("parts[1]", "twice")),
     (lambda: dahl.ThroughputParallel(1), ("parts[0] = 1",)),
     (lambda: dahl.Loaded(PLAN, 1), ("fixed_stiffness = 1",)),
+    (lambda: dahl.Throughput.run_counts_channels([dahl.Throughput(1, 1, 1)] * 2, [[1, 2, 3]]),
+     ("(1, 3), not (n, 2)",)),
     *(
         (lambda c=c, v=v: c(v), ("plan = ", "Plan"))
         for v in (None, 3, (1, 1, 1), dahl.Throughput(1, 1, 1), dahl.Plan)
@@ -190,11 +190,11 @@ REFUSED = [
         for r in (dahl.Throughput.run_channels, dahl.Throughput.run_counts_channels)
         for p, name in ((dahl.Throughput(1, 1), "params = "), ([PLAN], "params[0] = "))
     ),
-    # F that no move reaches
+    # a torque that no move reaches
     (lambda: bearing().counts_to_torque(0.6), ("F = 0.6", "0.5")),
     (lambda: bearing().counts_to_torque(math.nan), ("F = nan",)),
     (lambda: bearing().counts_to_torque(1e300), ("F = ", "0.5")),
-    # moves of the other rule of a load
+    # moves of the other kind of load
     *((lambda c=c: getattr(dahl.Loaded(PLAN), c)(1e-3, 1.0), (f"Loaded.{c}", "step_counts"))
       for c in ("step", "run")),
     *((lambda c=c: getattr(dahl.Loaded(PLAN, True), c)(1, 1.0), (f"Loaded.{c}", "step()"))
@@ -212,12 +212,12 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("call", "words"), REFUSED)
-def test_what_does_not_go_together_is_named(call, words):
+def test_values_that_do_not_fit_together_are_named(call, words):
     refused(call, *words)
 
 
 def test_counts_without_an_encoder_are_refused():
-    """0.0 N m for every count was no answer; angles are moves all the same."""
+    """Moves by angle still work."""
     blind, quick = dahl.Friction(BLIND), dahl.Throughput(100.0, 0.5)
     for call in (
         lambda: blind.step_counts(1),
@@ -266,12 +266,12 @@ BEYOND = [
 
 
 def movers() -> list[object]:
-    """One of each class that takes a log of counts."""
+    """Return an object of each class with run_counts(), except Loaded."""
     made = [kind.make() for kind in KINDS.values()]
     return [one for one in made if hasattr(one, "run_counts") and not isinstance(one, dahl.Loaded)]
 
 
-def test_moves_that_are_no_moves_are_named_and_nothing_moves():
+def test_wrong_moves_are_named_and_nothing_moves():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for one in movers():
@@ -287,7 +287,7 @@ def test_moves_that_are_no_moves_are_named_and_nothing_moves():
     run = dahl.Throughput.run_counts_channels
     refused(lambda: run(channels, [[1], [2**31]]), "moves[1, 0] = ")
     refused(lambda: run(channels * 3, [MASKED, MASKED]), "masked")
-    whole = np.ma.array([1, 2], mask=False)  # nothing of it is masked
+    whole = np.ma.array([1, 2], mask=False)
     assert list(bearing().run_counts(whole)) == list(bearing().run_counts([1, 2]))
 
 
@@ -300,9 +300,10 @@ def test_moves_that_are_no_moves_are_named_and_nothing_moves():
         np.ma.array(np.zeros(2, np.float32)),
         [0.0, 0.0],
         np.frombuffer(bytes(8), np.float32),
+        np.frombuffer(bytearray(9), np.float32, offset=1),
     ],
 )
-def test_torques_go_only_where_c_can_write_them(out):
+def test_an_out_that_c_cannot_fill_is_refused(out):
     for one in movers():
         before = copy.deepcopy(one)
         refused(lambda one=one: one.run_counts([1, 2], out=out), "out")
@@ -324,7 +325,7 @@ LOADS = [
 
 
 @pytest.mark.parametrize("fixed", [False, True])
-def test_bad_loads_move_nothing(fixed):
+def test_wrong_loads_are_named_and_nothing_moves(fixed):
     gear, still = dahl.Loaded(PLAN, fixed), dahl.Loaded(PLAN, fixed)
     run, step = (gear.run, gear.step) if fixed else (gear.run_counts, gear.step_counts)
     for moves, loads, word in LOADS:
@@ -335,7 +336,7 @@ def test_bad_loads_move_nothing(fixed):
     assert gear == still
 
 
-# --- whatever else --------------------------------------------------------------------------------
+# --- anything else --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["sigma0", "Fc", "theta_per_count", "other"])
@@ -357,13 +358,13 @@ junk = st.one_of(numbers, others, arrays, st.lists(numbers, max_size=3), st.tupl
 
 
 def public_calls() -> Iterator[Callable[..., object]]:
-    """Each function and class, and each method of one of every class."""
+    """Yield each function and class, and each method of one object of a class."""
     for name in dahl.__all__:
         if not isinstance(thing := getattr(dahl, name), ModuleType):
             yield pytest.param(thing, id=name)
     for kind in KINDS.values():
         for name, _ in inspect.getmembers(kind.of, callable):
-            if not name.startswith("_") and name not in dir(Structure):
+            if not name.startswith("_"):
                 call = lambda *given, k=kind, n=name: getattr(k.make(), n)(*given)  # noqa: E731
                 yield pytest.param(call, id=f"{kind.of.__name__}.{name}")
 
@@ -371,7 +372,7 @@ def public_calls() -> Iterator[Callable[..., object]]:
 @settings(max_examples=30)
 @given(st.data())
 @pytest.mark.parametrize("call", [*public_calls()])
-def test_whatever_is_passed_there_is_an_answer_or_one_line(call, data):
+def test_any_arguments_give_a_result_or_one_line(call, data):
     try:
         call(*data.draw(st.lists(junk, max_size=4)))
     except dahl.Error as error:
@@ -379,8 +380,8 @@ def test_whatever_is_passed_there_is_an_answer_or_one_line(call, data):
 
 
 @pytest.mark.parametrize("wrong", ["/etc/passwd", "/tmp", _ctypes.__file__])
-def test_another_file_as_the_library_is_one_line(wrong, tmp_path):
-    """DAHL_LIBRARY names a text file, a folder, another library."""
+def test_a_library_that_is_another_file_is_one_line(wrong, tmp_path):
+    """DAHL_LIBRARY may name a text file, a folder or another library."""
     environment = {**os.environ, "DAHL_LIBRARY": wrong}
     code = "import dahl\ntry: dahl.Plan(1, 1)\nexcept dahl.RunError as e: print(e)"
     words = ["-m", "dahl", "plan", "--sigma0", "1", "--fc", "1", "--theta-per-count", "1e-3"]

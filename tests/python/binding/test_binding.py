@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The binding to C: each public function is declared, and calls by the compiled module and by
-libffi give the same.
-"""
+"""The binding to C: it declares each public function, and both ways to call give equal results."""
 
 from __future__ import annotations
 
@@ -20,7 +18,7 @@ import pickle
 import sys
 import numpy
 from dahl.binding import library
-sys.path.insert(0, sys.argv[2])
+sys.path[:0] = sys.argv[2:]
 if sys.argv[1] == "libffi":
     library._compiled = lambda: None
 assert ("'_dahl'" in repr(library.load()[1])) == (sys.argv[1] == "module")
@@ -36,7 +34,7 @@ for kind in KINDS.values():
 
 
 def test_each_public_function_is_declared(root: Path) -> None:
-    """And both are there: a function that the library lacks is an AttributeError."""
+    """An undeclared or missing function raises AttributeError."""
     headers = "".join(path.read_text() for path in (root / "lib/include").glob("*.h"))
     code = re.sub(r"/\*.*?\*/", "", headers, flags=re.S)
     symbols = ["nm", "-D", "--defined-only", built("lib", "libdahl.so")]
@@ -47,10 +45,10 @@ def test_each_public_function_is_declared(root: Path) -> None:
     assert [name for name in public if not callable(getattr(c, name))] == []
 
 
-def test_the_module_and_libffi_give_the_same() -> None:
+def test_the_compiled_module_and_libffi_give_equal_results() -> None:
     outputs = []
     for way in ("module", "libffi"):
-        words = [sys.executable, "-c", MOVES, way, HERE]
+        words = [sys.executable, "-c", MOVES, way, HERE, HERE.parent]
         done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
         assert done.returncode == 0, done.stderr
         outputs.append(done.stdout)

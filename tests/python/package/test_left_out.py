@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Plain pytest on the tests' folder runs all that needs no more than tools/setup.sh test, and names
-the folders of checks that it leaves out.
-"""
+"""Plain pytest runs the tests that need only tools/setup.sh test, and names the other folders."""
 
 from __future__ import annotations
 
@@ -17,7 +15,7 @@ CHECK = "import a_package_that_only_checks_need\ndef test_check(): pass\n"
 
 @pytest.fixture
 def folder(root: Path, tmp_path: Path) -> Path:
-    """One test, and one check whose package is missing, below our conftest.py."""
+    """Return a folder with our conftest.py, a test, and a check whose package is missing."""
     for name in ("conftest.py", "pytest.ini"):
         shutil.copy(root / "tests" / name, tmp_path)
     for place, text in (("python", "def test_plain(): pass\n"), ("quality", CHECK)):
@@ -37,7 +35,7 @@ def folder(root: Path, tmp_path: Path) -> Path:
         (("quality/test_quality.py",), 2, ["1 error", "a_package_that_only_checks_need"]),
     ],
 )
-def test_checks_are_imported_only_when_they_are_asked_for(folder, words, code, lines):
+def test_checks_are_imported_only_on_request(folder, words, code, lines):
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-c", "pytest.ini", *words],
         cwd=folder,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Small cores: the C tests in QEMU, what may be linked. (What a call costs: test_bench.py.)"""
+"""Small cores: the C tests in QEMU, and the symbols of an image. (Costs: test_bench.py.)"""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ pytestmark = pytest.mark.checks
 
 ARM = ("m0", "m3", "m4f", "m7", "m33")
 CORES = dict.fromkeys(ARM, "arm-none-eabi-") | {"rv32": "riscv64-unknown-elf-"}
-EVERYWHERE = {"bits", "test_accuracy", "test_slip"}  # of what CTest has to run on every core
+EVERYWHERE = {"bits", "test_accuracy", "test_slip"}  # CTest must run these on every core
 PORT = ROOT / "port/cortex_m"
 START_UP = [PORT / f"{part}.c" for part in
             ("startup", "semihosting", "exit_semihosting", "no_tick", "fpu_none")]  # fmt: skip
 
 
 def run(*command: object, code: int | None = 0, seconds: float = 280, cwd: Path = ROOT) -> str:
-    """What a command says; with `code` None it may end as it likes."""
+    """Return the output of a command that exits with `code`; None: any code."""
     words = [str(word) for word in command]
     done = subprocess.run(
         words, capture_output=True, text=True, check=False, cwd=cwd, timeout=seconds
@@ -39,7 +39,7 @@ def tool(core: str, name: str) -> str:
 
 
 def build(core: str, target: str) -> Path:
-    """Its build folder; one at a time, since tests of several kinds want the same."""
+    """Build a target of a core under a lock, because several tests share the folder."""
     tool(core, "gcc")
     need("qemu-system-arm" if core in ARM else "qemu-system-riscv32", f"the library on {core}")
     folder = ROOT / "build" / core
@@ -52,7 +52,7 @@ def build(core: str, target: str) -> Path:
 
 
 def flags(folder: Path) -> list[str]:
-    """Of the core's compiler."""
+    """Return the flags of the compiler of a core."""
     cache = (folder / "CMakeCache.txt").read_text()
     return re.search(r"^CMAKE_C_FLAGS:\w+=(.*)$", cache, re.M)[1].split()
 
@@ -61,9 +61,9 @@ def flags(folder: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("core", CORES)
-def test_on_core(core: str, tmp_path: Path) -> None:
-    """Whatever CTest has for it: the Unity tests, the golden bits; on an Arm core the ticks written
-    for it against the C, and, where there is a SysTick, parameters that change under its interrupt.
+def test_the_c_tests_pass_on_each_core(core: str, tmp_path: Path) -> None:
+    """The Unity tests and the golden bits. On an Arm core also the ticks in assembly against the C,
+    and, if it has a SysTick, parameters that change in its interrupt.
     """
     folder, junit = build(core, "all"), tmp_path / "ctest.xml"
     run("ctest", "--test-dir", folder, "-L", "target", "-j2", "--output-junit", junit, code=None)
@@ -75,19 +75,17 @@ def test_on_core(core: str, tmp_path: Path) -> None:
         assert outcome.get("status") == "run" and outcome.find("failure") is None, (case, said)
 
 
-def test_bits_on_avr() -> None:
-    """16-bit int: the same hashes (some minutes; lines count, not the emulator's exit)."""
+def test_avr_gives_the_golden_bits() -> None:
+    """int has 16 bits. The output decides, not the exit code of the emulator."""
     for program in ("avr-gcc", "qemu-system-avr"):
-        need(program, "the same bits with an int of 16 bits")
+        need(program, "equal bits with an int of 16 bits")
     run("cmake", "--preset", "avr")
     run("cmake", "--build", ROOT / "build/avr")
     run("ctest", "--test-dir", ROOT / "build/avr", seconds=1200)
 
 
-def test_no_double_load_begins_with_its_address() -> None:
-    """Erratum 602117: an early Cortex-M3 that is interrupted in such a load goes on from another
-    address. gcc avoids it; what is written by hand has to.
-    """
+def test_no_double_load_overwrites_its_address_first() -> None:
+    """Erratum 602117: an interrupt in such a load breaks an early Cortex-M3."""
     code = run(tool("m3", "objdump"), "-d", build("m3", "dahl") / "lib/libdahl.a")
     loads = re.findall(r"\tldrd\t(\w+), (\w+), \[(\w+)", code)
     assert len(loads) > 10
@@ -95,7 +93,7 @@ def test_no_double_load_begins_with_its_address() -> None:
 
 
 def link(core: str, board: str, main: Path, code: int = 0) -> str:
-    """Make an image for a board out of one file, as the tests are made."""
+    """Link an image for a board from one file."""
     words = [*flags(build(core, "dahl")), "-O1", f"-I{PORT}", f"-I{ROOT}/port", "-nostartfiles"]
     words += [f"-L{PORT}", f"-T{PORT}/{board}.ld", "-o", main.with_name("image"), main, *START_UP]
     return run(tool(core, "gcc"), *words, code=code)
@@ -104,8 +102,9 @@ def link(core: str, board: str, main: Path, code: int = 0) -> str:
 @pytest.mark.parametrize(
     ("body", "code"), [("return 3;", 3), ("return *(volatile int *)0xF0000001;", 70)]
 )
-def test_a_failing_image_fails(body: str, code: int, tmp_path: Path) -> None:
-    """An exit code and a fault on the core come out of the emulator."""
+def test_an_exit_code_or_a_fault_on_the_core_ends_the_emulator(
+    body: str, code: int, tmp_path: Path
+) -> None:
     (main := tmp_path / "main.c").write_text(f"int main(void) {{ {body} }}\n")
     link("m3", "mps2-an385", main)
     words = ["-nographic", "-monitor", "none", "-serial", "none"]
@@ -116,26 +115,26 @@ def test_a_failing_image_fails(body: str, code: int, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("core", "board"), [("m3", "microbit"), ("m3", "mps2-an386"), ("m0", "mps2-an505")]
 )
-def test_wrong_board_does_not_link(core: str, board: str, tmp_path: Path) -> None:
+def test_a_wrong_board_does_not_link(core: str, board: str, tmp_path: Path) -> None:
     (main := tmp_path / "main.c").write_text("int main(void) { return 0; }\n")
     said = link(core, board, main, code=1)
     assert board in said and "-DDAHL_CORE=" in said
 
 
-def test_unknown_core_is_refused(tmp_path: Path) -> None:
+def test_an_unknown_core_is_refused(tmp_path: Path) -> None:
     words = ["--toolchain", PORT / "toolchain.cmake", "-DDAHL_CORE=m9"]
-    said = run("cmake", "-S", ROOT, "-B", tmp_path, *words, code=1)
-    assert "'m9'" in said and all(core in said for core in ARM)
+    output = run("cmake", "-S", ROOT, "-B", tmp_path, *words, code=1)
+    assert "'m9'" in output and all(core in output for core in ARM)
 
 
 # --- what may be linked --------------------------------------------------------------------------
 
-PATHS = {  # what a user links
+PATHS = {  # functions that a user links
     "q30": ["dahl_step_counts_q30"],
     "counts": ["dahl_step_counts_q30", "dahl_step_counts", "dahl_torque"],
     "angle": ["dahl_step_counts_q30", "dahl_step_counts", "dahl_torque", "dahl_step"],
 }
-# Of gcc's helpers those for integers: division, products, shifts and leading zeros.
+# Helpers of gcc for integers: division, products, shifts and leading zeros.
 INTEGER = re.compile(
     r"(__aeabi_(u?idiv\w*|[ui]?ldiv\w*|l\w+|u?lcmp)|__\w*(div|mod|mul|sh|clz|cmp)\w*[sd]i\d?"
     r"|__clz_tab|__(gnu_)?u?ldivmod\w*|__restore_\w+|__save_\w+|__riscv_\w+)$"
@@ -143,7 +142,7 @@ INTEGER = re.compile(
 
 
 def foreign(core: str, image: Path, *ours: Path) -> set[str]:
-    """Names in an image that are not in our own objects, but for those of the linker."""
+    """Return the names in an image that are neither in our objects nor of the linker."""
 
     def names(*files: Path) -> set[str]:
         lines = (line.split() for line in run(tool(core, "nm"), *files).splitlines())
@@ -154,14 +153,16 @@ def foreign(core: str, image: Path, *ours: Path) -> set[str]:
 
 
 def bare_link(core: str, image: Path, *words: object) -> None:
-    """With gcc's own helpers alone: a memcpy that gcc makes is not found."""
+    """Link with the helpers of gcc only, so that a memcpy of gcc is not found."""
     common = [*flags(ROOT / "build" / core), "-nostdlib", "-Wl,--gc-sections", "-o", image]
     run(tool(core, "gcc"), *common, *words, "-lgcc")
 
 
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize("core", CORES)
-def test_links_nothing_but_integers(core: str, path: str, tmp_path: Path) -> None:
+def test_an_image_has_only_helpers_for_integers_and_no_writable_data(
+    core: str, path: str, tmp_path: Path
+) -> None:
     library, image = build(core, "dahl") / "lib/libdahl.a", tmp_path / "image"
     wanted = [f"-Wl,-u,{name}" for name in PATHS[path]]
     bare_link(core, image, "-Wl,-e,dahl_prepare", *wanted, library)
@@ -170,7 +171,7 @@ def test_links_nothing_but_integers(core: str, path: str, tmp_path: Path) -> Non
     assert not sum(map(int, re.findall(writable, run(tool(core, "size"), "-A", image), re.M)))
 
 
-# At -O0 gcc copies a structure on Cortex-M0 by memcpy, also in dahl_prepare.
+# At -O0 gcc for Cortex-M0 copies structures with memcpy, also in dahl_prepare.
 @pytest.mark.parametrize("level", ("-O0", "-Os", "-O2", "-O3"))
 @pytest.mark.parametrize("core", CORES)
 def test_a_bare_link_of_all_parts_needs_no_libc(core: str, level: str, tmp_path: Path) -> None:

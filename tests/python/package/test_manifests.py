@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The manifests for PlatformIO, Zephyr and ESP-IDF name what a microcontroller compiles, and no
-more. test_consume.py builds a project by each of them.
+"""The manifests for PlatformIO, Zephyr and ESP-IDF name the files that a microcontroller compiles.
+test_consume.py builds a project with each of them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PUBLIC = {
 
 
 def of(folder: str, *kinds: str) -> set[str]:
-    """Files of a folder by their kinds."""
+    """Return the files of a folder with these endings."""
     files = [path for kind in kinds for path in (ROOT / folder).rglob(f"*.{kind}")]
     assert files
     return {path.relative_to(ROOT).as_posix() for path in files}
@@ -44,15 +44,15 @@ VERSION = re.search(r'#define DAHL_VERSION "([\d.]+)"', HEADER)[1]
 
 
 def matching(globs: list[str]) -> set[str]:
-    """Files of the project that these globs choose; each must choose one."""
+    """Return the files of the project that match; each glob must match one."""
     for glob in globs:
-        assert list(ROOT.glob(glob)), f"{glob} chooses nothing"
+        assert list(ROOT.glob(glob)), f"{glob} matches no file"
     return {path.relative_to(ROOT).as_posix() for glob in globs for path in ROOT.glob(glob)}
 
 
-def test_every_place_tells_the_version_of_the_header() -> None:
-    """CMake reads it there, pyproject.toml in tools/dahl/version.py; these say it themselves."""
-    told = {
+def test_every_manifest_has_the_version_of_the_header() -> None:
+    """CMake and pyproject.toml read it. These files state it."""
+    stated = {
         "library.json": json.loads((ROOT / "library.json").read_text())["version"],
         "idf_component.yml": yaml.safe_load((ROOT / "idf_component.yml").read_text())["version"],
         "port/arduino": re.search(
@@ -62,10 +62,10 @@ def test_every_place_tells_the_version_of_the_header() -> None:
         "tools/dahl/version.py": dahl.__version__,
         "CHANGELOG.md": re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.M)[1],
     }
-    assert told == dict.fromkeys(told, VERSION)
+    assert stated == dict.fromkeys(stated, VERSION)
 
 
-def test_platformio() -> None:
+def test_platformio_packs_and_compiles_the_needed_files() -> None:
     manifest = json.loads((ROOT / "library.json").read_text())
     assert (manifest["name"], manifest["license"]) == ("dahl", "MIT")
     assert set(manifest["headers"]) == {Path(path).name for path in PUBLIC}
@@ -81,7 +81,7 @@ ADDRESS = re.compile(r"https://[\w./-]+")
 
 
 def test_all_manifests_name_one_author_and_one_address() -> None:
-    """In the fields that each format has for them."""
+    """Each format has its fields for them."""
     pio = json.loads((ROOT / "library.json").read_text())
     idf = yaml.safe_load((ROOT / "idf_component.yml").read_text())
     lines = (ROOT / "port/arduino/library.properties").read_text().splitlines()
@@ -93,7 +93,7 @@ def test_all_manifests_name_one_author_and_one_address() -> None:
     assert [author] == idf["maintainers"] and author == arduino["author"] == arduino["maintainer"]
 
 
-def test_zephyr() -> None:
+def test_zephyr_finds_the_module_and_its_options() -> None:
     module = yaml.safe_load((ROOT / "zephyr/module.yml").read_text())
     assert module["name"] == "dahl"
     options = re.findall(r"^config (\w+)$", (ROOT / module["build"]["kconfig"]).read_text(), re.M)
@@ -101,7 +101,7 @@ def test_zephyr() -> None:
     assert (ROOT / module["build"]["cmake"] / "CMakeLists.txt").exists()
 
 
-# Functions of the frameworks; the stand-ins here print their arguments.
+# Functions of the frameworks; replacements print their arguments.
 THEIRS = ("zephyr_library_named", "zephyr_library_sources", "zephyr_include_directories")
 THEIRS += ("zephyr_library_compile_definitions", "idf_component_register")
 
@@ -115,33 +115,33 @@ THEIRS += ("zephyr_library_compile_definitions", "idf_component_register")
         (".", "set(ESP_PLATFORM 1)", CORE | NODE),
     ],
 )
-def test_a_framework_compiles_what_is_chosen(tmp_path: Path, script, chosen, files) -> None:
+def test_a_framework_compiles_the_chosen_files(tmp_path: Path, script, chosen, files) -> None:
     follow = tmp_path / "follow.cmake"
     calls = [f'function({call})\nmessage("${{ARGV}}")\nendfunction()' for call in THEIRS]
     include = f'include("{ROOT / script}/CMakeLists.txt")'
     follow.write_text("\n".join([*calls, chosen, include]))
     command = ["cmake", "-P", str(follow)]
-    told = subprocess.run(command, check=True, capture_output=True, text=True).stderr
-    words = [os.path.relpath(word, ROOT) for word in re.split(r"[;\s]", told) if "/lib/" in word]
+    printed = subprocess.run(command, check=True, capture_output=True, text=True).stderr
+    words = [os.path.relpath(word, ROOT) for word in re.split(r"[;\s]", printed) if "/lib/" in word]
     sources = {path for path in files or () if path.endswith((".c", ".S"))}
     assert sorted(words) == (sorted({*sources, "lib/include"}) if files else [])
 
 
-def test_esp_idf() -> None:
+def test_esp_idf_packs_the_needed_files() -> None:
     component = yaml.safe_load((ROOT / "idf_component.yml").read_text())
     assert component["license"] == "MIT"
-    assert component["files"]["exclude"] == ["**/*"], "only what is included"
+    assert component["files"]["exclude"] == ["**/*"]
     assert matching(component["files"]["include"]) == NEEDED | ESP_IDF
 
 
 @pytest.fixture(scope="module")
 def packers() -> Path:
-    """The folder of `pio` and `compote`, from PyPI."""
+    """Return the folder of `pio` and `compote`, from PyPI."""
     wanted = (ROOT / "tests/consume/requirements.txt").read_text()
     return from_pypi("packers", wanted, "the packers of PlatformIO and ESP-IDF")
 
 
-# PlatformIO looks up the names of licences on the net, and nothing else.
+# PlatformIO would download the names of licences.
 PACK = """
 import sys
 from platformio.package.manifest.schema import ManifestSchema
@@ -152,23 +152,22 @@ PackagePacker(sys.argv[1]).pack(sys.argv[2])
 
 
 def packed(archive: Path) -> set[str]:
-    """The files of an archive, which is small."""
+    """Return the files of an archive of at most 100 kB."""
     assert archive.stat().st_size < 100_000
     with tarfile.open(archive) as tar:
         files = {member.name.removeprefix("./") for member in tar if member.isfile()}
-    print(f"{archive.name}: {len(files)} files, {archive.stat().st_size} bytes")
     return files
 
 
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
-    """A copy of the project, since packers write into it."""
+    """Return a copy of the project, because packers write into it."""
     ignored = shutil.ignore_patterns("build", ".git", "__pycache__")
     return Path(shutil.copytree(ROOT, tmp_path / "dahl", ignore=ignored))
 
 
 @pytest.mark.long
-def test_pio_packs_what_is_needed(packers: Path, tree: Path, tmp_path: Path) -> None:
+def test_pio_packs_the_needed_files(packers: Path, tree: Path, tmp_path: Path) -> None:
     archive, home = (tmp_path / "dahl.tar.gz", {**os.environ, "PLATFORMIO_CORE_DIR": str(tmp_path)})
     command = [packers / "python", "-c", PACK, tree, archive]
     subprocess.run([str(word) for word in command], check=True, env=home, timeout=120)
@@ -177,7 +176,7 @@ def test_pio_packs_what_is_needed(packers: Path, tree: Path, tmp_path: Path) -> 
 
 
 @pytest.mark.long
-def test_compote_packs_what_is_needed(packers: Path, tree: Path) -> None:
+def test_compote_packs_the_needed_files(packers: Path, tree: Path) -> None:
     command = [str(packers / "compote"), "component", "pack", "--name", "dahl"]
     subprocess.run(command, check=True, cwd=tree, timeout=120)
     assert packed(tree / f"dist/dahl_{VERSION}.tgz") == NEEDED | ESP_IDF

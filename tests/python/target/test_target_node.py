@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The friction node as firmware in QEMU, seen by python-can behind slcan: it answers as the library
-computes and counts what is bad. Then what only firmware can show: a trace equal to the host's bit
-for bit, a serial line full of rubbish, parameters in flash, the demo by it.
+"""The friction node as firmware in QEMU, with python-can over slcan: torques of the library, bad
+frames, a trace equal to the host's bit for bit, random bytes on the serial line, parameters in
+flash, and the demo.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ import pytest
 from conftest import ROOT, need
 from dahl import codec
 from dahl.codec import EncoderState, FrictionTorque, Param, ParamWrite, Reset, State, Write
-from dahl.sim import firmware  # firmware: nothing public starts QEMU with a page of parameters
+from dahl.sim import firmware  # no public name starts QEMU with a page of parameters
 from loop_tools import run
 
 pytestmark = [pytest.mark.checks, pytest.mark.usefixtures("library")]
 
 Params = tuple[float, float, float]
 OURS: Params = (120.0, 1.8, 2.396844981071314e-05)  # sigma0, Fc, theta_per_count
-TIMEOUT_US = 600000  # more than a busy host holds a frame back
+TIMEOUT_US = 600000  # a busy host delays a frame by less
 PATIENT_US = 60000000
 TORQUE, STATUS, REPLY = 0x110, 0x120, 0x140
-QUIET = 0.15  # s without an answer that counts as none; above a period of Status
+QUIET = 0.15  # s without an answer; longer than a period of Status
 
 
 def image(core: str) -> Path:
@@ -42,7 +42,7 @@ def image(core: str) -> Path:
 
 
 def bristle(params: Params = OURS) -> dahl.Friction:
-    """The library's own, to compare with."""
+    """Return a bearing of the library."""
     return dahl.Friction(dahl.Plan(*params))
 
 
@@ -57,7 +57,7 @@ def bus(tmp_path) -> Iterator[can.BusABC]:
 
 
 def heard(bus: can.BusABC, wanted: int, seconds: float = QUIET) -> Any:
-    """The next frame with that id, unpacked; None when there is none in time."""
+    """Return the next frame with this id, unpacked; None if it does not come in time."""
     until = time.monotonic() + seconds
     while (left := until - time.monotonic()) > 0:
         message = bus.recv(left)
@@ -71,15 +71,15 @@ def angle(count: int, counter: int) -> can.Message:
 
 
 def ask(bus: can.BusABC, count: int, counter: int) -> FrictionTorque:
-    """Send one angle and wait for its answer."""
+    """Send one angle; return its answer."""
     bus.send(angle(count, counter))
     answer = heard(bus, TORQUE, 2.0)
     assert answer is not None, "no answer"
     return answer
 
 
-def test_each_answer_echoes_its_question_with_the_librarys_torque(bus) -> None:
-    """Also over a lost frame, since the count is absolute."""
+def test_each_answer_echoes_its_counter_with_the_torque_of_the_library(bus) -> None:
+    """Also after a lost frame, because the count is absolute."""
     state, rng, count = bristle(), random.Random(3), 1000
     for n in range(300):
         step = rng.choice([0, 1, -1, 7, -300, 2000, -4000]) if n else 0
@@ -93,7 +93,7 @@ def test_each_answer_echoes_its_question_with_the_librarys_torque(bus) -> None:
 
 
 def test_bad_and_foreign_frames_are_not_answered_and_move_nothing(bus) -> None:
-    """Status says which came; what has another id is not its business."""
+    """Status counts the bad ones."""
     ask(bus, 0, 0)
     before = ask(bus, 500, 1).torque_q30
     broken, short, good = angle(900, 2), angle(900, 2), angle(77, 2)
@@ -116,7 +116,7 @@ def test_bad_and_foreign_frames_are_not_answered_and_move_nothing(bus) -> None:
 
 
 def test_silence_makes_it_stale_while_status_goes_on(bus) -> None:
-    """A jump while nobody looked becomes no torque."""
+    """A motion during the silence changes no torque."""
     ask(bus, 0, 0)
     moved = ask(bus, 4000, 1).torque_q30
     assert heard(bus, STATUS, 1.0)
@@ -132,31 +132,31 @@ def test_silence_makes_it_stale_while_status_goes_on(bus) -> None:
 
 
 def test_parameters_and_reset(bus) -> None:
-    """Written, read back, refused out of range, used, and kept over a restart."""
+    """They can be written and read, have limits, and survive a restart."""
 
-    def told(param: Param, value: int = 0, write: Write = Write.READ) -> tuple[int, str]:
+    def answer_to(param: Param, value: int = 0, write: Write = Write.READ) -> tuple[int, str]:
         bus.send(codec.pack(ParamWrite(param, value, write=write, counter=4)))
         reply = heard(bus, REPLY, 2.0)
         assert reply.param == param
         return reply.value, reply.result.name
 
-    assert told(Param.FC) == (round(OURS[1] * 2**20), "DONE")
-    assert told(Param.GAIN, 2**14, Write.WRITE) == (2**14, "DONE")
-    assert told(Param.TIMEOUT, 60001, Write.WRITE)[1] == "OUT_OF_RANGE"
+    assert answer_to(Param.FC) == (round(OURS[1] * 2**20), "DONE")
+    assert answer_to(Param.GAIN, 2**14, Write.WRITE) == (2**14, "DONE")
+    assert answer_to(Param.TIMEOUT, 60001, Write.WRITE)[1] == "OUT_OF_RANGE"
     ask(bus, 0, 0)
     assert ask(bus, 2**24, 1).torque_q30 == pytest.approx(2**28, abs=2**10)
     bus.send(codec.pack(Reset(codec.What.RESTART)))
     assert heard(bus, STATUS, 2.0)
     answer = ask(bus, 7, 9)
     assert (answer.state, answer.torque_q30) == (State.INIT, 0)
-    assert told(Param.GAIN) == (2**14, "DONE")
+    assert answer_to(Param.GAIN) == (2**14, "DONE")
 
 
 # --- on the serial line --------------------------------------------------------------------------
 
 
 class Serial:
-    """The firmware's serial line as bytes, read all the while."""
+    """The serial line of the firmware as bytes; a thread reads it."""
 
     def __init__(self, port: int) -> None:
         self.link = socket.create_connection(("127.0.0.1", port))
@@ -172,12 +172,12 @@ class Serial:
         self.link.sendall(b"".join(line + b"\r" for line in lines))
 
     def lines(self, head: bytes) -> list[bytes]:
-        """Whole lines that begin so; a BEL ends a line as a CR does."""
+        """Return the complete lines with this head; BEL ends a line like CR."""
         whole = bytes(self.text).replace(b"\a", b"\r").rpartition(b"\r")[0]
         return [line for line in whole.split(b"\r") if line.startswith(head)]
 
     def wait(self, head: bytes, number: int, seconds: float = 30) -> list[bytes]:
-        """Until so many such lines have come, or none has for a while."""
+        """Wait for this number of lines, or until none has come for some seconds."""
         known, last = 0, time.monotonic()
         while known < number and time.monotonic() - last < seconds:
             time.sleep(0.005)
@@ -193,7 +193,7 @@ def line_of(count: int, counter: int, node: int = 0) -> bytes:
 
 @pytest.fixture
 def serial(tmp_path) -> Iterator:
-    """Open firmware on a core: serial('m4f'). It is patient, so that a busy host is no timeout."""
+    """Open firmware on a core: serial('m4f'). Its timeout is long, for busy hosts."""
     with contextlib.ExitStack() as stack:
 
         def start(core: str, params: Params | None = OURS, number: int = 0) -> Serial:
@@ -207,8 +207,8 @@ def serial(tmp_path) -> Iterator:
 
 
 @pytest.mark.parametrize("core", firmware.boards())
-def test_trace_equals_the_hosts(core: str, serial, tmp_path) -> None:
-    """A steering manoeuvre, never more than 20 angles unanswered."""
+def test_a_trace_equals_that_of_the_host(core: str, serial, tmp_path) -> None:
+    """A steering manoeuvre with at most 20 angles unanswered."""
     seconds = 10 if core == "m4f" else 2
     scene = ROOT / "host_sim/scenes/steering.ini"
     log = run(tmp_path, scene, "--virtual", "--seconds", str(seconds)).log.read_text()
@@ -216,7 +216,7 @@ def test_trace_equals_the_hosts(core: str, serial, tmp_path) -> None:
     asked = [f"t{frame}".encode() for frame in frames if frame.startswith("100")]
     answers = [f"t{frame}".encode() for frame in frames if frame.startswith("110")]
     assert len(asked) == len(answers) == seconds * 1000
-    assert len({answer[-8:] for answer in answers}) > seconds * 150, "nothing moves in this trace"
+    assert len({answer[-8:] for answer in answers}) > seconds * 150
     line = serial(core)
     for n in range(0, len(asked), 20):
         line.send(*asked[n : n + 20])
@@ -224,12 +224,11 @@ def test_trace_equals_the_hosts(core: str, serial, tmp_path) -> None:
     assert line.lines(b"t110") == answers
 
 
-# QEMU hands the CMSDK UART one byte at a time and the nRF51's six, so the latter takes the million
-# within seconds.
+# QEMU passes one byte at a time to the CMSDK UART and six to that of the nRF51, which is faster.
 @pytest.mark.parametrize(
     "core, pieces", [("m0", 100), ("m4f", 10), pytest.param("m4f", 100, marks=pytest.mark.long)]
 )
-def test_a_million_random_bytes(core: str, pieces: int, serial) -> None:
+def test_the_node_answers_after_random_bytes(core: str, pieces: int, serial) -> None:
     line = serial(core)
     line.send(b"F", line_of(0, 0))
     assert len(line.wait(b"t110", 1)) == 1
@@ -241,20 +240,20 @@ def test_a_million_random_bytes(core: str, pieces: int, serial) -> None:
     answered = len(line.lines(b"t110"))
     line.send(*(line_of(10 * n, n) for n in range(20)))
     now = len(line.wait(b"t110", answered + 20, 1))
-    assert now >= answered + 18  # the first ones find it out of sequence
+    assert now >= answered + 18  # the first ones are out of sequence
     assert line.text.count(b"\a") > 30 * pieces
 
 
-def test_status_is_told_where_somebody_listens(serial) -> None:
-    """Half a second with a closed port skips no counter, and the first of all is 0."""
+def test_a_closed_port_skips_no_counter_of_status(serial) -> None:
+    """The first counter is 0."""
     line = serial("m4f")
     line.wait(b"t120", 2)
     line.send(b"C")
     time.sleep(0.5)
     line.send(b"O")
-    said = line.wait(b"t120", len(line.lines(b"t120")) + 2)
-    assert len(said) >= 4
-    assert [int(text[8:9], 16) for text in said] == [number % 16 for number in range(len(said))]
+    found = line.wait(b"t120", len(line.lines(b"t120")) + 2)
+    assert len(found) >= 4
+    assert [int(text[8:9], 16) for text in found] == [number % 16 for number in range(len(found))]
 
 
 @pytest.mark.parametrize(
@@ -267,7 +266,7 @@ def test_status_is_told_where_somebody_listens(serial) -> None:
     ],
 )
 def test_parameters_and_number_from_flash(serial, params, number, used) -> None:
-    """A blank page leaves the defaults; refused parameters leave a node without torque."""
+    """A blank page means defaults; wrong parameters leave a node without torque."""
     line = serial("m4f", params, number)
     line.send(line_of(0, 0, number), line_of(4000, 1, number), b"V")
     assert line.wait(b"V", 1)
@@ -286,9 +285,9 @@ def test_parameters_and_number_from_flash(serial, params, number, used) -> None:
     ("scene", "number", "seconds"),
     [("steering", 0, 4), ("segments", 3, 0.3), ("segments", 15, 0.3)],
 )
-def test_the_demo_by_firmware(run_dahl, dahl_loop, tmp_path, scene, number, seconds) -> None:
-    """Each angle is answered, exactly, however slow this machine emulates: the encoder waits. Its
-    number is that of the scene's node, also where it is that of what else serves the bus.
+def test_the_demo_runs_with_firmware(run_dahl, dahl_loop, tmp_path, scene, number, seconds) -> None:
+    """Each angle gets its exact answer, however slow the emulation, because the encoder waits. The
+    number is that of the scene, even if another program of the bus has the same.
     """
     for tool in ("arm-none-eabi-gcc", "qemu-system-arm"):
         need(tool, "the demo runs with firmware on an emulated core")

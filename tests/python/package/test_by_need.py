@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""A command whose packages are not there brings them once, or says in a line what it lacks; and the
-extras of the package bring what each command imports.
+"""A command whose packages are missing installs them once, or names them in one line. The extras of
+the package contain the packages that each command imports.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import pytest
 from identify_tools import caller, complaint
 from packaging.requirements import Requirement
 
-# Of each verb: the extras that its refusal names, and what it imports.
+# Of each verb: the extras in its message, and the packages that it imports.
 NEEDS = {
     "demo": ("can,plot", ["can", "cantools", "rich", "matplotlib", "mpmath", "pooch", "pandas"]),
     "identify": ("identify", ["scipy", "pandas", "joblib", "matplotlib", "mpmath", "rich", "can"]),
@@ -31,27 +31,27 @@ NEEDS = {
 }
 WORDS = {"excite": ["--counts-per-turn", "1"], "record": ["-o", "x.log"], "plot": ["x"]}
 WORDS |= {"report": ["x"], "identify": ["x.csv"], "node": ["-c", "x"]}
-CALLED = {"can": "python-can", "jinja2": "jinja2"}  # by pip, where it is another name
+CALLED = {"can": "python-can", "jinja2": "jinja2"}  # other names, for pip
 
 
 def without(monkeypatch: pytest.MonkeyPatch, package: str) -> None:
-    """As if it were not installed, nor could be set up."""
+    """Hide a package and prevent its set-up."""
     monkeypatch.setitem(sys.modules, package, None)
     monkeypatch.setenv("DAHL_SETUP_TRIED", "1")
 
 
-def brought_by(said: str) -> list[list[str]]:
-    """What each pip command in a line installs, as a shell splits it."""
-    commands = re.findall(r"pip install ('[^']+'(?: '[^']+')*)", said)
+def brought_by(line: str) -> list[list[str]]:
+    """Return the arguments of each pip command in a line, as a shell splits them."""
+    commands = re.findall(r"pip install ('[^']+'(?: '[^']+')*)", line)
     return [shlex.split(words) for words in commands]
 
 
 @pytest.mark.parametrize("verb", NEEDS)
-def test_each_command_names_what_it_lacks_and_what_brings_it(
+def test_each_command_names_the_missing_package_and_its_extra(
     dahl, tmp_path, verb, monkeypatch, extras
 ):
-    """By the packages' own names, since no index has dahl, and in the versions of its extras; or by
-    an extra, from the sources. Nothing has been written then.
+    """It names the package and its version, since no index has dahl, and the extra for the sources.
+    It writes no file.
     """
     names, packages = NEEDS[verb]
     for package in packages:
@@ -68,8 +68,8 @@ def test_each_command_names_what_it_lacks_and_what_brings_it(
 
 
 @pytest.mark.parametrize("verb", NEEDS)
-def test_an_unknown_option_is_reported_before_what_is_lacking(dahl, verb, monkeypatch):
-    """Not an option of python-can's, which it knows without it."""
+def test_an_unknown_option_is_reported_before_missing_packages(dahl, verb, monkeypatch):
+    """The options of python-can are known without it."""
     for package in NEEDS[verb][1]:
         without(monkeypatch, package)
     words = [*WORDS.get(verb, []), "--nonsense", "7"]
@@ -81,8 +81,7 @@ def test_an_unknown_option_is_reported_before_what_is_lacking(dahl, verb, monkey
 
 
 @pytest.mark.parametrize("asked", ["--help", "-h"])
-def test_the_help_without_python_can_says_what_it_lacks(dahl, monkeypatch, asked):
-    """Beside all that it knows without it."""
+def test_the_help_without_python_can_names_it(dahl, monkeypatch, asked):
     without(monkeypatch, "can")
     said = dahl("monitor", asked)
     assert (said.returncode, said.stderr) == (0, "")
@@ -111,7 +110,7 @@ def extras(root) -> dict[str, list[Requirement]]:
     }
 
 
-def test_the_extras_that_are_named_bring_what_is_imported(extras):
+def test_the_named_extras_contain_the_imported_packages(extras):
     brought = {name: {one.name.lower() for one in wanted} for name, wanted in extras.items()}
     for names, packages in NEEDS.values():
         together = set().union(*(brought[name] for name in names.split(",")))
@@ -120,10 +119,8 @@ def test_the_extras_that_are_named_bring_what_is_imported(extras):
         assert package in brought[name]
 
 
-def test_extras_take_what_is_tested_here_and_nothing_with_other_calls(extras, root):
-    """pip takes the newest that an extra allows, or keeps what is there: plotext 6 lacks what the
-    monitor calls, python-can before 4.6 has no can.cli.
-    """
+def test_extras_allow_the_tested_versions_and_exclude_incompatible_ones(extras, root):
+    """plotext 6 lacks functions that the monitor calls; python-can before 4.6 has no can.cli."""
     wanted = [one for some in extras.values() for one in some]
     lock = (root / "tools/requirements.lock").read_text()
     pins = dict(re.findall(r"^([\w-]+)(?:\[\w+\])?==(\S+)", lock, re.MULTILINE))
@@ -141,8 +138,9 @@ def test_extras_take_what_is_tested_here_and_nothing_with_other_calls(extras, ro
 
 @pytest.fixture
 def checkout(monkeypatch, tmp_path):
-    """A checkout whose build/venv has no scipy; its setup.sh ends with the code in file `code`. An
-    exception to the public seams: where the checkout is, and the start of the program anew.
+    """Return a checkout without scipy, whose setup.sh exits with the code in file `code`.
+
+    It replaces private names: the folder of the checkout and the restart of the program.
     """
     script = tmp_path / "tools/setup.sh"
     script.parent.mkdir()
@@ -163,8 +161,8 @@ def checkout(monkeypatch, tmp_path):
     return tmp_path, started
 
 
-def test_it_sets_up_and_starts_again_with_the_same_words(checkout, capfd):
-    """What needs no more starts at once; the words of the set-up are no output."""
+def test_a_command_sets_up_and_restarts_with_its_arguments(checkout, capfd):
+    """The output of the set-up is not its output. A command with all packages starts at once."""
     (folder, started), given = checkout, ["identify", "log.csv", "--json", "-"]
     dahl = caller(capfd)
     (folder / "code").write_text("0")
@@ -174,11 +172,13 @@ def test_it_sets_up_and_starts_again_with_the_same_words(checkout, capfd):
     [(program, words, environment)] = started
     assert (program, words[1:]) == (sys.executable, ["-m", "dahl", *given])
     monkeyed = environment.keys() - os.environ.keys()
-    assert len(monkeyed) == 1, "a variable that keeps it from a third start"
+    assert len(monkeyed) == 1, "a variable that prevents a third start"
 
 
 @pytest.mark.parametrize("why", ["it fails", "tried before", "another environment"])
-def test_it_never_sets_up_twice_nor_for_others(checkout, capfd, monkeypatch, why):
+def test_a_command_sets_up_only_once_and_only_its_own_environment(
+    checkout, capfd, monkeypatch, why
+):
     folder, started = checkout
     (folder / "code").write_text("1")
     if why == "tried before":
@@ -191,7 +191,7 @@ def test_it_never_sets_up_twice_nor_for_others(checkout, capfd, monkeypatch, why
     assert ("tools/setup.sh" in said) == (why == "it fails") == (folder / "asked").exists()
 
 
-# --- what costs much is imported where it is meant ------------------------------------------------
+# --- slow imports ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -203,8 +203,8 @@ def test_it_never_sets_up_twice_nor_for_others(checkout, capfd, monkeypatch, why
         (("record", "-o", "run.mf4", "--help"), False),
     ],
 )
-def test_asammdf_is_imported_where_an_mf4_is_meant(root, tmp_path, words, wanted):
-    """It takes most of the start of a command that reads and writes no MF4."""
+def test_asammdf_is_imported_only_for_an_mf4(root, tmp_path, words, wanted):
+    """Its import would be most of the start-up time of a command."""
     code = (
         "import atexit, sys; from dahl.__main__ import main; sys.argv[0] = 'dahl'\n"
         "atexit.register(lambda: print('asammdf', bool(sys.modules.get('asammdf'))))\n"

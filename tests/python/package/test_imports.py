@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A module of the package uses its own layer and those below it, and no two modules use each other
-in a circle.
-"""
+"""A module of the package imports from its layer and those below, and imports form no circle."""
 
 from __future__ import annotations
 
@@ -12,7 +10,7 @@ from pathlib import Path
 import dahl
 
 PACKAGE = Path(dahl.__file__).parent
-LAYERS = (  # docs/architecture.md; each layer may use itself and those before it
+LAYERS = (  # docs/architecture.md; each layer may import from itself and the earlier ones
     {"errors", "version"},
     {"dependencies", "interrupt", "paths"},
     {"binding"},
@@ -31,7 +29,7 @@ FILES = {
 
 
 def imported(path: Path) -> set[str]:
-    """Full names of all that a module imports, also for types alone or inside a function."""
+    """Return the full names that a module imports, also for types or inside a function."""
     names = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -44,12 +42,12 @@ def imported(path: Path) -> set[str]:
 GRAPH = {name: imported(path) & FILES.keys() for name, path in FILES.items()}
 
 
-def test_no_circle_among_the_modules():
+def test_imports_form_no_circle():
     assert sum(map(len, GRAPH.values())) > 50
     TopologicalSorter(GRAPH).prepare()  # raises CycleError with the circle
 
 
-def test_no_module_uses_a_layer_above_its_own():
+def test_no_module_imports_from_a_layer_above():
     def layer(name: str) -> int | None:
         return LAYER.get(name.split(".")[1])
 

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the library needs and keeps, from its symbol tables: no heap, no globals, no libm but in the
-float form, and that is linked only when called. The batches ask which vectors there are.
-"""
+"""Symbol tables: the library uses no heap and no globals, and libm only in the float form."""
 
 from __future__ import annotations
 
@@ -15,10 +13,13 @@ from dahl.binding import models
 from sources import INCLUDES, NODE
 
 FLOAT_FORM = {"expm1f"}  # libm's
-VECTORS = {"__cpu_model", "_GLOBAL_OFFSET_TABLE_"}  # libgcc's, for the batches on x86-64
+VECTORS = {
+    "__cpu_model",
+    "_GLOBAL_OFFSET_TABLE_",
+}  # of libgcc: the batches detect vectors on x86-64
 PARTS = set(models.table()) - {"dahl"}
 OWN = re.compile(r"(frames|node|slcan)_")
-COPIES = {"memcpy", "memset"}  # the compiler's own idea
+COPIES = {"memcpy", "memset"}  # the compiler adds them
 
 
 def run(*command: object) -> str:
@@ -28,8 +29,8 @@ def run(*command: object) -> str:
     return done.stdout
 
 
-def faults(objects: Path) -> dict[str, set[str]]:
-    """Object file -> symbols that it takes from elsewhere than the library, or keeps writable."""
+def foreign_and_writable(objects: Path) -> dict[str, set[str]]:
+    """Return the foreign and the writable symbols of each object file."""
     found: dict[str, set[str]] = {}
     name = objects.name
     for line in run("nm", objects).splitlines():
@@ -44,18 +45,18 @@ def faults(objects: Path) -> dict[str, set[str]]:
     return found
 
 
-def test_the_library_needs_nothing_and_keeps_nothing() -> None:
-    assert faults(built("lib", "libdahl.a")) == {}
+def test_the_library_has_no_foreign_and_no_writable_symbol() -> None:
+    assert foreign_and_writable(built("lib", "libdahl.a")) == {}
 
 
 def parts(file: Path) -> dict[str, set[str]]:
-    """Each function of the library in a file: the part that it is of, if it is of one."""
+    """Return the functions of the library in a file, each with its part, if it has one."""
     names = re.findall(r" T dahl_(\w+)", run("nm", file))
     return {name: PARTS & {name.replace("part", "parallel").split("_")[0]} for name in names}
 
 
 def test_a_part_that_is_not_called_is_not_linked(tmp_path: Path) -> None:
-    """For each call of the library: what comes with it is of no part but its own."""
+    """Link each function of the library alone."""
     library, main, program = built("lib", "libdahl.a"), tmp_path / "main.c", tmp_path / "program"
     calls = parts(library)
     assert {"slip", "parallel"} <= set().union(*calls.values())
@@ -66,15 +67,19 @@ def test_a_part_that_is_not_called_is_not_linked(tmp_path: Path) -> None:
         assert set().union(*parts(program).values()) == own, name
 
 
-def test_the_components_need_little_more() -> None:
-    assert set().union(*faults(built("lib", "libdahl_float.a")).values()) == FLOAT_FORM
-    for needed in faults(built("lib", "libdahl_batch.a")).values():
+def test_the_float_form_needs_expm1f_and_the_batches_need_no_libm() -> None:
+    assert (
+        set().union(*foreign_and_writable(built("lib", "libdahl_float.a")).values()) == FLOAT_FORM
+    )
+    for needed in foreign_and_writable(built("lib", "libdahl_batch.a")).values():
         assert needed <= VECTORS | COPIES
 
 
 @pytest.mark.parametrize("source", [*NODE, ROOT / "port/slcan/slcan.c"], ids=lambda path: path.stem)
-def test_what_a_node_links_has_no_heap_and_prints_nothing(source: Path, tmp_path: Path) -> None:
+def test_a_node_needs_no_heap_and_no_stdio(source: Path, tmp_path: Path) -> None:
     made = tmp_path / "node.o"
     run("gcc", "-std=c99", "-O2", *INCLUDES, "-c", source, "-o", made)
-    needed = {word for word in faults(made).get("node.o", set()) if not OWN.match(word)}
+    needed = {
+        word for word in foreign_and_writable(made).get("node.o", set()) if not OWN.match(word)
+    }
     assert needed <= COPIES | {"strcpy", "_GLOBAL_OFFSET_TABLE_"}

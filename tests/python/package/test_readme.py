@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The C of the pages compiles and their Python runs as it stands, and each place for a generated
-table has its end.
-"""
+"""Pages: their C compiles, their Python runs, and each mark of a generated table has its end."""
 
 from __future__ import annotations
 
@@ -18,7 +16,7 @@ BLOCKS = [
     for path in PAGES
     for number, block in enumerate(re.findall(r"```c\n(.*?)```", path.read_text(), re.DOTALL), 1)
 ]
-SCRIPTS = [  # but those of pytest, which test_pytest_plugin.py runs
+SCRIPTS = [  # test_pytest_plugin.py runs those of pytest
     pytest.param(block, id=f"{path.stem}-{number}")
     for path in PAGES
     for number, block in enumerate(
@@ -53,7 +51,7 @@ def test_a_block_of_c_compiles(block: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
-def test_places_for_generated_tables_are_closed(page: Path) -> None:
+def test_marks_of_generated_tables_have_their_end(page: Path) -> None:
     marks = re.findall(r"<!-- (/?)([\w:]+) -->", page.read_text())
     opened = [name for slash, name in marks if not slash]
     assert marks == [(slash, name) for name in opened for slash in ("", "/")]

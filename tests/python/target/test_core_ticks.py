@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Which tick a Cortex-M firmware links: the one in assembly if its compiler can assemble it, else
-the C. Each way to pass the core's flags is a row; CMake prints the choice.
+"""A Cortex-M firmware links the ticks in assembly if its compiler can assemble them, else the C.
+Each way to pass the flags of the core is a row. CMake prints the choice.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def run(*command: object, cwd: Path | None = None) -> str:
 
 
 def ticks_in_assembly(image: Path) -> set[str]:
-    """Ticks of an image that are strong: those in C are weak on a Cortex-M."""
+    """Return the strong ticks of an image; those in C are weak on a Cortex-M."""
     kinds = re.findall(r" ([A-Za-z]) (\w+)$", run("arm-none-eabi-nm", image), re.M)
     return {name for kind, name in kinds if kind == "T" and name in CALLS}
 
@@ -51,7 +51,7 @@ def linked(core: str, folder: Path, *files: Path) -> Path:
 
 
 class Project(NamedTuple):
-    """A firmware's CMake project: where it states the flags of its core."""
+    """A CMake project of a firmware, and how it passes the flags of its core."""
 
     core: str
     assembly: bool
@@ -82,7 +82,7 @@ PROJECTS = {
     "explicit languages": Project(M4, True, M4, before="cmake_policy(VERSION 3.16...3.25)"),
     "strict": Project(M4, True, f"{M4} -Wall -Wextra -Wundef -pedantic -Werror"),
     "options of the target": Project(M4, False, after=f"target_compile_options(dahl PRIVATE {M4})"),
-    "flags that no assembler reads": Project(M4, False, f"{M4} -include stdint.h"),
+    "flags that no assembler accepts": Project(M4, False, f"{M4} -include stdint.h"),
     "switched off": Project(M4, False, M4, options=("-DDAHL_CORES=OFF",)),
     "another Arm": Project(A9, False, A9),
 }
@@ -99,14 +99,14 @@ def test_a_project_links_the_tick_of_its_core(name: str, tmp_path: Path) -> None
     words = [f"-DCMAKE_C_COMPILER={project.compiler}", "-DCMAKE_SYSTEM_NAME=Generic"]
     words += [f"-DCMAKE_C_FLAGS={project.flags}", "-DCMAKE_TRY_COMPILE_TARGET_TYPE=STATIC_LIBRARY"]
     build = tmp_path / "b"
-    said = run("cmake", "-S", tmp_path, "-B", build, "-G", "Ninja", *words, *project.options)
+    output = run("cmake", "-S", tmp_path, "-B", build, "-G", "Ninja", *words, *project.options)
     run("cmake", "--build", build, "--target", "dahl", "-j2")
     image = linked(project.core, tmp_path, build / "dahl/lib/libdahl.a")
     if project.core in WRITTEN:
         assert ticks_in_assembly(image) == (WRITTEN[project.core] if project.assembly else set())
     code = run("arm-none-eabi-objdump", "-d", "--disassemble=dahl_step_counts_q30", image)
     assert ("umaal" in code) == (project.assembly and project.core in (M4, M33))  # not by gcc
-    (choice,) = re.findall(r"^-- dahl: ticks in (\w+)", said, re.M)
+    (choice,) = re.findall(r"^-- dahl: ticks in (\w+)", output, re.M)
     assert choice == ("assembly" if project.assembly else "C")
 
 
@@ -122,7 +122,7 @@ IN_Q30 = {name for name in CALLS if name not in IN_FLOAT}
 MIXTURES = {  # flags of C, flags of the assembler, ticks in assembly
     "m0": (M0, M0, WRITTEN[M0]),
     "m3": (M3, M3, WRITTEN[M3]),
-    "m4": (M4, M4, IN_Q30),  # its ABI might be another
+    "m4": (M4, M4, IN_Q30),  # its ABI may differ
     "m4f": (f"{M4} {HARD}", f"{M4} {HARD}", WRITTEN[M4]),
     "m4f, link-time optimization": (f"{M4} {HARD} -flto", f"{M4} {HARD}", WRITTEN[M4]),
     "m4f, no ABI for the assembler": (f"{M4} {HARD}", M4, IN_Q30),
@@ -133,11 +133,9 @@ MIXTURES = {  # flags of C, flags of the assembler, ticks in assembly
 
 
 @pytest.mark.parametrize("name", MIXTURES)
-def test_sources_that_are_linked_as_objects_give_the_tick_of_the_core(
-    name: str, tmp_path: Path
-) -> None:
-    """As Arduino's IDE, PlatformIO and a Makefile compile them: all files, and no other choice.
-    Some of Arduino's cores state no CPU for the assembler; its files are then empty.
+def test_sources_linked_as_objects_give_the_tick_of_the_core(name: str, tmp_path: Path) -> None:
+    """Arduino, PlatformIO and a Makefile compile all files. Some Arduino cores pass no CPU to the
+    assembler; its files are then empty.
     """
     need(GCC, "a firmware links the tick of its core")
     of_c, of_assembly, written = MIXTURES[name]
@@ -161,7 +159,7 @@ def test_assembly_is_empty_for_another_core(compiler: str, tmp_path: Path) -> No
 
 @pytest.mark.parametrize("compiler", [*OTHERS, f"{GCC} {M4}", f"clang {BARE} -mcpu=cortex-m4"])
 def test_assembly_has_a_note_on_the_stack_if_the_c_has_one(compiler: str, tmp_path: Path) -> None:
-    """Linkers warn of a mixture."""
+    """Linkers warn if they differ."""
     need(compiler.split(maxsplit=1)[0], "files in assembly link without a warning")
 
     def has_note(source: Path) -> bool:

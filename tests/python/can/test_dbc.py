@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""`dahl dbc`: a description of one node or of many, which decodes all that they say; and the table
-of faults that tools/fault_table.py keeps in a page.
-"""
+"""`dahl dbc` describes one or several nodes. tools/fault_table.py writes a table into a page."""
 
 from __future__ import annotations
 
@@ -24,13 +22,13 @@ def numbered(name: str, number: int) -> str:
     return f"{name}_{number}" if number else name
 
 
-def described(dahl, nodes: int) -> cantools.database.Database:
+def description_of(dahl, nodes: int) -> cantools.database.Database:
     assert dahl("dbc", "--nodes", nodes, "-o", f"{nodes}.dbc").returncode == 0
     return cantools.database.load_file(f"{nodes}.dbc")
 
 
-def test_one_for_n_nodes_decodes_every_frame_of_their_bus(dahl, tmp_path):
-    many = described(dahl, 3)
+def test_a_description_of_n_nodes_decodes_every_frame_of_their_bus(dahl, tmp_path):
+    many = description_of(dahl, 3)
     run(tmp_path / "run", SCENES / "segments.ini", "--virtual", "--nodes", "3", "--seconds", "1")
     seen: dict[str, set[int]] = {}
     for frame in can.LogReader(tmp_path / "run" / "run.log"):
@@ -41,8 +39,8 @@ def test_one_for_n_nodes_decodes_every_frame_of_their_bus(dahl, tmp_path):
     assert seen == {numbered(kind, n): {n} for kind in kinds for n in range(3)}
 
 
-def test_one_for_n_nodes_keeps_all_that_the_dbc_says(dahl, dbc):
-    database, many = cantools.database.load_file(dbc), described(dahl, 16)
+def test_a_description_of_n_nodes_repeats_the_dbc_for_each(dahl, dbc):
+    database, many = cantools.database.load_file(dbc), description_of(dahl, 16)
     assert len(many.messages) == 16 * len(database.messages)
     for message in database.messages:
         for number in (0, 1, 15):
@@ -62,15 +60,15 @@ def test_one_for_n_nodes_keeps_all_that_the_dbc_says(dahl, dbc):
     assert many.version == database.version
 
 
-def test_it_is_printed_or_goes_into_a_file_that_is_kept(dahl, dbc):
-    """One node where no number is given."""
+def test_it_is_printed_or_written_and_overwrites_no_file(dahl, dbc):
+    """By default for one node."""
     printed = dahl("dbc").stdout
     one, project = cantools.database.load_string(printed), cantools.database.load_file(dbc)
     assert [each.name for each in one.messages] == [each.name for each in project.messages]
     assert "\r" not in printed and dahl("dbc", "--nodes", 1, "-o", "-").stdout == printed
     Path("own.dbc").write_text("mine")
-    code, said = complaint(dahl("dbc", "-o", "own.dbc"))
-    assert code == 2 and said.startswith("own.dbc: ") and "--force" in said
+    code, line = complaint(dahl("dbc", "-o", "own.dbc"))
+    assert code == 2 and line.startswith("own.dbc: ") and "--force" in line
     assert Path("own.dbc").read_text() == "mine"
     assert dahl("dbc", "-o", "own.dbc", "--force").returncode == 0
     assert Path("own.dbc").read_text() == printed
@@ -84,8 +82,8 @@ def fault_table(*words: object) -> subprocess.CompletedProcess:
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
 
 
-def test_a_page_gets_the_table_of_faults_between_its_marks(tmp_path):
-    """And nothing else of it; a page whose mark has no end is left as it is."""
+def test_a_page_gets_the_fault_table_between_its_marks(tmp_path):
+    """A page without the end mark stays as it is."""
     page, other = tmp_path / "page.md", tmp_path / "other.md"
     page.write_text("before\n<!-- node:faults -->\nold\n<!-- /node:faults -->\nafter\n")
     half = "its end was cut off\n<!-- node:faults -->\nold\n"
@@ -107,7 +105,7 @@ def test_a_page_gets_the_table_of_faults_between_its_marks(tmp_path):
 
 
 @pytest.mark.parametrize(("words", "code"), [(["none.md"], 1), (["--help"], 0), (["--none"], 2)])
-def test_a_page_that_is_not_there_is_no_traceback(words, code, tmp_path):
+def test_a_wrong_page_or_option_is_no_traceback(words, code, tmp_path):
     done = fault_table(*(tmp_path / word if word == "none.md" else word for word in words))
     assert (done.returncode, "Traceback" in done.stderr) == (code, False)
     done = fault_table(tmp_path)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The count of tests: what is inside, and that a run which did not come to its end has failed."""
+"""tools/count_tests.py: its totals and names, and that an incomplete run has failed."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ TWO_WELL = '<testsuite tests="2"><testcase name="a"/><testcase name="b"/></tests
 
 @pytest.fixture
 def count(tmp_path: Path, monkeypatch, capsys):
-    """Count these files, each (text, exit code of its run); None: no file was written. Exit code
-    and what was printed.
+    """Count files, each (text or None for no file, exit code of its run); return exit code and
+    output.
     """
 
     def call(*runs: tuple[str | None, int], note: str = "", folder: str = "") -> tuple[int, str]:
@@ -56,7 +56,7 @@ def count(tmp_path: Path, monkeypatch, capsys):
 SUITE = PYTEST.format(collected=2).removeprefix("<testsuites>").removesuffix("</testsuites>")
 TWO_SUITES = f"<testsuites>{SUITE}{SUITE}</testsuites>"
 NAMED = TWO_WELL.replace('name="b"/>', 'name="b">{bad}</testcase>')
-CASES = {  # files with the codes of their runs, the exit code, and what is printed
+CASES = {  # files with the codes of their runs, the exit code, and the output
     "each kind": (
         [(UNITY.format(failure="<failure message=''/>"), 8), (PYTEST.format(collected=2), 0)]
         + [(CTEST, 0)],
@@ -66,7 +66,7 @@ CASES = {  # files with the codes of their runs, the exit code, and what is prin
         "2 passed, 1 failed, 3 skipped\n",
     ),
     "all well": ([(TWO_WELL, 0)], 0, "2 passed, 0 failed\n"),
-    "nothing to run beside others": (
+    "no test in one of two runs": (
         [(TWO_WELL, 0), ('<testsuites><testsuite tests="0"/></testsuites>', 5)],
         0,
         "2 passed, 0 failed\n",
@@ -81,7 +81,7 @@ CASES = {  # files with the codes of their runs, the exit code, and what is prin
         1,
         "failed: b\nfailed: 1.xml: exit code 8, and yet no test in it failed\n3 passed, 2 failed\n",
     ),
-    "two suites that say what they collected": (
+    "two suites with the number of collected tests": (
         [(TWO_SUITES, 0)],
         0,
         2 * "skipped: test_a.two: no data\n" + "2 passed, 0 failed, 2 skipped\n",
@@ -99,7 +99,7 @@ CASES = {  # files with the codes of their runs, the exit code, and what is prin
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_what_is_counted_and_named(count, case):
+def test_totals_and_names_of_tests(count, case):
     runs, code, said = CASES[case]
     assert count(*runs) == (code, said)
     *before, total = said.splitlines(keepends=True)
@@ -121,25 +121,25 @@ BROKEN += [(TWO_WELL, code, f"exit code {code}, and yet no test in it failed") f
 
 @pytest.mark.parametrize("place", [0, 1])
 @pytest.mark.parametrize(("text", "code", "why"), BROKEN)
-def test_a_run_that_did_not_come_to_its_end_has_failed(count, text, code, why, place):
-    """Whatever it wrote, and before or after one that did."""
+def test_an_incomplete_run_has_failed(count, text, code, why, place):
+    """Before or after a complete one."""
     runs = [(TWO_WELL, 0)]
     runs.insert(place, (text, code))
-    exit_code, said = count(*runs)
+    exit_code, output = count(*runs)
     assert exit_code == 1
-    assert f"failed: {place}.xml: {why}" in said and " 1 failed" in said
+    assert f"failed: {place}.xml: {why}" in output and " 1 failed" in output
 
 
 @pytest.mark.parametrize(("code", "said"), [(0, "2 passed, 0 failed\n"), (137, "failed: 0.xml: ")])
-def test_a_result_may_lie_in_a_folder_of_any_name(count, code, said):
-    """As a checkout may: the exit code is what stands behind the last sign."""
+def test_a_folder_may_have_an_equals_sign_in_its_name(count, code, said):
+    """The exit code follows the last one."""
     assert count((TWO_WELL, code), folder="a=1")[1].startswith(said)
 
 
-def test_pytest_here_says_how_many_tests_it_collected(root, tmp_path):
-    """Otherwise a run that lost half its tests would count as whole."""
+def test_pytest_records_the_number_of_collected_tests(root, tmp_path):
+    """Without it, a run that lost half its tests would count as complete."""
     result = tmp_path / "python.xml"
     command = [sys.executable, "-m", "pytest", "-c", root / "tests/pytest.ini", "-q"]
-    command += [f"{__file__}::test_what_is_counted_and_named[all well]", "--junitxml", result]
+    command += [f"{__file__}::test_totals_and_names_of_tests[all well]", "--junitxml", result]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
     assert '<property name="collected" value="1"' in result.read_text()

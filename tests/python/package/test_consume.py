@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""A user's project gets the library in each way that is offered, sees its public headers only,
-needs nothing else for it, and installs it only where it asks; the snippets that users copy compile
-as C and as C++.
+"""Projects of users: each way to get the library gives its public headers only, needs no other
+package, and installs the library only on request. The snippets that users copy compile.
 """
 
 import math
@@ -14,13 +13,13 @@ from pathlib import Path
 
 import dahl
 import pytest
-from conftest import ROOT, from_pypi, need
+from conftest import ROOT, from_pypi, need, with_compilers
 
 CONSUMER = ROOT / "tests/consume"
 PRIVATE = {
     path.name for path in (ROOT / "lib").rglob("*.h") if path.parent.name not in ("include", "node")
 }
-# Names that real projects have, and that stood on their include path once.
+# Names of headers in real projects.
 USUAL = {"bits.h", "fixed.h", "kernel.h", "torque.h", "multiply.h", "compiler.h"}
 HEADERS = {"dahl.h", "dahl_encoder.h", "dahl_parts.h"}
 COMPONENTS = {
@@ -28,7 +27,7 @@ COMPONENTS = {
     "FLOAT": {"dahl_float.h"},
 }
 ASKED = [f"-DDAHL_BUILD_{name}=ON" for name in COMPONENTS]
-WANTED = dahl.__version__.rpartition(".")[0]  # of find_package: 0.2 takes any 0.2.x and no other
+WANTED = dahl.__version__.rpartition(".")[0]  # of find_package: 0.2 accepts any 0.2.x and no other
 # Eq. 7: F = Fc (1 - exp(-sigma0/Fc theta)), sigma0 = 100, Fc = 0.5, theta = 100 counts of 14 bits.
 EXPECTED = 0.5 * (1 - math.exp(-100 / 0.5 * 100 * 2 * math.pi / 16384))
 
@@ -41,13 +40,13 @@ def run(*command: object, code: int = 0, **more: object) -> str:
 
 
 def project(folder: Path, way: str, own_headers: Path, *options: object, code: int = 0) -> str:
-    """Configure a user's project that gets the library in one way."""
+    """Configure a project that gets the library in one way."""
     words = [f"-DWAY={way}", f"-DOWN_HEADERS={own_headers}", f"-DDAHL_ROOT={ROOT}", *options]
     return run("cmake", "-S", CONSUMER, "-B", folder, "-G", "Ninja", *words, code=code)
 
 
 def install(tmp: Path, *options: object, **more: object) -> Path:
-    """What a user types to install the library; the folder it is installed in."""
+    """Install the library as a user does; return the folder."""
     build, prefix = tmp / "build", tmp / "prefix"
     place = f"-DCMAKE_INSTALL_PREFIX={prefix}"
     run("cmake", "-S", ROOT, "-B", build, "-G", "Ninja", place, *options, **more)
@@ -58,16 +57,17 @@ def install(tmp: Path, *options: object, **more: object) -> Path:
 
 @pytest.fixture(scope="module")
 def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The library and its components, installed somewhere."""
-    where = run("gcc", "-print-multiarch").strip()  # as Debian wants it, and one folder deeper
+    """Return a folder with the library and its components."""
+    where = run("gcc", "-print-multiarch").strip()  # Debian's folder is one level deeper
     options = [*ASKED, f"-DCMAKE_INSTALL_LIBDIR=lib/{where}"]
     return install(tmp_path_factory.mktemp("installed"), *options)
 
 
 @pytest.fixture(scope="module")
 def own_headers(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of the user's headers with the names of the library's private ones. The library that
-    reads one of these does not compile, and neither does the user who gets another.
+    """Return a folder of user headers with the names of the library's private headers.
+
+    A library that reads one of these does not compile, nor does a user who gets another.
     """
     folder = tmp_path_factory.mktemp("own")
     check = []
@@ -80,13 +80,13 @@ def own_headers(tmp_path_factory: pytest.TempPathFactory) -> Path:
         )
     (folder / "own_headers.h").write_text("".join(check))
     (folder / "all_calls.h").write_text(all_calls(HEADERS, "all_calls"))
-    more = set().union(*COMPONENTS.values()) - {"dahl_can_bus.h"}  # whose calls a port writes
+    more = set().union(*COMPONENTS.values()) - {"dahl_can_bus.h"}  # a port defines its calls
     (folder / "component_calls.h").write_text(all_calls(more, "component_calls"))
     return folder
 
 
 def all_calls(headers: set[str], table: str) -> str:
-    """A table of every function that these headers declare, so that each one must link."""
+    """Return a table of all functions that these headers declare, so that each must link."""
     text = "".join((ROOT / "lib/include" / name).read_text() for name in sorted(headers))
     code = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
     names = sorted(set(re.findall(r"^\w[^#;{(]*\b(dahl_\w+)\([^;{]*\);", code, re.M)))
@@ -106,8 +106,9 @@ def all_calls(headers: set[str], table: str) -> str:
         ),
     ],
 )
-def test_cmake(way: str, prefix: Path, own_headers: Path, tmp_path: Path) -> None:
-    """And the components, with headers that no other file stands beside; a package has the node."""
+def test_a_project_builds_with_cmake(
+    way: str, prefix: Path, own_headers: Path, tmp_path: Path
+) -> None:
     options = [f"-DCMAKE_PREFIX_PATH={prefix}", f"-DDAHL_WANTED={WANTED}"]
     options += ["-DDAHL_COMPONENTS=node;float", *ASKED]
     wanted = {"consumer": EXPECTED, "consumer_cxx": EXPECTED, "consumer_node": 2 * EXPECTED}
@@ -120,7 +121,7 @@ def test_cmake(way: str, prefix: Path, own_headers: Path, tmp_path: Path) -> Non
     user = tmp_path / "user"
     run("cmake", "--install", tmp_path, "--prefix", user)
     assert [file.name for file in user.rglob("*") if file.is_file()] == ["consumer"]
-    if way == "find_package":  # before 1.0 a minor version may move a header
+    if way == "find_package":  # before 1.0 a minor version may change a header
         words = [*options, "-DDAHL_WANTED=0.1"]
         said = project(tmp_path / "x", way, own_headers, *words, code=1)
         assert f"version: {dahl.__version__}" in said
@@ -132,7 +133,7 @@ def test_cmake(way: str, prefix: Path, own_headers: Path, tmp_path: Path) -> Non
 def test_a_component_that_is_not_installed_is_not_found(
     asked: str, found: bool, prefix: Path, own_headers: Path, tmp_path: Path
 ) -> None:
-    """It is named, with those that are installed. (CMake breaks the lines of a message.)"""
+    """The message names it and the installed ones. (CMake wraps its lines.)"""
     options = [f"-DCMAKE_PREFIX_PATH={prefix}", f"-DDAHL_COMPONENTS={asked}"]
     if found:
         project(tmp_path, "find_package", own_headers, *options)
@@ -149,7 +150,7 @@ def test_a_component_that_is_not_installed_is_not_found(
 def test_cmake_of_debian_11_and_ubuntu_20_04_suffices(
     way: str, prefix: Path, own_headers: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """3.16, for a project that takes the library and for the library itself."""
+    """3.16, for the library and for a project that uses it."""
     oldest = from_pypi("cmake_3.16", "cmake==3.16.8", "CMake 3.16 suffices")
     monkeypatch.setenv("PATH", f"{oldest}:{os.environ['PATH']}")
     assert run("cmake", "--version").startswith("cmake version 3.16")
@@ -158,12 +159,11 @@ def test_cmake_of_debian_11_and_ubuntu_20_04_suffices(
     project(tmp_path / "b", way, own_headers, *options)
     run("cmake", "--build", tmp_path / "b")
     assert float(run(tmp_path / "b/consumer_node")) == pytest.approx(2 * EXPECTED, rel=1e-6)
-    options[0] = f"-DCMAKE_PREFIX_PATH={prefix}"  # what a newer CMake has installed
+    options[0] = f"-DCMAKE_PREFIX_PATH={prefix}"  # installed by a newer CMake
     project(tmp_path / "c", way, own_headers, *options)
 
 
 def test_no_source_reads_a_header_of_its_user(own_headers: Path) -> None:
-    """Not those of the components either, though the user's folder comes first."""
     flags = ["-std=c99", f"-I{own_headers}", f"-I{ROOT}/lib/include", "-fsyntax-only"]
     run("gcc", *flags, *(ROOT / "lib").rglob("*.c"))
 
@@ -172,7 +172,7 @@ def test_no_source_reads_a_header_of_its_user(own_headers: Path) -> None:
     ("package", "source", "torque"),
     [("dahl", "main.c", EXPECTED), ("dahl_node", "node.c", 2 * EXPECTED)],
 )
-def test_pkg_config(
+def test_a_project_builds_with_pkg_config(
     package: str, source: str, torque: float, prefix: Path, own_headers: Path, tmp_path: Path
 ) -> None:
     (config,) = prefix.rglob(f"{package}.pc")
@@ -185,7 +185,7 @@ def test_pkg_config(
 
 
 def test_pkg_config_knows_each_component(prefix: Path) -> None:
-    """All their calls link with the flags of the component alone."""
+    """The flags of a component suffice."""
     assert {file.stem for file in prefix.rglob("*.pc")} == {"dahl", "dahl_node", "dahl_float"}
     path = {**os.environ, "PKG_CONFIG_PATH": str(next(prefix.rglob("dahl.pc")).parent)}
     libs = run("pkg-config", "--libs", "dahl_float", env=path).split()
@@ -195,11 +195,11 @@ def test_pkg_config_knows_each_component(prefix: Path) -> None:
 @pytest.mark.parametrize(
     "standard", ["11", "20", *(pytest.param(s, marks=pytest.mark.checks) for s in ("14", "17"))]
 )
-@pytest.mark.parametrize("compiler", ["g++", "clang++"])
+@pytest.mark.parametrize("compiler", with_compilers("g++", "clang++"))
 def test_the_wrapper_for_cpp_has_the_bits_of_c(
     compiler: str, standard: str, prefix: Path, tmp_path: Path
 ) -> None:
-    """Without a warning, without exceptions and RTTI, and with nothing that runs before main()."""
+    """Without warnings, exceptions, RTTI, and code that runs before main()."""
     need(compiler, "dahl.hpp compiles without a warning")
     (library,) = prefix.rglob("libdahl.a")
     flags = ["-Wall", "-Wextra", "-pedantic", "-Werror", "-Wconversion", "-Wshadow", "-O2"]
@@ -210,22 +210,22 @@ def test_the_wrapper_for_cpp_has_the_bits_of_c(
     run(compiler, *flags, CONSUMER / "wrapper.cpp", library, "-o", program)
     assert run(program) == "same bits\n"
     made = run("nm", program)
-    assert "_GLOBAL__sub_I" not in made  # what gcc calls such code
+    assert "_GLOBAL__sub_I" not in made  # code before main(), by gcc
 
 
 def headers(prefix: Path) -> set[str]:
     return {path.relative_to(prefix / "include").as_posix() for path in prefix.rglob("*.h")}
 
 
-def test_what_is_installed_is_public_and_names_no_place_of_this_machine(prefix: Path) -> None:
+def test_installed_files_are_public_and_contain_no_path_of_this_machine(prefix: Path) -> None:
     assert headers(prefix) == HEADERS.union(*COMPONENTS.values())
     for file in prefix.rglob("*"):
         if file.suffix in (".pc", ".cmake", ".h", ".hpp"):
             assert str(ROOT) not in file.read_text() and str(prefix) not in file.read_text(), file
 
 
-def test_a_plain_build_needs_a_compiler_and_nothing_else(tmp_path: Path) -> None:
-    """With no git, no pkg-config, no package and no library in reach, and no download."""
+def test_a_plain_build_needs_only_a_compiler_and_cmake(tmp_path: Path) -> None:
+    """Without git, pkg-config, other packages and libraries, and downloads."""
     path = tmp_path / "bin"
     path.mkdir()
     for tool in ("cmake", "ninja", "cc", "gcc", "ar", "ranlib", "ld", "as"):
@@ -236,7 +236,7 @@ def test_a_plain_build_needs_a_compiler_and_nothing_else(tmp_path: Path) -> None
         *(f"-DCMAKE_FIND_ROOT_PATH_MODE_{kind}=ONLY" for kind in ("LIBRARY", "INCLUDE", "PACKAGE")),
     ]
     prefix = install(tmp_path, *nothing, env={"PATH": str(path)})
-    assert not (tmp_path / "build/_deps").exists(), "something was fetched"
+    assert not (tmp_path / "build/_deps").exists()
     assert {file.name for file in prefix.rglob("*.a")} == {"libdahl.a"}
     assert headers(prefix) == HEADERS and (prefix / "include/dahl.hpp").exists()
     assert {file.name for file in prefix.rglob("*.cmake")} == {
@@ -250,7 +250,7 @@ def test_a_plain_build_needs_a_compiler_and_nothing_else(tmp_path: Path) -> None
 @pytest.mark.checks
 @pytest.mark.parametrize("way", ["add_subdirectory", "FetchContent"])
 @pytest.mark.parametrize("asked", [False, True])
-def test_a_parent_installs_it_only_where_asked(
+def test_a_parent_project_installs_the_library_only_on_request(
     way: str, asked: bool, own_headers: Path, tmp_path: Path
 ) -> None:
     prefix, build = tmp_path / "prefix", tmp_path / "build"
@@ -271,19 +271,19 @@ TIMER = (
 )
 
 
-STATEMENT = re.compile(r" \*\s+(?:[\w ]+:\s+)?(\S.*[;}])\s*(?://.*)?")  # `each tick:` before it
+STATEMENT = re.compile(r" \*\s+(?:[\w ]+:\s+)?(\S.*[;}])\s*(?://.*)?")  # after `each tick:`
 
 
 def example_of(header: str) -> list[str]:
-    """The longest run of comment lines that end as statements of C do."""
+    """Return the longest run of comment lines that end like statements of C."""
     found = [STATEMENT.fullmatch(line) for line in header.splitlines()]
     runs = [list(run) for is_code, run in groupby(found, bool) if is_code]
     return [line[1] for line in max(runs, key=len)]
 
 
 def snippet(name: str) -> str:
-    """The README's first C block is a whole file for a firmware; a header's example stands in a
-    function here, with what it leaves to the reader.
+    """Return the first C block of the README, or the example of a header in a function with the
+    declarations that it leaves to the reader.
     """
     if name == "README.md":
         return re.search(r"```c\n(.*?)```", (ROOT / name).read_text(), re.S)[1]
@@ -296,9 +296,8 @@ def snippet(name: str) -> str:
 
 
 @pytest.mark.parametrize("name", ["README.md", "dahl.h", "dahl_encoder.h"])
-@pytest.mark.parametrize("compiler", ["gcc", "g++", "clang", "clang++"])
-def test_snippets_compile(compiler: str, name: str, tmp_path: Path) -> None:
-    """What users copy is warning-free for the strictest reader."""
+@pytest.mark.parametrize("compiler", with_compilers("gcc", "g++", "clang", "clang++"))
+def test_snippets_compile_without_a_warning(compiler: str, name: str, tmp_path: Path) -> None:
     need(compiler, "the snippets compile without a warning")
     cxx = "++" in compiler
     source = tmp_path / ("snippet.cpp" if cxx else "snippet.c")

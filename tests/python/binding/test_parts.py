@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: MIT
+"""The friction models next to dahl.Friction, and their fast forms.
+
+References are exact fractions, the energy balance, or Friction itself where a model becomes one.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import dahl
+import mpmath
+import numpy as np
+import pytest
+from dahl.binding import models
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import as_float
+
+pytestmark = pytest.mark.usefixtures("library")
+
+BREAKAWAY = models.with_key("breakaway")
+PLAN = dahl.Plan(100.0, 0.5, 2e-4)
+SIGMA0, FC, THETA = [100.0, 70.0, 3.0], [0.5, 1.25, 0.01], 2e-4
+ULPS = 0.55  # of Fc (of the sum, of the larger Fc): the bound of the docstrings
+FAST_ULPS = 0.5001  # of ThroughputSlip
+MADE = {
+    "asymmetric": lambda: dahl.Asymmetric(100.0, 0.5, 0.3, THETA),
+    BREAKAWAY.name: lambda: models.class_of(BREAKAWAY)(100.0, 0.5, THETA, 0.7),
+    "slip": lambda: dahl.Slip(SIGMA0, FC, THETA),
+    "work": lambda: dahl.Work(PLAN),
+    "parallel": lambda: dahl.Parallel(dahl.Friction(PLAN), dahl.Slip(SIGMA0, FC, THETA)),
+    "velocity": lambda: dahl.VelocityTable([0.1 * k - 0.3 for k in range(16)], 2),
+}
+LARGER_FC = {"asymmetric": 0.5, BREAKAWAY.name: 0.5, "slip": sum(FC), "parallel": sum(FC) + 0.5}
+MOVES = np.random.default_rng(5).integers(-60, 61, 3000).astype(np.int32)
+LOADS = np.random.default_rng(6).uniform(0, 1.99, MOVES.size)
+
+
+def ulp_of(torque: float) -> float:
+    return float(np.spacing(np.float32(torque)))
+
+
+# --- a log, single moves, and the ratio -----------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_a_log_has_the_bits_of_single_moves(name):
+    one, many, by_ratio = MADE[name](), MADE[name](), MADE[name]()
+    torques = many.run_counts(MOVES, out := np.empty(MOVES.size, np.float32))
+    assert torques is out and np.ptp(torques) > 0.3
+    assert torques.tolist() == [one.step_counts(int(move)) for move in MOVES]
+    if name != "velocity":  # it has no state
+        assert one == many and many.torque == torques[-1]
+    if name in LARGER_FC:
+        ratios = [by_ratio.step_counts_q30(move) * 2.0**-30 for move in MOVES.tolist()]
+        assert ratios == pytest.approx(torques.astype(float) / LARGER_FC[name], abs=7e-8)
+
+
+@pytest.mark.parametrize("is_fixed", [False, True])
+def test_a_log_with_loads_has_the_bits_of_single_moves(is_fixed):
+    """By counts, or by angles if the stiffness stays. A load of 1 has the bits of a bearing."""
+    path = (MOVES * THETA).astype(np.float32) if is_fixed else MOVES
+    run, step = ("run", "step") if is_fixed else ("run_counts", "step_counts")
+    one, many, steady = (dahl.Loaded(PLAN, fixed_stiffness=is_fixed) for _ in range(3))
+    torques = getattr(many, run)(path, LOADS, out := np.empty(MOVES.size, np.float32))
+    pairs = zip(path.tolist(), LOADS.tolist(), strict=True)
+    assert torques is out and torques.tolist() == [getattr(one, step)(*pair) for pair in pairs]
+    assert one == many and many.torque == torques[-1]
+    assert many.load == round(LOADS[-1] * 2**30) / 2**30
+    bearing = getattr(dahl.Friction(PLAN), run)(path)
+    assert (getattr(steady, run)(path, np.ones(MOVES.size)) == bearing).all()
+
+
+@pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64])
+def test_moves_and_loads_of_any_type_give_the_same(kind):
+    """The range of half precision ends below that of the int32 that moves are compared with."""
+    moves, loads = np.array([1000, 1000, 0], kind), np.array([1.0, 0.5, 1.5], kind)
+    torques = dahl.Loaded(dahl.Plan(100, 0.5, 1e-3)).run_counts(moves, loads)
+    assert torques.tolist() == [0.5, 0.25, 0.25]
+
+
+# --- models that become a Friction ----------------------------------------------------------------
+
+
+@given(st.lists(st.integers(-400, 400), max_size=40), st.integers(1, 2**31 - 1))
+def test_a_model_that_becomes_a_bearing_moves_like_one(moves, load_q30):
+    """A load c scales sigma0 and Fc. Equal limits, or motion in one direction, leave one Fc."""
+    load = load_q30 / 2**30
+    bearing = dahl.Friction(PLAN)
+    torques = bearing.run_counts(moves).astype(float)
+    twins = {  # a log of the model, the log that it equals, and its largest torque
+        "loaded": (dahl.Loaded(PLAN).run_counts(moves, [load] * len(moves)), load * torques, 1.0),
+        "asymmetric": (dahl.Asymmetric(100, 0.5, 0.5, 2e-4).run_counts(moves), torques, 0.5),
+        "parallel": (
+            dahl.Parallel(dahl.Friction(PLAN), dahl.Friction(PLAN)).run_counts(moves),
+            2 * torques,
+            1.0,
+        ),
+        "work": (dahl.Work(PLAN).run_counts(moves), torques, 0.5),
+    }
+    one_way = np.abs(moves)
+    for sign, limits in ((1, (0.5, 0.3)), (-1, (0.3, 0.5))):
+        here = dahl.Asymmetric(100, *limits, 2e-4).run_counts(sign * one_way)
+        twins[f"asymmetric {sign}"] = here, dahl.Friction(PLAN).run_counts(sign * one_way), 0.5
+    for name, (here, there, most) in twins.items():
+        assert np.abs(here - there).max(initial=0) <= 1.1 * ulp_of(most), name
+
+
+def test_asymmetric_returns_from_one_limit_to_the_other():
+    """Eq. 1 with the limit of the direction: the gap to it shrinks by exp(-sigma0 theta/limit)."""
+    part, F = dahl.Asymmetric(100.0, 0.5, 0.25, 2.0**-12), 0.0
+    for move in (40, -7, -20, 3, 900, -900, 11):
+        limit = 0.5 if move > 0 else -0.25
+        F = limit - (limit - F) * math.exp(-100.0 * abs(move) * 2.0**-12 / abs(limit))
+        assert abs(part.step_counts(move) - F) <= ULPS * ulp_of(0.5)
+
+
+def test_a_falling_load_reduces_the_torque_and_a_growing_load_leaves_it():
+    part = dahl.Loaded(PLAN)
+    full = part.step_counts(100, 1.5)
+    assert part.step_counts(0, 0.5) == pytest.approx(full / 3, abs=ulp_of(0.5))
+    assert part.step_counts(0, 1.9) == pytest.approx(full / 3, abs=ulp_of(0.5))
+    assert part.load == round(1.9 * 2**30) / 2**30
+
+
+# --- slip elements and mixes ----------------------------------------------------------------------
+
+
+def exact_slip(sigma0, torques, moves, exact=lambda x: Fraction(as_float(x))) -> list[Fraction]:
+    """Springs that slip, in fractions of the parameters as C reads them."""
+    stiff, most = [exact(x) * exact(THETA) for x in sigma0], [exact(x) for x in torques]
+    force, sums = [Fraction(0)] * len(stiff), []
+    for move in moves.tolist():
+        limited = zip(force, stiff, most, strict=True)
+        force = [max(-F, min(F, f + k * move)) for f, k, F in limited]
+        sums.append(sum(force))
+    return sums
+
+
+def test_slip_is_exact_in_torque_in_ratio_and_in_the_fast_form():
+    slip, by_ratio = MADE["slip"](), MADE["slip"]()
+    exact, ulp = exact_slip(SIGMA0, FC, MOVES), Fraction(ulp_of(sum(FC)))
+    found = [Fraction(float(torque)) for torque in slip.run_counts(MOVES)]
+    assert max(abs(a - b) for a, b in zip(found, exact, strict=True)) <= Fraction(ULPS) * ulp
+    total = sum(Fraction(as_float(F)) for F in FC)
+    ratios = [Fraction(by_ratio.step_counts_q30(move), 2**30) for move in MOVES.tolist()]
+    assert max(abs(a - b / total) for a, b in zip(ratios, exact, strict=True)) < Fraction(4e-9)
+    fast = dahl.ThroughputSlip(SIGMA0, FC, THETA).run_counts(MOVES)
+    exact = exact_slip(SIGMA0, FC, MOVES, Fraction)
+    errors = [abs(Fraction(float(a)) - b) for a, b in zip(fast, exact, strict=True)]
+    assert max(errors) <= Fraction(FAST_ULPS) * ulp
+
+
+def test_a_mix_is_the_sum_of_its_parts_with_their_present_plans():
+    alone, mix = dahl.Friction(PLAN), MADE["parallel"]()
+    exact = np.array(exact_slip(SIGMA0, FC, MOVES), float) + alone.run_counts(MOVES)
+    torques = mix.run_counts(MOVES)
+    assert np.abs(torques - exact).max() <= (ULPS + 0.52) * ulp_of(sum(FC) + 0.5)
+    assert mix.parts[0] == alone and mix.torque == torques[-1]
+    for torque in (2.0, 0.5):
+        mix.parts[0].change_plan(dahl.Plan(80.0, torque, THETA))
+        ratio = mix.step_counts_q30(3) * 2.0**-30
+        assert ratio == pytest.approx(mix.torque / (sum(FC) + torque), abs=7e-8)
+    assert dahl.Parallel().step_counts_q30(3) == 0
+
+
+def test_the_fast_mix_equals_the_exact_mix_each_time():
+    theta, limit, moves = as_float(THETA), as_float(FC[1]), np.tile(MOVES, 10)
+    exact = dahl.Parallel(
+        dahl.Friction(dahl.Plan(80, 2, theta)), dahl.Slip([100], [limit], theta)
+    ).run_counts(moves)
+    fast = dahl.ThroughputParallel(
+        dahl.Throughput(80, 2, theta), dahl.ThroughputSlip([100], [limit], theta)
+    )
+    for _ in range(2):  # it keeps no state
+        assert np.abs(fast.run_counts(moves).astype(float) - exact).max() <= 1.07 * ulp_of(3.25)
+    assert dahl.ThroughputParallel().run_counts([1, 2]).tolist() == [0, 0]
+
+
+# --- other references -----------------------------------------------------------------------------
+
+
+def clamped(F: mpmath.mpf, angle: float, most: mpmath.mpf) -> mpmath.mpf:
+    """F' = sigma0 (1 - F/most) forward, after F is limited to most = load Fc."""
+    F = max(-most, min(most, F))
+    end = math.copysign(1, angle) * most
+    if not most or not angle:
+        return F
+    return end - (end - F) * mpmath.exp(-PLAN.sigma0 * abs(mpmath.mpf(angle)) / most)
+
+
+def test_a_load_that_leaves_the_stiffness_is_exact():
+    """Within 0.6 ulp of Fc, or of load Fc if that is more."""
+    angles, F = (MOVES[:1000] * THETA).astype(np.float32), mpmath.mpf(0)
+    loads = np.random.default_rng(6).integers(0, 2**11, angles.size) / 2**10
+    loads[-1] = math.nextafter(2, 0)  # it is rounded down
+    part = dahl.Loaded(PLAN, fixed_stiffness=True)
+    torques = part.run(angles, loads).tolist()
+    assert part.load == 2 - 2.0**-30
+    with mpmath.workdps(50):
+        for angle, load, torque in zip(angles.tolist(), loads.tolist(), torques, strict=True):
+            F = clamped(F, angle, mpmath.mpf(PLAN.Fc) * load)
+            assert abs(torque - F) <= 0.6 * ulp_of(PLAN.Fc * max(load, 1))
+    assert part.step(math.inf, 0.5) == 0.25 and part.step(math.nan, 1.0) == 0.25
+    assert part.step(1e300, 1.5) == 0.75
+
+
+@pytest.mark.parametrize("breakaway", [0.125, 0.75])
+def test_a_model_with_breakaway_is_a_spring_below_it_and_does_not_creep(breakaway):
+    """Beyond it the gap to Fc shrinks by exp(-sigma0 theta/(Fc - breakaway Fc))."""
+    part = models.class_of(BREAKAWAY)(128.0, 0.5, 2.0**-13, breakaway)
+    stiffness = 128 / 2**13  # N m a count
+    most = math.floor(breakaway * 0.5 / stiffness)  # counts
+    assert part.step_counts(most) == most * stiffness
+    part.run_counts(np.tile([-most, most], 50_000).astype(np.int32))
+    assert part.torque == most * stiffness
+    start = breakaway * 0.5
+    beyond = 12 - (start / stiffness - most)
+    wanted = 0.5 - (0.5 - start) * math.exp(-beyond * stiffness / (0.5 - start))
+    assert abs(part.step_counts(12) - wanted) <= ULPS * ulp_of(0.5)
+
+
+def test_work_is_the_integral_of_the_torque():
+    """By the energy balance of Eq. 1: W = Fc |theta| - sign(theta) Fc/sigma0 dF for each move."""
+    part, F, work = dahl.Work(PLAN), 0.0, 0.0
+    for move in MOVES.tolist():
+        side = np.sign(move)
+        end = side - (side - F / PLAN.Fc) * math.exp(-PLAN.travel_per_count * abs(move))
+        work += PLAN.Fc * PLAN.theta_per_count * abs(move)
+        work -= side * PLAN.Fc / PLAN.sigma0 * (end * PLAN.Fc - F)
+        F = end * PLAN.Fc
+        part.step_counts(move)
+        assert part.work == pytest.approx(work, rel=2e-7, abs=1e-9)
+    bearing = dahl.Friction(PLAN)
+    bearing.run_counts(MOVES)
+    far = dahl.Work(PLAN)
+    far.state.w = part.state.w
+    assert part.state == bearing.state == far.state and far != part
+
+
+def test_a_table_over_speed_is_odd_and_linear_between_its_points():
+    torques = [0.5, 0.3, 0.25, 0.0, -0.125, *(0.1 * k for k in range(1, 12))]
+    table, speeds = dahl.VelocityTable(torques, 3), np.arange(-200, 201)
+    values = np.array([0.0, *torques], np.float32)
+    wanted = np.interp(abs(speeds), 8 * np.arange(17), values) * np.sign(speeds)
+    slack = 1.5 * 2.0**-30 * max(torques) + 2.0**-24
+    assert np.abs(table.run_counts(speeds) - wanted).max() <= slack
+    assert table.step_counts(-(2**31)) == -np.float32(torques[-1])

@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: MIT
+"""dahl.Node against the program dahl-loop: equal frames in, equal frames out, bit for bit. Then the
+class: copies, and the arguments that it refuses.
+"""
+
+from __future__ import annotations
+
+import copy
+import socket
+import struct
+import tempfile
+from pathlib import Path
+
+import can
+import dahl
+import pytest
+from can_socket import ERROR, EXTENDED, REMOTE, build_can_library, joined
+from dahl import codec
+from dahl.binding import models
+from dahl.codec import EncoderState
+from frame_sequences import (
+    FRICTION_VALUES,
+    NUMBER,
+    OTHERS,
+    Frames,
+    message_of,
+    run_sequences,
+    written,
+)
+from hypothesis.stateful import rule
+from loop_tools import SCENES, Logged, finished, read_log, run
+from strategies import COPIES
+
+pytestmark = pytest.mark.usefixtures("library")
+
+THETA = 3.8e-4
+BREAKAWAY = models.with_key("breakaway")
+PLAN = dahl.Plan(100, 0.7, THETA)
+MODELS = {  # keys of a scene, and the same in Python
+    "dahl": ("sigma0 = 100\nFc = 0.7", PLAN),
+    "slip": ("sigma0 = 100 30\nFc = 0.2 0.7", dahl.Slip([100, 30], [0.2, 0.7], THETA)),
+    "parallel": (
+        "kinds = slip dahl dahl\nsigma0 = 30 100 50\nFc = 0.7 0.2 0.05",
+        dahl.Parallel(
+            dahl.Slip([30], [0.7], THETA),
+            dahl.Friction(dahl.Plan(100, 0.2, THETA)),
+            dahl.Friction(dahl.Plan(50, 0.05, THETA)),
+        ),
+    ),
+    "asymmetric": ("sigma0 = 100\nFc = 0.2 0.7", dahl.Asymmetric(100, 0.2, 0.7, THETA)),
+    BREAKAWAY.name: (
+        "sigma0 = 100\nFc = 0.7\nbreakaway = 0.6",
+        models.make(BREAKAWAY, [100], [0.7], THETA, 0.6),
+    ),
+    "loaded": ("sigma0 = 100\nFc = 0.7", dahl.Loaded(PLAN)),
+}
+FROM_NODE = (0x110, 0x120, 0x140)
+Sent = list[tuple[int, bytes]]
+
+
+def sent(message: can.Message | None) -> Sent:
+    return [] if message is None else [(message.arbitration_id, bytes(message.data))]
+
+
+def counts_of(node: dahl.Node, summary: dict) -> dict[str, int]:
+    return {name: getattr(node.counts, name) for name in summary["node"]}
+
+
+# --- runs of the program in virtual time ----------------------------------------------------------
+
+
+def replay(log: Path, node: dahl.Node) -> tuple[Sent, Sent]:
+    """Return the answers of the program, and those of a node to the same frames."""
+    program, here, due = [], [], 0
+    for line in read_log(log):
+        tick = round(line.time * 1000)
+        for ms in range(due, tick + 1):
+            here += sent(node.tick(ms / 1000))
+        due = tick + 1
+        if line.id & ~15 in FROM_NODE:
+            program.append((line.id, line.data))
+        else:
+            here += sent(node.receive(message_of(line)))
+    return program, here
+
+
+STEERING = "[motion]\nkind = steering\namplitude = 900\nsweep_s = 0.7\nhold_s = 0.1\n"
+STEERING += "tremor = 20\ntremor_s = 0.05\nseconds = 1.5\n"
+MOTOR = "[load]\nfull = 4\nrest = 0.25\n[rotor]\ninertia = 0.01\nsigma0 = 100\nFc = 0.7\n"
+MOTOR += "[motor]\namplitude = 2\nfrequency = 3\nseconds = 1\n"
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_each_model_answers_as_the_program_does(tmp_path, model):
+    """With gain, limit and ramp. The load follows the torque of a motor, by parameter Load."""
+    keys, friction = MODELS[model]
+    path = tmp_path / "model.ini"
+    path.write_text(
+        f"[friction]\nmodel = {model}\n{keys}\ntheta_per_count = {THETA}\n"
+        "gain = 0.91\nlimit = 0.85\nramp_ms = 300\nmax_step = 5000\n"
+        f"{MOTOR if model == 'loaded' else STEERING}[status]\nperiod_ms = 70\n"
+    )
+    result = run(tmp_path, path, "--virtual")
+    assert result.code == 0, result.err
+    settings = {"gain": 0.91, "limit": 0.85, "ramp": 0.3, "max_step": 5000, "status_period": 0.07}
+    program, here = replay(result.log, node := dahl.Node(friction, **settings))
+    assert here == program
+    ratios = {data[4:] for identifier, data in program if identifier == 0x110}
+    assert len(program) > 1000 and len(ratios) > 200
+    assert (node.counts.params > 900) == (model == "loaded")
+
+
+def test_a_storm_of_faults_is_answered_as_the_program_does(tmp_path):
+    """Frames lost, repeated, late, corrupted and cut; silences, bus-offs and restarts."""
+    often = [f"--set=faults.{kind}=0.001" for kind in ("silence", "bus_off", "restart")]
+    result = run(tmp_path, SCENES / "fault-storm.ini", "--virtual", "--seconds", "15", *often)
+    assert result.code == 0, result.err
+    node = dahl.Node(dahl.Plan(120, 1.8, 2.396844981071314e-05), max_step=2000)
+    program, here = replay(result.log, node)
+    assert here == program
+    counts = counts_of(node, result.summary)
+    assert counts == result.summary["node"]
+    assert {name for name, count in counts.items() if count == 0} <= {"params"}
+
+
+# --- any frames, to the program and to Python -----------------------------------------------------
+
+
+def wire(message: can.Message) -> bytes:
+    """struct can_frame, or struct canfd_frame."""
+    flags = EXTENDED * message.is_extended_id | REMOTE * message.is_remote_frame
+    identifier = message.arbitration_id | flags | ERROR * message.is_error_frame
+    room = "64s" if message.is_fd else "8s"
+    return struct.pack(f"=IB3x{room}", identifier, len(message.data), bytes(message.data))
+
+
+def receive(bus: socket.socket) -> tuple[int, bytes]:
+    identifier, length, data = struct.unpack("=IB3x8s", bus.recv(100))
+    return identifier, data[:length]
+
+
+class AgainstTheProgram(Frames):
+    """Only one side has a clock, so no parameter is a time and the timeout is a minute."""
+
+    model: str
+    socket_library: Path
+
+    def __init__(self) -> None:
+        super().__init__()
+        keys, friction = MODELS[self.model]
+        self.folder = tempfile.TemporaryDirectory()
+        scene = Path(self.folder.name) / "node.ini"
+        words = f"model = {self.model}\n{keys}\ntheta_per_count = {THETA}\nnode = {NUMBER}\n"
+        scene.write_text(f"[friction]\n{words}timeout_ms = 60000\n")
+        self.node = dahl.Node(friction, NUMBER, timeout=60, status_period=0)
+        place = (Path(self.folder.name), self.socket_library, "--role", "node")
+        self.process, self.bus = joined(*place, scene=scene)
+        self.compare(self.node.tick())
+
+    def compare(self, *messages: can.Message | None) -> None:
+        expected = [each for message in messages for each in sent(message)]
+        assert [receive(self.bus) for _ in expected] == expected
+
+    def play(self, frame: Logged | None, now_us: int) -> None:
+        if frame:
+            message = message_of(frame)
+            self.bus.send(wire(message))
+            self.compare(self.node.receive(message), self.node.tick())
+
+    @rule(what=written(FRICTION_VALUES, OTHERS))
+    def write_parameter(self, what: tuple) -> None:
+        self.parameter(*what)
+
+    def teardown(self) -> None:
+        self.process.terminate()
+        result = finished(Path(self.folder.name), self.process)
+        self.bus.close()
+        self.folder.cleanup()
+        assert counts_of(self.node, result.summary) == result.summary["node"]
+
+
+@pytest.mark.parametrize("model", ["dahl", "parallel"])
+def test_any_frame_is_answered_as_the_program_does(tmp_path, monkeypatch, model):
+    """CRC errors, lost counters, short, remote, extended and FD frames, parameters, resets."""
+    monkeypatch.setattr(AgainstTheProgram, "model", model, raising=False)
+    monkeypatch.setattr(
+        AgainstTheProgram, "socket_library", build_can_library(tmp_path), raising=False
+    )
+    run_sequences(AgainstTheProgram, examples=12, steps=80)
+
+
+# --- the class ------------------------------------------------------------------------------------
+
+
+def move(node: dahl.Node, *counts: int) -> list[codec.FrictionTorque]:
+    """Answers to counts with the next counters."""
+    first = node.counts.ok
+    messages = (codec.pack(EncoderState(c, (first + k) % 16)) for k, c in enumerate(counts))
+    return [codec.unpack(node.receive(message)) for message in messages]
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_node_keeps_its_own_state_of_any_model(model):
+    """It does not move with the friction that it was made of, nor with a copy of itself."""
+    given = copy.deepcopy(MODELS[model][1])
+    one, other = (dahl.Node(given, number=0) for _ in range(2))
+    move(one, 0, 40, 30), move(other, 0, -40, 30)
+    assert one != other and one.friction == MODELS[model][1] and "state=OK, ok=3" in repr(one)
+    for same in (copied(one) for copied in COPIES):
+        assert same == one and same.counts == one.counts
+        assert move(same, 900) == move(copy.copy(one), 900) and same != one
+    if hasattr(given, "run_counts"):
+        given.run_counts(*[[1]] * (2 if model == "loaded" else 1))
+        assert one.friction != given
+
+
+def test_a_plan_of_a_subclass_is_a_plan():
+    class Bearing(dahl.Plan):
+        pass
+
+    one = dahl.Node(Bearing(PLAN.sigma0, PLAN.Fc, PLAN.theta_per_count))
+    assert type(one.friction) is Bearing and move(one, 0, 700) == move(dahl.Node(PLAN), 0, 700)
+
+
+LIMITS = {  # of each setting: a value just beyond, and the limit in the message
+    "number": [(-1, "0"), (16, "15")],
+    "gain": [(-0.001, "0"), (1.001, "1")],
+    "limit": [(-0.001, "0"), (1.001, "1")],
+    "ramp": [(-0.001, "0"), (60.01, "60")],
+    "timeout": [(0, "0.001"), (0.0009, "0.001"), (60.01, "60")],
+    "status_period": [(-0.001, "0"), (60.01, "60")],
+    "max_step": [(-1, "0"), (2**31, "2147483647")],
+}
+SLIPS = [dahl.Slip([1] * 5, [1] * 5, theta) for theta in (1e-3, 1e-3, 2e-3)]
+NO_FRICTION = [
+    (3, "3"),
+    (dahl.Plan(1, 1), "theta_per_count = 0"),
+    (dahl.Loaded(PLAN, fixed_stiffness=True), "fixed_stiffness"),
+    (dahl.Parallel(), "0 elements"),
+    (dahl.Parallel(*SLIPS[:2]), "10 elements"),
+    (dahl.Parallel(dahl.Slip([1], [1], 1e-3), dahl.Slip([1], [1], 2e-3)), "theta_per_count"),
+]
+
+
+def test_a_setting_beyond_its_limits_or_a_wrong_friction_is_refused():
+    for name, beyond in LIMITS.items():
+        for value, limit in beyond:
+            with pytest.raises(dahl.Error, match=rf"{name} = {value}\b.* {limit}\b"):
+                dahl.Node(PLAN, **{name: value})
+            dahl.Node(PLAN, **{name: float(limit)})
+    for friction, word in NO_FRICTION:
+        with pytest.raises(dahl.Error, match=word):
+            dahl.Node(friction)
+
+
+@pytest.mark.parametrize("identifier", [2**29, -1, 256.5, None, "256"])
+def test_a_wrong_frame_or_time_is_refused_and_changes_nothing(identifier):
+    one, before = dahl.Node(PLAN), dahl.Node(PLAN)
+    message = codec.pack(EncoderState(5))
+    message.arbitration_id = identifier
+    for call in (codec.unpack, one.receive):
+        with pytest.raises(dahl.Error, match="arbitration_id = "):
+            call(message)
+    for junk in ("x", float("nan"), []):
+        for call, given in ((one.tick, (junk,)), (one.receive, (junk, 0.0))):
+            with pytest.raises(dahl.Error):
+                call(*given)
+    assert one == before
