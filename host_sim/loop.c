@@ -8,7 +8,7 @@
 #include <time.h>
 
 #include "frame_bits.h"
-#include "messages.h"
+#include "stderr_messages.h"
 
 enum { ID_KIND = 0x7F0, ID_NUMBER = 0x00F };
 enum {

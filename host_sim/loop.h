@@ -22,7 +22,7 @@
 
 #include "dahl_can_bus.h"
 #include "candump.h"
-#include "encoder.h"
+#include "encoder_node.h"
 #include "histogram.h"
 #include "dahl_node.h"
 #include "timing.h"

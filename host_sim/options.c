@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "messages.h"
+#include "stderr_messages.h"
 #include "dahl.h"
 
 #define SOCKETCAND "socketcand:"

@@ -6,7 +6,7 @@
 #include <math.h>
 
 #include "load.h"
-#include "messages.h"
+#include "stderr_messages.h"
 #include "timing.h"
 
 enum { FRESH_TICKS = 3 }; /* an answer is used for this many ticks */

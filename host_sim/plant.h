@@ -12,7 +12,7 @@
 
 #include <stdio.h>
 
-#include "encoder.h"
+#include "encoder_node.h"
 #include "motion.h"
 #include "rotor.h"
 #include "scene.h"

@@ -205,7 +205,7 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
 
 def _own(args: argparse.Namespace) -> Any:
     from dahl.binding.friction import Plan
-    from dahl.io.logs import CAN_LOGS
+    from dahl.io.can_logs import CAN_LOGS
     from dahl.sim.scene import OwnLog
 
     if not args.log.exists():
@@ -296,11 +296,11 @@ def _play(
 
 def _trace(log: Path, scene: Scene) -> Trace:
     """Return the answered ticks of the run. Raises RunError if no tick was recorded."""
-    from dahl.io import logs
+    from dahl.io import can_logs
     from dahl.report import traces
 
     try:
-        return traces.trace_of(logs.read_candump(log), scene.node)
+        return traces.trace_of(can_logs.read_candump(log), scene.node)
     except Error as error:
         raise RunError(f"not compared: {error}") from None
 

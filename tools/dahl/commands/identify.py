@@ -190,8 +190,8 @@ def options_of(args: argparse.Namespace) -> Options:
     """Return the options of the fit."""
     from dahl.identify.estimate import Options
     from dahl.identify.models import OPTIONS
+    from dahl.io.can_logs import meant
     from dahl.io.log import TERMS
-    from dahl.io.logs import meant
 
     terms = None
     if args.terms is not None:

@@ -134,7 +134,7 @@ def _is_special(message: can.Message) -> bool:
 
 def _check(path: Path, force: bool, fd: bool) -> bool:
     """Return whether the file exists. Raises dahl.Error if it must not be written."""
-    from dahl.io.logs import CAN_LOGS
+    from dahl.io.can_logs import CAN_LOGS
 
     if path.suffix.lower() not in CAN_LOGS:
         raise Error(f"{path}: {', '.join(CAN_LOGS)} was expected as its ending")

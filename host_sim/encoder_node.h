@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * encoder: send one EncoderState each tick, and match each FrictionTorque to the frame that it echoes.
+ * encoder_node: send one EncoderState each tick, and match each FrictionTorque to the frame that it echoes.
  *
  * A bus keeps the order. Thus an answer belongs to the oldest unanswered frame with the echoed counter, and the frames before
  * that one are lost. This also holds if more than 16 frames wait because either side stalled. After a real gap the node reports
  * a new start (INIT, STALE, WRONG_SEQUENCE). Such an answer belongs to the newest frame with the echoed counter.
  */
-#ifndef ENCODER_H
-#define ENCODER_H
+#ifndef ENCODER_NODE_H
+#define ENCODER_NODE_H
 
 #include <stdbool.h>
 #include <stdint.h>
