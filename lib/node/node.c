@@ -7,7 +7,7 @@
  * @verbatim
  *   no starting point                     handle_start()
  *   same counter as before                handle_repeat()
- *   counter step within the allowed gap   handle_in_sequence()
+ *   allowed counter step                  handle_in_sequence()
  *   larger counter step                   handle_out_of_sequence()
  * @endverbatim
  * A handler returns true if it wrote an answer. A node is "primed" if `count` is a valid starting point.

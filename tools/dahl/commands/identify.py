@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""
-Find sigma0 and Fc from measured logs, with intervals, and say whether they can be trusted.
+"""Find sigma0 and Fc from measured logs, with intervals, and say whether they can be trusted.
 
 LOG is a table (CSV, TSV, JSON, MAT, Parquet) or a CAN log (candump .log, ASC, BLF, TRC, MF4) with
 --dbc; an MF4 of measured channels needs no DBC. Columns and units are found by the names of the

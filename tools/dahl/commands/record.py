@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""
-Record a bus into a log: candump (.log, which canplayer can replay), ASC, BLF, TRC or MF4, by the
+"""Record a bus into a log: candump (.log, which canplayer can replay), ASC, BLF, TRC or MF4, by the
 ending of its name.
 
 Works with any interface that python-can has. Stop it with Ctrl-C, or give --frames or --seconds. A
