@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "messages.h"
+#include "stderr_messages.h"
 #include "loopback/loopback.h"
 #include "socketcan/socketcan.h"
 #include "socketcand/client.h"

@@ -6,7 +6,7 @@
 #include "timing.h"
 
 enum {
-    LOST_MAX = 6,       /* consecutive frames: a node with max_step accepts a gap of 7 */
+    MISSING_MAX = 6,    /* consecutive frames: a node with max_step accepts a counter step of 7 */
     LATE_MIN = 2,       /* frames */
     LATE_MAX = 7,
     FLIPS_MAX = 3,      /* bits */
@@ -31,7 +31,7 @@ typedef struct {
 void faults_open(faults_t *faults, const double rates[FAULT_KINDS], uint64_t seed, uint32_t timeout_us)
 {
     *faults = (faults_t){
-        .rates = rates, .random = seed, .off_ticks = timeout_us / PERIOD_US + OFF_EXTRA, .clean = 1};
+        .rates = rates, .random = seed, .off_ticks = timeout_us / PERIOD_US + OFF_EXTRA, .good_due = 1};
 }
 
 static void put(sink_t *sink, const dahl_can_frame_t *frame)
@@ -72,7 +72,7 @@ static void hold(faults_t *f, const dahl_can_frame_t *frame, fault_t fault, sink
     (void)sink;
     f->late[f->late_count++] = (fault_late_t){*frame, wait};
     f->missing++;
-    f->clean = 1;
+    f->good_due = 1;
 }
 
 static void flip_bits(faults_t *f, dahl_can_frame_t *frame)
@@ -127,7 +127,7 @@ static void change_state(faults_t *f, const dahl_can_frame_t *in, fault_t fault,
     } else {
         state.count = (int32_t)((uint32_t)state.count + 0x10000000u + splitmix_below(&f->random, 0x60000000u));
         f->expected.jump++;
-        f->clean = 1;
+        f->good_due = 1;
     }
     dahl_frames_pack_encoder(&frame, (uint8_t)(frame.id & ID_NUMBER), &state);
     count_lost(f);
@@ -162,7 +162,7 @@ static void silence(faults_t *f, const dahl_can_frame_t *frame, fault_t fault, s
     f->silent++;
     f->off = f->off_ticks - 1;
     f->rearm = DAHL_NODE_REARM - 1;
-    f->clean = DAHL_NODE_REARM;
+    f->good_due = DAHL_NODE_REARM;
 }
 
 /* Silence, bus_off and restart break the sequence, so no frame may be late or missing then. */
@@ -173,9 +173,10 @@ static bool is_allowed(const faults_t *f, fault_t fault)
     if (is_break && (f->late_count > 0 || f->missing > 0)) {
         return false;
     }
-    return f->missing < LOST_MAX && !(is_late && f->late_count == FAULTS_HELD);
+    return f->missing < MISSING_MAX && !(is_late && f->late_count == FAULTS_HELD);
 }
 
+/* Return FAULT_KINDS for no fault. */
 static fault_t choose(faults_t *f)
 {
     double chance = splitmix_unit(&f->random);
@@ -183,8 +184,8 @@ static fault_t choose(faults_t *f)
     while (fault < FAULT_KINDS && chance >= f->rates[fault]) {
         chance -= f->rates[fault++];
     }
-    if (f->clean > 0) {
-        f->clean--;
+    if (f->good_due > 0) {
+        f->good_due--;
         return FAULT_KINDS;
     }
     return fault < FAULT_KINDS && is_allowed(f, fault) ? fault : FAULT_KINDS;

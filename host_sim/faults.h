@@ -4,7 +4,7 @@
  * scene_keys.def lists the faults and the counters of the node that each increments. A frame has one fault at most. `expected`
  * holds the counts that the node must have, so that both can be compared.
  *
- * No fault may hide another one. At most 6 consecutive frames are lost. A good frame follows each late frame, glitch and
+ * No fault may hide another one. At most 6 consecutive frames are missing. A good frame follows each late frame, glitch and
  * restart. A good frame precedes silence, bus_off and restart. The bus-off event goes to the controller of a node in this
  * process only; a node elsewhere receives the silence.
  */
@@ -43,7 +43,7 @@ typedef struct {
     uint32_t off;          /* ticks left of the present silence */
     bool reports_bus_off;  /* the present silence is a bus_off */
     uint32_t rearm;        /* good frames left until the node answers again */
-    uint32_t clean;        /* frames left that must have no fault */
+    uint32_t good_due;     /* frames left that must have no fault */
     uint32_t missing;      /* consecutive frames that the node has not received */
     fault_late_t late[FAULTS_HELD];
     size_t late_count;

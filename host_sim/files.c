@@ -7,7 +7,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "messages.h"
+#include "stderr_messages.h"
 
 /* Length of the folder part of a path, with its last slash. */
 static int folder_length(const char *path)

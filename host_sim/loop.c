@@ -8,7 +8,7 @@
 #include <time.h>
 
 #include "frame_bits.h"
-#include "messages.h"
+#include "stderr_messages.h"
 
 enum { ID_KIND = 0x7F0, ID_NUMBER = 0x00F };
 enum {
@@ -125,8 +125,8 @@ static void dispatch(loop_t *loop, dahl_can_frame_t *frame)
     for (uint32_t i = 0; i < loop->encoder_count; i++) {
         encoder_receive(&loop->encoders[i], frame, now);
     }
-    loop->has_angle |= (frame->id & ID_KIND) == DAHL_FRAMES_ID_ENCODER && loop->encoder_count == 0;
-    loop->waits_for_encoder |= loop->has_angle;
+    loop->has_count |= (frame->id & ID_KIND) == DAHL_FRAMES_ID_ENCODER && loop->encoder_count == 0;
+    loop->waits_for_encoder |= loop->has_count;
     pass_to_nodes(loop, frame);
 }
 
@@ -188,11 +188,11 @@ static void inject_controller_event(loop_t *loop, uint32_t number, dahl_can_fram
     }
 }
 
-static void send_with_faults(loop_t *loop, const encoder_t *encoder, const dahl_can_frame_t *angle)
+static void send_with_faults(loop_t *loop, const encoder_t *encoder, const dahl_can_frame_t *count)
 {
     dahl_can_frame_t frames[FAULTS_OUT];
-    size_t count = faults_pass(encoder->faults, angle, frames);
-    for (size_t i = 0; i < count; i++) {
+    size_t frame_count = faults_pass(encoder->faults, count, frames);
+    for (size_t i = 0; i < frame_count; i++) {
         if ((frames[i].flags & DAHL_CAN_FRAME_ERROR) != 0) {
             inject_controller_event(loop, encoder->node, &frames[i]);
         } else {
@@ -201,12 +201,12 @@ static void send_with_faults(loop_t *loop, const encoder_t *encoder, const dahl_
     }
 }
 
-static void send_angle(loop_t *loop, const encoder_t *encoder, const dahl_can_frame_t *angle)
+static void send_count(loop_t *loop, const encoder_t *encoder, const dahl_can_frame_t *count)
 {
     if (encoder->faults != NULL) {
-        send_with_faults(loop, encoder, angle);
+        send_with_faults(loop, encoder, count);
     } else {
-        transmit(loop, angle);
+        transmit(loop, count);
     }
 }
 
@@ -231,20 +231,20 @@ static void send_status(loop_t *loop)
 /* If no encoder has a count, the motion has ended, and there is no tick. */
 static void tick(loop_t *loop)
 {
-    dahl_can_frame_t angles[DAHL_FRAMES_NODES];
+    dahl_can_frame_t counts[DAHL_FRAMES_NODES];
     uint32_t ready = 0;
-    while (ready < loop->encoder_count && encoder_tick(&loop->encoders[ready], clock_now(loop->clock), &angles[ready])) {
+    while (ready < loop->encoder_count && encoder_tick(&loop->encoders[ready], clock_now(loop->clock), &counts[ready])) {
         ready++;
     }
     if (loop->encoder_count > 0 && ready == 0) {
         return;
     }
     loop->ticks++;
-    loop->has_angle = false;
+    loop->has_count = false;
     send_status(loop);
     for (uint32_t i = 0; i < ready; i++) {
         send_load(loop, &loop->encoders[i]);
-        send_angle(loop, &loop->encoders[i], &angles[i]);
+        send_count(loop, &loop->encoders[i], &counts[i]);
     }
     if (loop->bitrate > 0 && loop->ticks >= loop->second_end) {
         end_load_second(loop, TICKS_PER_SECOND);
@@ -346,25 +346,25 @@ static uint64_t run_due_tick(loop_t *loop, uint64_t now)
     return loop->due_ns > soonest ? loop->due_ns : soonest;
 }
 
-/* End a lockstep wait: count the missing answers as lost, or let the node's clock run. */
+/* End a lockstep wait: go on without the missing answers, or let the node's clock run. */
 static void give_up(loop_t *loop)
 {
     for (uint32_t i = 0; i < loop->encoder_count; i++) {
         encoder_give_up(&loop->encoders[i]);
     }
     char text[80];
-    snprintf(text, sizeof text, loop->waits_for_encoder ? "no angle came for %d s; the node's clock runs on"
-                                                        : "an angle had no answer for %d s; it is counted as lost",
+    snprintf(text, sizeof text, loop->waits_for_encoder ? "no count came for %d s; the node's clock runs on"
+                                                        : "a count had no answer for %d s; the encoder goes on without it",
              LOOP_PATIENCE_S);
     log_warning(text);
     loop->waits_for_encoder = false;
 }
 
-/* In lockstep: is an answer or an angle missing, and is its time not over? */
+/* In lockstep: is an answer or a count missing, and is its time not over? */
 static bool must_wait(loop_t *loop, uint64_t now)
 {
-    bool is_angle_due = loop->waits_for_encoder && !loop->has_angle;
-    if (!loop->is_lockstep || !(is_angle_due || has_unanswered(loop))) {
+    bool is_count_due = loop->waits_for_encoder && !loop->has_count;
+    if (!loop->is_lockstep || !(is_count_due || has_unanswered(loop))) {
         return false;
     }
     if (now - loop->last_tick_ns < LOOP_PATIENCE_NS) {

@@ -8,7 +8,7 @@
  * A tick later than a period has missed its deadline, except in lockstep, in which it may have waited for an answer.
  * A node's clock counts ticks, so a stalled host does not cause a timeout, as with a halted core.
  * In lockstep, the tick of an encoder waits for the answer to the last one, so that a slow external node loses no frame. The
- * tick of a node without an encoder waits for the next angle, so that a stall causes no timeout. Both wait LOOP_PATIENCE_NS at
+ * tick of a node without an encoder waits for the next count, so that a stall causes no timeout. Both wait LOOP_PATIENCE_NS at
  * most.
  * Virtual time: the next tick follows when no frame is left. The clock stands still between ticks, except while frames occupy
  * a bus with a bit rate.
@@ -22,7 +22,7 @@
 
 #include "dahl_can_bus.h"
 #include "candump.h"
-#include "encoder.h"
+#include "encoder_node.h"
 #include "histogram.h"
 #include "dahl_node.h"
 #include "timing.h"
@@ -54,8 +54,8 @@ typedef struct {
     bool is_lockstep;
     bool is_bus_gone;
     bool has_had_peers;
-    bool waits_for_encoder; /* node without an encoder: an angle has come since the last time-out of lockstep */
-    bool has_angle;         /* the same: an angle has come since the last tick */
+    bool waits_for_encoder; /* node without an encoder: a count has come since the last time-out of lockstep */
+    bool has_count;         /* the same: a count has come since the last tick */
     uint64_t ticks;
     uint64_t due_ns;        /* schedule of the next tick; real time */
     uint64_t last_tick_ns;  /* real time */

@@ -12,7 +12,7 @@
 #include "bus_open.h"
 #include "files.h"
 #include "loop.h"
-#include "messages.h"
+#include "stderr_messages.h"
 #include "options.h"
 #include "scene.h"
 #include "setup.h"

@@ -34,7 +34,7 @@ static void next_leg(motion_t *self)
     self->hold = to_ticks(self->scene->hold_s);
 }
 
-static int next_segment(motion_t *self, int64_t *place)
+static int next_segment(motion_t *self, int64_t *count)
 {
     if (self->leg == 3) {
         return 0;
@@ -43,7 +43,7 @@ static int next_segment(motion_t *self, int64_t *place)
     double to = leg_end(self, self->leg + 1);
     double travel = self->scene->speed * (double)self->tick / TICKS_PER_SECOND;
     bool has_arrived = travel >= fabs(to - from);
-    *place = llround(has_arrived ? to : from + (to > from ? travel : -travel));
+    *count = llround(has_arrived ? to : from + (to > from ? travel : -travel));
     if (!has_arrived) {
         self->tick++;
     } else if (self->hold > 0) {
@@ -112,22 +112,22 @@ static double next_bump(motion_t *self)
     return self->bump * 16 * x * x * (1 - x) * (1 - x); /* maximum at x = 1/2 */
 }
 
-static int next_steering(motion_t *self, int64_t *place)
+static int next_steering(motion_t *self, int64_t *count)
 {
     if (self->tick == self->ticks) {
         return 0;
     }
     double sweep = self->tick == 0 ? 0 : next_sweep(self);
-    *place = llround(sweep + (self->tick == 0 ? 0 : next_bump(self)));
+    *count = llround(sweep + (self->tick == 0 ? 0 : next_bump(self)));
     self->tick++;
     return 1;
 }
 
-static int next_row(motion_t *self, int64_t *place)
+static int next_row(motion_t *self, int64_t *count)
 {
-    int32_t count = 0;
-    int result = recording_next(&self->recording, &count, &self->load);
-    *place = count;
+    int32_t row_count = 0;
+    int result = recording_next(&self->recording, &row_count, &self->load);
+    *count = row_count;
     return result;
 }
 
@@ -153,10 +153,10 @@ bool motion_open(motion_t *self, const scene_motion_t *scene, const char *path, 
 
 int motion_next(motion_t *self, int32_t *count)
 {
-    int64_t place = 0;
-    int result = self->next(self, &place);
+    int64_t from_start = 0;
+    int result = self->next(self, &from_start);
     if (result == 1) {
-        *count = (int32_t)(uint32_t)((uint64_t)place + (uint64_t)(int64_t)self->scene->start_count);
+        *count = (int32_t)(uint32_t)((uint64_t)from_start + (uint64_t)(int64_t)self->scene->start_count);
     }
     return result;
 }

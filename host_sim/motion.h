@@ -25,7 +25,7 @@ typedef struct {
 } motion_move_t;
 
 struct motion {
-    int (*next)(motion_t *self, int64_t *place); /* 1, 0 at the end, -1 after an error */
+    int (*next)(motion_t *self, int64_t *count); /* 1, 0 at the end, -1 after an error */
     const scene_motion_t *scene;
     uint64_t random;
     uint64_t tick, ticks;

@@ -10,14 +10,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "messages.h"
+#include "stderr_messages.h"
 #include "dahl.h"
 
 #define SOCKETCAND "socketcand:"
 
 static const char help[] =
     "usage: dahl-loop --scene FILE [options]\n"
-    "Run an actuator loop on a CAN bus: an encoder sends angles at 1 kHz, a friction node answers each with a torque.\n"
+    "Run an actuator loop on a CAN bus: an encoder sends counts at 1 kHz, a friction node answers each with a torque.\n"
     "\n"
     "  --scene FILE       INI file of the run (see host_sim/scenes and scene_keys.def); only parts with a section run\n"
     "  --bus SPEC         loopback (default)      inside this process\n"
@@ -31,7 +31,7 @@ static const char help[] =
     "  --set S.KEY=VALUE  override a key of the scene, e.g. --set friction.gain=0.9\n"
     "  --role ROLE        both (default), encoder or node: the part of the scene that this process runs\n"
     "  --virtual          virtual time: as fast as possible; the same seed gives the same log, byte for byte\n"
-    "  --lockstep         an encoder waits for each answer, a node's clock for each angle, 2 s at most, so that neither a\n"
+    "  --lockstep         an encoder waits for each answer, a node's clock for each count, 2 s at most, so that neither a\n"
     "                     slow node nor a busy machine loses frames\n"
     "  --seconds S        end after S seconds of ticks, or earlier with the scene's motion\n"
     "  --seed N           seed of random motions and faults (default 1)\n"

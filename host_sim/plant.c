@@ -6,7 +6,7 @@
 #include <math.h>
 
 #include "load.h"
-#include "messages.h"
+#include "stderr_messages.h"
 #include "timing.h"
 
 enum { FRESH_TICKS = 3 }; /* an answer is used for this many ticks */
@@ -62,7 +62,7 @@ static double answered_torque(const plant_t *p)
 static double control_torque(plant_t *p)
 {
     const scene_control_t *c = &p->scene->control;
-    double error = (double)(p->place - measured_count(p));
+    double error = (double)(p->reference_count - measured_count(p));
     p->rate += RATE_FILTER * (error - p->last_error - p->rate);
     p->last_error = error;
     p->compensation = answered_torque(p);
@@ -76,19 +76,19 @@ static double motor_torque(const plant_t *p)
     return m->bias + m->amplitude * sin(TWO_PI * m->frequency * PERIOD_S * (double)p->ticks);
 }
 
-static void record_reference(plant_t *p, int64_t place)
+static void record_reference(plant_t *p, int64_t count)
 {
-    int direction = (place > p->place) - (place < p->place);
+    int direction = (count > p->reference_count) - (count < p->reference_count);
     if (direction != 0) {
         p->reversals += direction == -p->direction ? 1u : 0u;
         p->direction = direction;
     }
-    p->place = place;
+    p->reference_count = count;
 }
 
 static void record_error(plant_t *p)
 {
-    double error = (double)p->place * theta_per_count(p) - p->rotor.theta;
+    double error = (double)p->reference_count * theta_per_count(p) - p->rotor.theta;
     p->sum_square += error * error;
     p->max_error = fmax(p->max_error, fabs(error));
 }
@@ -97,7 +97,8 @@ static void write_row(plant_t *p, double angle, double omega)
 {
     if (p->trace != NULL &&
         fprintf(p->trace, "%.3f,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\n", (double)p->ticks * PERIOD_S,
-                (double)p->place * theta_per_count(p), angle, omega, p->torque, p->rotor.friction, p->compensation) < 0) {
+                (double)p->reference_count * theta_per_count(p), angle, omega, p->torque, p->rotor.friction,
+                p->compensation) < 0) {
         p->trace_errno = errno;
     }
 }
@@ -125,22 +126,22 @@ static void advance(plant_t *p, double torque)
     p->ticks++;
 }
 
-static int next_controlled(motion_t *self, int64_t *place)
+static int next_controlled(motion_t *self, int64_t *count)
 {
     plant_t *p = (plant_t *)(void *)self;
     if (!is_in_range(p)) {
         return -1;
     }
-    int result = p->reference->next(p->reference, place);
+    int result = p->reference->next(p->reference, count);
     if (result == 1) {
-        record_reference(p, *place);
+        record_reference(p, *count);
         record_error(p);
         advance(p, control_torque(p));
     }
     return result;
 }
 
-static int next_driven(motion_t *self, int64_t *place)
+static int next_driven(motion_t *self, int64_t *count)
 {
     plant_t *p = (plant_t *)(void *)self;
     if (!is_in_range(p)) {
@@ -149,8 +150,8 @@ static int next_driven(motion_t *self, int64_t *place)
     if (p->ticks >= (uint64_t)llround(p->scene->motor.seconds / PERIOD_S)) {
         return 0;
     }
-    *place = measured_count(p);
-    p->place = *place;
+    *count = measured_count(p);
+    p->reference_count = *count;
     advance(p, motor_torque(p));
     return 1;
 }

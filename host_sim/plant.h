@@ -12,7 +12,7 @@
 
 #include <stdio.h>
 
-#include "encoder.h"
+#include "encoder_node.h"
 #include "motion.h"
 #include "rotor.h"
 #include "scene.h"
@@ -31,7 +31,7 @@ typedef struct {
     double compensation; /* part of the torque that the node computed */
     double rate;         /* of the error, counts per ms, filtered */
     double last_error;   /* counts */
-    int64_t place;       /* reference, counts */
+    int64_t reference_count;
     int direction;       /* of the reference */
     double sum_square;   /* of the tracking error, rad^2 */
     double max_error;    /* rad */

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "messages.h"
+#include "stderr_messages.h"
 
 #define NO_COLUMN SIZE_MAX
 #define FIELD_MAX 65536u

@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "messages.h"
+#include "stderr_messages.h"
 #include "dahl.h"
 #include "rotor.h"
 #include "utf8.h"

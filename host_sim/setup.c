@@ -5,7 +5,7 @@
 
 #include <math.h>
 
-#include "messages.h"
+#include "stderr_messages.h"
 #include "timing.h"
 
 static uint32_t to_us(double ms)

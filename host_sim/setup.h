@@ -3,7 +3,7 @@
 #ifndef SETUP_H
 #define SETUP_H
 
-#include "encoder.h"
+#include "encoder_node.h"
 #include "faults.h"
 #include "files.h"
 #include "models.h"

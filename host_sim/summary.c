@@ -91,7 +91,7 @@ static void add_up(encoders_t *all, const loop_t *loop)
     }
 }
 
-/* In virtual time without a bit rate the clock stands still between an angle and its answer. */
+/* In virtual time without a bit rate the clock stands still between a count and its answer. */
 static bool has_latencies(const loop_t *loop)
 {
     return !loop->clock->is_virtual || loop->is_timed;

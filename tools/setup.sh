@@ -40,6 +40,8 @@ parse() {
     for need in "${@:-test}"; do add_need "$need"; done
 }
 
+PIP_ANSWERS=yes
+
 # apt-get and pip retry for minutes if there is no network. Therefore first download one small file from each, for a few seconds.
 check_networks() {
     local apt pip silent=()

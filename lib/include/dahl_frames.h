@@ -73,7 +73,7 @@ typedef enum {
     DAHL_FRAMES_WRONG_SEQUENCE = 3, /**< too many missing, out of order, or the third jump in a
                                          row; not integrated */
     DAHL_FRAMES_CRC = 4,            /**< wrong CRC or format; not used */
-    DAHL_FRAMES_STALE = 5,          /**< no good frame within the timeout */
+    DAHL_FRAMES_STALE = 5,          /**< no accepted frame within the timeout */
     DAHL_FRAMES_INIT = 6            /**< no good frame yet; the first good frame is the starting
                                          point */
 } dahl_frames_state_t;

@@ -71,7 +71,7 @@
 extern "C" {
 #endif
 
-/** [us] Default timeout: 100 frames. The 4-bit counter shows a gap only modulo 16. */
+/** [us] Default timeout: 100 frames. The 4-bit counter shows missing frames only modulo 16. */
 #define DAHL_NODE_TIMEOUT_US 100000u
 /** [us] Default period of Status. */
 #define DAHL_NODE_STATUS_US 100000u
@@ -91,7 +91,7 @@ typedef struct {
     uint32_t ok;             /**< used */
     uint32_t repeated;       /**< same counter as before */
     uint32_t lost;           /**< missing by the counter */
-    uint32_t wrong_sequence; /**< counter step outside the allowed gap */
+    uint32_t wrong_sequence; /**< counter step larger than allowed */
     uint32_t crc;            /**< wrong CRC */
     uint32_t format;         /**< wrong length or kind of frame */
     uint32_t invalid;        /**< count marked invalid by the encoder */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /** Encoder counter: wrap, direction and jumps. All that can be prepared is computed here, so that the inline move
- * of the header is one difference, one product and one comparison. */
+ * of dahl_encoder.h is one difference, one product with `scale` and one comparison with `reach`. */
 #define DAHL_ENCODER_INLINE extern inline /* emit the inline move here once, for callers from other languages */
 #include "dahl_encoder.h"
 

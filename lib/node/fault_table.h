@@ -32,7 +32,7 @@
     ROW(EXTENDED, "extended id", "format", CRC, "kept", false) \
     ROW(REMOTE, "remote frame", "format", CRC, "kept", false) \
     ROW(FD, "CAN FD frame", "format", CRC, "kept", false) \
-    ROW(SILENCE, "no good frame within the timeout", "stale", STALE, "kept", false) \
+    ROW(SILENCE, "no accepted frame within the timeout", "stale", STALE, "kept", false) \
     ROW(BACK_TWO, "after a timeout: first and second good frame in a row", "rearm", STALE, "kept", false) \
     ROW(BACK_THREE, "after a timeout: third good frame in a row", "ok", STALE, "kept", true) \
     ROW(GONE_OFF, "the controller goes bus-off", "bus_off", STALE, "kept", false) \

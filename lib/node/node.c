@@ -2,12 +2,12 @@
 /**
  * Friction node: frames in, frames out. The interface is dahl_node.h.
  *
- * dahl_node_receive() selects a handler by frame id. For an EncoderState, accept() selects the row of
- * fault_table.h:
+ * dahl_node_receive() selects a handler by frame id. For an EncoderState, accept() selects one of four
+ * handlers. fault_table.h lists each case and its outcome.
  * @verbatim
  *   no starting point                     handle_start()
  *   same counter as before                handle_repeat()
- *   counter step within the allowed gap   handle_in_sequence()
+ *   allowed counter step                  handle_in_sequence()
  *   larger counter step                   handle_out_of_sequence()
  * @endverbatim
  * A handler returns true if it wrote an answer. A node is "primed" if `count` is a valid starting point.
@@ -189,8 +189,7 @@ static bool is_plausible(const dahl_node_t *node, const dahl_encoder_state_t *en
     return size <= most;
 }
 
-/** Return true if the shaft can have moved this far: max_step counts for each of `frames` frames of 1 ms, or for
- * each started ms since the last accepted count, if there are more. */
+/** Return true for a valid frame, if at least DAHL_NODE_REARM frames in a row had the next counter. */
 static bool confirm_sequence(dahl_node_t *node, const dahl_encoder_state_t *encoder)
 {
     if (encoder->counter != ((node->candidate + 1) & 0x0F)) {
@@ -203,7 +202,8 @@ static bool confirm_sequence(dahl_node_t *node, const dahl_encoder_state_t *enco
     return node->good_in_a_row >= DAHL_NODE_REARM && encoder->valid;
 }
 
-/** Return true for a valid frame, if at least DAHL_NODE_REARM frames in a row had the next counter. */
+/** If enough frames follow each other, use the count: as a move if MaxStep confirms it, otherwise as a new starting
+ * point. */
 static bool handle_out_of_sequence(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us,
                                    dahl_can_frame_t *out)
 {
@@ -261,15 +261,14 @@ static bool handle_in_sequence(dahl_node_t *node, const dahl_encoder_state_t *en
     return move(node, encoder, now_us, out);
 }
 
-/** If enough frames follow each other, use the count: as a move if MaxStep confirms it, otherwise as a new starting
- * point. */
+/** Return true if the timeout after a bus-off runs, or if DAHL_NODE_OFF_MAX bus-offs have latched the node. */
 static bool is_held(const dahl_node_t *node, uint32_t now_us)
 {
     return node->bus_off_count >= DAHL_NODE_OFF_MAX
            || (node->bus_off_count > 0 && now_us - node->bus_off_us < node->timeout_us);
 }
 
-/** The timeout after a bus-off runs, or DAHL_NODE_OFF_MAX bus-offs have latched the node. */
+/** Return true if the silence ends: enough good frames in a row, none of them while is_held(). */
 static bool is_back(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us)
 {
     if (is_held(node, now_us)) {
@@ -309,7 +308,7 @@ static bool accept(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint3
     return handle_in_sequence(node, encoder, step, now_us, out);
 }
 
-/** The silence ends: enough good frames in a row, none of them while is_held(). */
+/** Return true if the frame may be used; otherwise count the error. */
 static bool is_good(dahl_node_t *node, dahl_frames_check_t check)
 {
     switch (check) {
@@ -330,7 +329,6 @@ static bool is_good(dahl_node_t *node, dahl_frames_check_t check)
     return false;
 }
 
-/** Return true if the frame may be used; otherwise count the error. */
 static void fall_silent(dahl_node_t *node)
 {
     node->primed = false;
@@ -421,6 +419,7 @@ static uint8_t drop_held(dahl_node_t *node)
     return DAHL_FRAMES_PARAM_OUT_OF_RANGE;
 }
 
+/** Apply all held values together. */
 static uint8_t apply_held(dahl_node_t *node)
 {
     dahl_plan_t plan;
@@ -491,7 +490,7 @@ static uint32_t read_param(dahl_node_t *node, uint8_t param)
     if (raw >= 0x1p32f) {
         return UINT32_MAX;
     }
-    uint32_t whole = (uint32_t)raw; /* Apply all held values together. */
+    uint32_t whole = (uint32_t)raw;
     return whole + (raw - (float)whole >= 0.5f ? 1u : 0u);
 }
 
@@ -515,7 +514,6 @@ static bool on_param(dahl_node_t *node, const dahl_can_frame_t *in, dahl_can_fra
 
 /* --- status and reset --------------------------------------------------------------------------------------------- */
 
-/** member = raw * scale, low <= raw <= high. */
 static uint8_t status_timeout(const dahl_node_t *node)
 {
     uint32_t whole = node->timeout_us / DAHL_FRAMES_TIMEOUT_US, rest = node->timeout_us % DAHL_FRAMES_TIMEOUT_US;

@@ -28,7 +28,7 @@ CHECKS = "fuzzer,address,undefined,float-divide-by-zero,float-cast-overflow,impl
 SOCKETS = [f"port/socketcand/{name}.c" for name in ("server", "client", "outbox", "text")] + [
     f"{HERE}/sockets.c"
 ]
-STREAMS = [f"{HERE}/streams.c", "host_sim/messages.c", "host_sim/utf8.c"]
+STREAMS = [f"{HERE}/streams.c", "host_sim/stderr_messages.c", "host_sim/utf8.c"]
 SCENE = [f"host_sim/{name}.c" for name in ("scene", "motion", "plant", "rotor", "recording")]
 CALLS = [  # of the kernel, played by sockets.c
     *("socket", "close", "accept4", "recv", "send", "poll", "ppoll", "clock_gettime", "nanosleep"),

@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 
 with atheris.instrument_imports(include=["dahl"]):
     from dahl import Error
-    from dahl.io import can_signals, logs, readers
+    from dahl.io import can_logs, can_signals, readers
 
 import numpy as np
 
@@ -60,9 +60,9 @@ def read_bus(path: Path, choice: int) -> None:
         dbc.write_bytes(path.read_bytes())
         can_signals.read_dbc(dbc)
     elif path.suffix == ".log":
-        assert logs.read_candump(path), "no frames and no error"
+        assert can_logs.read_candump(path), "no frames and no error"
     else:
-        assert list(logs.frames_of(path)), "no frames and no error"
+        assert list(can_logs.frames_of(path)), "no frames and no error"
 
 
 def fuzz(folder: Path, kinds: tuple[str, ...], read: Callable[[Path, int], None]) -> None:

@@ -185,7 +185,7 @@ def test_a_result_belongs_to_the_code(small, tmp_path, root):
     shutil.copytree(root / "tools" / "dahl", tmp_path / "copy" / "dahl", ignore=ignored)
     words = ("identify", "--each", small("a"), "-o", tmp_path / "out", "--jobs", "1")
     command = [sys.executable, "-c", THE_COPY, tmp_path / "copy", *words]
-    for edited, earlier in (("", 0), ("", 1), ("identify/fit.py", 0), ("io/logs.py", 0)):
+    for edited, earlier in (("", 0), ("", 1), ("identify/fit.py", 0), ("io/can_logs.py", 0)):
         if edited:
             source = tmp_path / "copy" / "dahl" / edited
             source.write_text(source.read_text() + "#\n")

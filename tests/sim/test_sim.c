@@ -8,7 +8,7 @@
 #include <unity.h>
 
 #include "candump.h"
-#include "encoder.h"
+#include "encoder_node.h"
 #include "dahl_frames.h"
 #include "histogram.h"
 #include "motion.h"

@@ -9,6 +9,7 @@ Ctrl-C, after one line, with complete files.
 from __future__ import annotations
 
 import argparse
+import inspect
 import io
 import os
 import sys
@@ -95,7 +96,7 @@ def build_parser() -> argparse.ArgumentParser:
             name,
             fill=module.add_arguments,
             help=module.HELP,
-            description=_with_output_folder((module.__doc__ or "").partition("\n")[2].strip()),
+            description=_with_output_folder(inspect.cleandoc(module.__doc__ or "")),
             epilog=_with_output_folder(module.EXAMPLE),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
@@ -116,7 +117,7 @@ def main(argv: list[str] | None = None) -> int:
 def _run(argv: list[str] | None) -> int:
     _open_streams()
     try:
-        code = _run_command(sys.argv[1:] if argv is None else argv, alone=argv is None)
+        code = _run_command(sys.argv[1:] if argv is None else argv, is_only_command=argv is None)
         sys.stdout.flush()  # report a full disk while that is still possible
         return code
     except Error as error:
@@ -134,10 +135,10 @@ def _run(argv: list[str] | None) -> int:
         return _print_error("not enough memory", 1)
 
 
-def _run_command(words: list[str], alone: bool) -> int:
-    """Return the exit code of one command; `alone` if this program runs no other."""
+def _run_command(words: list[str], is_only_command: bool) -> int:
+    """Return the exit code of one command."""
     command = next((word for word in words if word in COMMANDS), "")
-    if alone:
+    if is_only_command:
         dependencies.block_mf4_import(command, words)
     try:
         args, unknown = build_parser().parse_known_args(words)

@@ -1,8 +1,8 @@
 # shellcheck shell=bash
 # SPDX-License-Identifier: MIT
 # The Python environment build/venv, for tools/setup.sh. It gains packages with each need; if damaged, it is created again.
+# Source tools/common.sh and tools/setup/needs.sh first.
 
-PIP_ANSWERS=yes # set by check_networks
 PIP_JOB=
 GROUPS_WANTED=() # sections of the lock file for this run
 VENV_STATE=      # complete, incomplete or unusable

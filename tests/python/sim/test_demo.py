@@ -98,7 +98,7 @@ def test_a_run_leaves_record_picture_and_summary(demo, own_log):
 def test_the_table_has_the_numbers_of_the_summary(demo):
     rows, numbers = rows_of(demo[1]), summary_of(demo[0])
     assert (rows["bus"], rows["ticks"]) == (numbers["bus"], str(TICKS))
-    assert rows["frames sent, lost"] == f"{TICKS}, 0"
+    assert rows["frames sent, unanswered"] == f"{TICKS}, 0"
     for name, value in numbers["latency_us"].items():
         assert f"{name} {value:.0f} µs" in rows["latency"]
     exact, fit = (rows[name] for name in rows if name.startswith("error against"))

@@ -60,7 +60,7 @@ def test_an_absent_part_costs_no_instruction(tmp_path):
     """Neither at the start nor in a tick. Node and encoder are there as a check."""
     seen = instructions(tmp_path, "steering.ini")
     assert seen["node.c"] > 500 * 20
-    assert seen["encoder.c"] > 500 * 20
+    assert seen["encoder_node.c"] > 500 * 20
     assert {name: seen[name] for name in ABSENT if seen[name]} == {}
 
 

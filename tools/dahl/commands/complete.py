@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""
-Print a script that completes commands, options and their values in a shell.
-"""
+"""Print a script that completes commands, options and their values in a shell."""
 
 from __future__ import annotations
 

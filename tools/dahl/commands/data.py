@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""
-List the measured sets, or get one by name.
+"""List the measured sets, or get one by name.
 
 The command searches $DAHL_DATA, ../shared/data next to the project, the cache of the user, and the
 network (a pinned commit with checked sha256). With a name it prints only the folder, for scripts.

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""
-Write the bus description (DBC) of a bus with N friction nodes.
+"""Write the bus description (DBC) of a bus with N friction nodes.
 
 Node 0 has the plain names of the project's own DBC; node n has the same frames at id + n, and its
 number behind each name: FrictionTorque_3. Counter and CRC are alike for all: the data ids are those

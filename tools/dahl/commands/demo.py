@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""
-Replay a measured log over a bus, record it with python-can, and show how near and how exact the
+"""Replay a measured log over a bus, record it with python-can, and show how near and how exact the
 torque was.
 
 Without a log: the tribometer set, else the cycloidal one, else (no measured log in reach) the
@@ -143,7 +142,7 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(numbers, indent=2))
     if numbers["interrupted"]:
         return 130
-    wrong = _wrong(numbers, trace.lost)
+    wrong = _wrong(numbers, trace.not_recorded)
     if wrong:
         raise RunError(f"{args.output / 'summary.json'}: {'; '.join(wrong)}")
     return 0
@@ -156,8 +155,8 @@ def _refuse_overwriting(log: Path | None, folder: Path) -> None:
         raise Error(f"{log}: a run in {folder} would overwrite it; choose another -o")
 
 
-def _wrong(numbers: dict[str, Any], lost: int) -> list[str]:
-    """Return why a complete run has failed; `lost` frames of the bus were not recorded."""
+def _wrong(numbers: dict[str, Any], not_recorded: int) -> list[str]:
+    """Return why a complete run has failed; `not_recorded` counts frames of the bus."""
     from dahl.report import traces
 
     wrong = []
@@ -170,16 +169,16 @@ def _wrong(numbers: dict[str, Any], lost: int) -> list[str]:
         wrong += [f"faults counted, due: {counted}"] if counted else []
     elif numbers.get("frames_lost"):
         wrong.append(f"{numbers['frames_lost']} frames had no answer in time (a busy machine?)")
-    if lost:
-        wrong.append(_not_compared(numbers, lost))
+    if not_recorded:
+        wrong.append(_not_compared(numbers, not_recorded))
     elif "faults" not in numbers and numbers["frames_not_recorded"]:
         wrong.append(f"{numbers['frames_not_recorded']} frames were not on the bus")
     return wrong
 
 
-def _not_compared(numbers: dict[str, Any], lost: int) -> str:
+def _not_compared(numbers: dict[str, Any], not_recorded: int) -> str:
     why = ": the recorder read too slowly" * bool(numbers.get("recorder_dropped"))
-    return f"not compared: at least {lost} frames were not recorded{why}"
+    return f"not compared: at least {not_recorded} frames were not recorded{why}"
 
 
 def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None, Recorded | None]:
@@ -205,7 +204,7 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
 
 def _own(args: argparse.Namespace) -> Any:
     from dahl.binding.friction import Plan
-    from dahl.io.logs import CAN_LOGS
+    from dahl.io.can_logs import CAN_LOGS
     from dahl.sim.scene import OwnLog
 
     if not args.log.exists():
@@ -303,11 +302,11 @@ def _run_with_progress(setup: Setup, ticks: int | None, console: Any) -> dict[st
 
 def _trace(log: Path, scene: Scene) -> Trace:
     """Return the answered ticks of the run. Raises RunError if no tick was recorded."""
-    from dahl.io import logs
+    from dahl.io import can_logs
     from dahl.report import traces
 
     try:
-        return traces.trace_of(logs.read_candump(log), scene.node)
+        return traces.trace_of(can_logs.read_candump(log), scene.node)
     except Error as error:
         raise RunError(f"not compared: {error}") from None
 
@@ -382,7 +381,7 @@ def _write_results(
     numbers |= traces.summary(scene, trace, recorded, numbers)
     files.write_atomic(folder / "summary.json", json.dumps(numbers, indent=2) + "\n")
     plots.draw(folder / "loop.png", scene, trace, recorded, numbers)
-    console.print(_table(numbers, scene, trace.lost))
+    console.print(_table(numbers, scene, trace.not_recorded))
     console.print(
         "files   "
         + ", ".join(str(folder / name) for name in ("loop.png", "run.log", "summary.json"))
@@ -391,7 +390,7 @@ def _write_results(
         console.print("ended early; the files hold all frames recorded until then")
 
 
-def _table(numbers: dict[str, Any], scene: Scene, lost: int) -> Any:
+def _table(numbers: dict[str, Any], scene: Scene, not_recorded: int) -> Any:
     from rich.table import Table
 
     latency = numbers.get("latency_us") or {}
@@ -399,17 +398,17 @@ def _table(numbers: dict[str, Any], scene: Scene, lost: int) -> Any:
     rows = {
         "bus": numbers["bus"],
         "ticks": numbers.get("ticks"),
-        "frames sent, lost": f"{numbers.get('frames_sent')}, {numbers.get('frames_lost')}",
+        "frames sent, unanswered": f"{numbers.get('frames_sent')}, {numbers.get('frames_lost')}",
         "latency": ", ".join(f"{key} {value:.0f} µs" for key, value in latency.items())
-        or "none: virtual time stands still between an angle and its answer",
+        or "none: virtual time stands still between a count and its answer",
         "error against the exact torque": "not compared: the node answers a part of the torque"
         if error is None
         else f"{error:.3f} ulp of Fc at most",
         "error against the measurement": "no measurement here",
     }
-    if lost:
+    if not_recorded:
         for name in ("exact torque", "measurement"):
-            rows[f"error against the {name}"] = _not_compared(numbers, lost)
+            rows[f"error against the {name}"] = _not_compared(numbers, not_recorded)
     if numbers["r2_measured"] is not None:
         rows["error against the measurement"] = (
             f"rms {numbers['rmse_measured']:.4g} {scene.measured.unit},"

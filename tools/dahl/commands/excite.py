@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""
-Propose the motion that finds sigma0 and Fc within a wanted interval, for a given encoder.
+"""Propose the motion that finds sigma0 and Fc within a wanted interval, for a given encoder.
 
 It needs a guess of both parameters: from a first log (--from FILE.json, written by dahl identify)
 or by options. It writes the motion as CSV (time, angle, counts) and as a scene for dahl-loop.

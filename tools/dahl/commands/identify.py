@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""
-Find sigma0 and Fc from measured logs, with intervals, and say whether they can be trusted.
+"""Find sigma0 and Fc from measured logs, with intervals, and say whether they can be trusted.
 
 LOG is a table (CSV, TSV, JSON, MAT, Parquet) or a CAN log (candump .log, ASC, BLF, TRC, MF4) with
 --dbc; an MF4 of measured channels needs no DBC. Columns and units are found by the names of the
@@ -190,8 +189,8 @@ def options_of(args: argparse.Namespace) -> Options:
     """Return the options of the fit."""
     from dahl.identify.estimate import Options
     from dahl.identify.models import OPTIONS
+    from dahl.io.can_logs import meant
     from dahl.io.log import TERMS
-    from dahl.io.logs import meant
 
     terms = None
     if args.terms is not None:

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""
-Start a friction node and print how to reach it. Stop it with Ctrl-C.
+"""Start a friction node and print how to reach it. Stop it with Ctrl-C.
 
 With -i it answers on a bus of python-can, in Python. Without, dahl-loop serves a bus to at most 16
 clients on --port. With --target it is the firmware on an emulated core, on such a bus.

@@ -74,16 +74,16 @@ def _trace(log: Path, node: int, channel: str | None) -> Trace:
     """Return the ticks of a node on one bus of a log. Raises dahl.Error if several buses have such
     ticks, or if there is no bus of that name.
     """
-    from dahl.io import logs
+    from dahl.io import can_logs
     from dahl.report import traces
 
     pairing, buses = traces.Pairing(node), set()
-    for frame in logs.frames_of(log):
+    for frame in can_logs.frames_of(log):
         buses |= set() if frame.channel is None else {str(frame.channel)}  # of an error frame
         if channel in (None, str(frame.channel)):
             pairing.feed(frame)
     if channel is not None and channel not in buses:
-        raise Error(f"{log}: no bus '{channel}'{logs.meant(channel, sorted(buses))}")
+        raise Error(f"{log}: no bus '{channel}'{can_logs.meant(channel, sorted(buses))}")
     if len(pairing.channels) > 1:
         raise Error(f"{log}: frames of {', '.join(sorted(pairing.channels))}; name one with -c")
     return pairing.trace()

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""
-Record a bus into a log: candump (.log, which canplayer can replay), ASC, BLF, TRC or MF4, by the
+"""Record a bus into a log: candump (.log, which canplayer can replay), ASC, BLF, TRC or MF4, by the
 ending of its name.
 
 Works with any interface that python-can has. Stop it with Ctrl-C, or give --frames or --seconds. A
@@ -134,7 +133,7 @@ def _is_special(message: can.Message) -> bool:
 
 def _check(path: Path, force: bool, fd: bool) -> bool:
     """Return whether the file exists. Raises dahl.Error if it must not be written."""
-    from dahl.io.logs import CAN_LOGS
+    from dahl.io.can_logs import CAN_LOGS
 
     if path.suffix.lower() not in CAN_LOGS:
         raise Error(f"{path}: {', '.join(CAN_LOGS)} was expected as its ending")

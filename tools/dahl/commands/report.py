@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""
-Write one self-contained page about a recorded run: loop, traces, latencies, faults, counters.
+"""Write one self-contained page about a recorded run: loop, traces, latencies, faults, counters.
 
 RUN is a folder of `dahl demo`. The page contains the picture and needs no other file, no network
 and no script. It is report.html in that folder, or the file of -o.

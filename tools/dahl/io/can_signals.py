@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from dahl.errors import Error
-from dahl.io import logs
+from dahl.io import can_logs
 from dahl.io.files import one_line
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def _message_with(database: cantools.database.Database, name: str) -> cantools.d
         places = ", ".join(f"{one}.{signal}" for one in messages)
         raise Error(f"signal '{signal}' is in several messages, which one is it: {places}?")
     if not messages:
-        raise Error(f"no signal '{name}' in the DBC{logs.meant(name, sum(known.values(), []))}")
+        raise Error(f"no signal '{name}' in the DBC{can_logs.meant(name, sum(known.values(), []))}")
     return database.get_message_by_name(messages[0])
 
 
@@ -171,7 +171,7 @@ def read_channels(path: Path, choose: Callable[[list[str]], dict[str, str]]) -> 
 
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     try:
-        with logs.without_mf4_copies(path), MDF(path) as file:
+        with can_logs.without_mf4_copies(path), MDF(path) as file:
             if "CAN_DataFrame" in file.channels_db:  # raw frames, by ASAM's name for them
                 raise Error(f"{path}: {NEEDS_DBC}")
             places = _unique_names(file.channels_db)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dahl.errors import Error
-from dahl.io import logs, text_tables, units
+from dahl.io import can_logs, text_tables, units
 from dahl.io.can_signals import (
     NEEDS_DBC,
     TIME_COLUMN,
@@ -34,7 +34,7 @@ from dahl.io.text_tables import Table
 if TYPE_CHECKING:
     import pandas
 
-CAN_LOGS = set(logs.CAN_LOGS)
+CAN_LOGS = set(can_logs.CAN_LOGS)
 MAX_ROW_PERIOD_S = 1.0  # from here on the time is probably in ms
 MIN_WRAP_TURNS = 0.9  # between two rows: the angle starts anew
 DATE, TIME_OF_DAY = re.compile(r"\d{4}-\d\d-\d\d"), re.compile(r"\d+:\d\d:\d\d")
@@ -124,7 +124,7 @@ def _read_frames(path: Path, source: Source) -> Columns:
     if not (source.angle and source.torque):
         raise Error(f"{path}: name the signals with --angle SIGNAL and --torque SIGNAL")
     signals = Signals(source.dbc, source.signals)
-    for frame in logs.frames_of(path):
+    for frame in can_logs.frames_of(path):
         if source.channel is None or str(frame.channel) == source.channel:
             signals.feed(frame)
     return signals.columns, signals.values(path)
@@ -254,7 +254,7 @@ def find_columns(
         given = getattr(source, role)
         fitting = [_index_of(given, known, place)] if given else _likeliest(role, known, free)
         if not fitting and role != "time":
-            hint = logs.meant(role, known)
+            hint = can_logs.meant(role, known)
             raise Error(f"{place}: which column is the {role}? Name it with --{role}{hint}")
         found |= dict.fromkeys([role] * bool(fitting), next(iter(fitting), 0))
         if len(fitting) > 1 and role != "time":
@@ -291,7 +291,7 @@ def _index_of(given: str, known: Sequence[str], place: str) -> int:
         return int(given) - 1
     if given in known:
         raise Error(f"{place}: {list(known).count(given)} columns '{given}': give a number from 1")
-    raise Error(f"{place}: no column '{given}'{logs.meant(given, known)}")
+    raise Error(f"{place}: no column '{given}'{can_logs.meant(given, known)}")
 
 
 def _clock(table: Table, places: dict[str, int]) -> int | None:

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Mapping
 
 from dahl.errors import Error
-from dahl.io.logs import meant
+from dahl.io.can_logs import meant
 
 DEGREE, POUND, G = math.pi / 180, 4.4482216153, 9.80665  # rad, N, m/s^2
 INCH = 0.0254  # m

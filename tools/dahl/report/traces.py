@@ -48,7 +48,7 @@ class Trace:
     recorded: int  # EncoderState frames in the log
     missing: int  # EncoderState frames missing by their counter
     load: np.ndarray | None = None  # last load sent, of FULL_LOAD; None: always 1
-    lost: int = 0  # least number of frames on the bus that the log lacks
+    not_recorded: int = 0  # least number of frames on the bus that the log lacks
 
     def angle(self, scene: Scene) -> np.ndarray:
         """Return the angle from the start in rad (m), shape (n,)."""
@@ -220,10 +220,10 @@ def trace_of(frames: Iterable[can.Message], node: int = 0) -> Trace:
 def max_error_ulp(scene: Scene, trace: Trace) -> float | None:
     """Return the largest error of the received torque against the exact solution, in ulp of Fc.
 
-    Return None if the node answers with a part of the torque, or if frames are lost: their travel
-    is unknown.
+    Return None if the node answers with a part of the torque, or if frames were not recorded:
+    their travel is unknown.
     """
-    if scene.compensates or trace.lost:
+    if scene.compensates or trace.not_recorded:
         return None
     load = np.full(len(trace.row), FULL_LOAD) if trace.load is None else trace.load
     apart = np.flatnonzero(trace.relaxed)
@@ -263,7 +263,7 @@ def modelled_torque(scene: Scene, trace: Trace) -> np.ndarray:
 def fit(scene: Scene, trace: Trace, recorded: Recorded | None) -> dict[str, float | None]:
     """Return rmse_measured in N m (N) and r2_measured; both None without a measurement."""
     use = trace.row >= scene.measured.settle
-    if recorded is None or recorded.torque is None or trace.lost or not use.any():
+    if recorded is None or recorded.torque is None or trace.not_recorded or not use.any():
         return {"rmse_measured": None, "r2_measured": None}
     truth = recorded.torque[trace.row[use]]
     residual = truth - modelled_torque(scene, trace)[use]
@@ -272,7 +272,7 @@ def fit(scene: Scene, trace: Trace, recorded: Recorded | None) -> dict[str, floa
     return {"rmse_measured": float(np.sqrt(np.mean(residual**2))), "r2_measured": r2}
 
 
-def _lost_at_ends(trace: Trace, loop: dict[str, Any]) -> int:
+def _not_recorded_at_ends(trace: Trace, loop: dict[str, Any]) -> int:
     """Return how many answers the log lacks at its ends, which the counters do not show: the first
     answer of a node must be a new start, and dahl-loop counts the answers it receives.
     """
@@ -287,13 +287,13 @@ def summary(
     """Return all numbers of a run: the counts of dahl-loop (`loop`), the recording, the error, and
     the fit to the measurement.
     """
-    trace.lost = max(trace.lost, _lost_at_ends(trace, loop))
+    trace.not_recorded = max(trace.not_recorded, _not_recorded_at_ends(trace, loop))
     return {
         **loop,
         "scene": scene.name,
         "title": scene.title,
         "frames_recorded": trace.recorded,
-        "frames_not_recorded": max(trace.missing, trace.lost),
+        "frames_not_recorded": max(trace.missing, trace.not_recorded),
         "answers_by_state": trace.states,
         "max_error_ulp_Fc": max_error_ulp(scene, trace),
         **fit(scene, trace, recorded),

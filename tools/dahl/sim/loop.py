@@ -53,7 +53,7 @@ class Setup:
     )
     alone: bool = False  # one process in virtual time, with the same result on each machine
     trace: bool = False  # write angle, velocity and torques of a rotor to folder/trace.csv
-    lockstep: bool = False  # each angle waits for the previous answer
+    lockstep: bool = False  # each count waits for the previous answer
 
 
 class Program:

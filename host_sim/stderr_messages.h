@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/* messages: one line on stderr for the user, "error: ..." or "note: ...". The caller continues or ends. */
-#ifndef MESSAGES_H
-#define MESSAGES_H
+/* stderr_messages: one line on stderr for the user, "error: ..." or "note: ...". The caller continues or ends. */
+#ifndef STDERR_MESSAGES_H
+#define STDERR_MESSAGES_H
 
 enum { EXIT_BAD_INPUT = 2, EXIT_RUNTIME = 1 };
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* messages: see messages.h. */
-#include "messages.h"
+/* stderr_messages: see stderr_messages.h. */
+#include "stderr_messages.h"
 
 #include <stdarg.h>
 #include <stdio.h>

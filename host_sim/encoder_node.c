@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* encoder: see encoder.h. */
-#include "encoder.h"
+/* encoder_node: see encoder_node.h. */
+#include "encoder_node.h"
 
 #include "dahl_frames.h"
 #include "load.h"

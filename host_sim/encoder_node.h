@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * encoder: send one EncoderState each tick, and match each FrictionTorque to the frame that it echoes.
+ * encoder_node: send one EncoderState each tick, and match each FrictionTorque to the frame that it echoes.
  *
- * A bus keeps the order. Thus an answer belongs to the oldest unanswered frame with the echoed counter, and the frames before
- * that one are lost. This also holds if more than 16 frames wait because either side stalled. After a real gap the node reports
- * a new start (INIT, STALE, WRONG_SEQUENCE). Such an answer belongs to the newest frame with the echoed counter.
+ * A bus keeps the order. Thus an answer belongs to the oldest waiting frame with the echoed counter, and the frames before that
+ * one stay unanswered. This also holds if more than 16 frames wait because either side stalled. After missing frames the node
+ * may report a new start (INIT, STALE, WRONG_SEQUENCE). Such an answer belongs to the newest frame with the echoed counter.
  */
-#ifndef ENCODER_H
-#define ENCODER_H
+#ifndef ENCODER_NODE_H
+#define ENCODER_NODE_H
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -18,7 +18,7 @@
 #include "motion.h"
 
 #define ENCODER_LOAD_TICKS 1000u /* the load is sent again after this many ticks */
-#define ENCODER_WAITING 1024u    /* frames that can wait for an answer; older ones are lost */
+#define ENCODER_WAITING 1024u    /* frames that can wait for an answer; older ones are unanswered */
 
 typedef struct {
     motion_t *motion;
@@ -46,7 +46,7 @@ typedef struct {
 /* True: send *out now. False: the motion has ended or failed. */
 bool encoder_tick(encoder_t *encoder, uint64_t now_ns, dahl_can_frame_t *out);
 
-/* True: send *out, the load of the last tick, before the angle of that tick. False: the load has not changed. It is sent again
+/* True: send *out, the load of the last tick, before the count of that tick. False: the load has not changed. It is sent again
  * each ENCODER_LOAD_TICKS, for a node that lost it or restarted. */
 bool encoder_load(encoder_t *encoder, dahl_can_frame_t *out);
 
@@ -55,7 +55,7 @@ static inline bool encoder_waits(const encoder_t *encoder)
     return encoder->next < encoder->sent;
 }
 
-/* Count all unanswered frames as lost. */
+/* Stop waiting for an answer to the frames that were sent. */
 static inline void encoder_give_up(encoder_t *encoder)
 {
     encoder->next = encoder->sent;
