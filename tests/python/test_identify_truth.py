@@ -219,12 +219,12 @@ def test_the_limits_of_all_hostile_logs(numbers, faulty):
 
 
 def test_a_few_logs_are_claimed_and_true():
-    """Of 16 claims two may be wrong by chance (a twentieth is, each), and two may be missing."""
+    """Of 16 claims one may be wrong by chance (a twentieth is, each), and one may be missing."""
     found = [outcome(group, kind, FIRST) for group, kinds in SHORT.items() for kind in kinds]
     told = [counts(found, name) for name in TRUTH]
     said = [(one.kind, one.claimed, one.right) for one in found]
-    assert sum(wrong for _, wrong, _ in told) <= 2, said
-    assert sum(none for _, _, none in told) <= 2, said
+    assert sum(wrong for _, wrong, _ in told) <= 1, said
+    assert sum(none for _, _, none in told) <= 1, said
 
 
 @pytest.mark.long

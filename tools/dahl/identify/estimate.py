@@ -221,7 +221,7 @@ def _beyond_one_element(
     """
     plain = [f for f in fits if f.hypothesis.law == "dahl"]
     laws = {f.hypothesis.law for f in seen.fits}
-    if not plain or laws & {"dahl", "loaded"}:
+    if not plain or laws & {"dahl", "slip", "loaded"}:
         return low, high
     several = seen.best.hypothesis.friction.elements > 1
     value = seen.best.value

@@ -12,7 +12,7 @@ import numpy as np
 
 from dahl.identify.fit import Fit, Fitter, Hypothesis, Optimum, solve
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, samples_of
-from dahl.io.log import Log
+from dahl.io.log import Log, resolution_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -249,7 +249,7 @@ class Result:
 def terms_of(fit: Fit, samples: Samples) -> dict[str, float]:
     """Coefficients of the terms of a fit in N m, N m/rad, ... (N, N/m, ...)."""
     h, reach = fit.hypothesis, samples.reference.reach
-    first = len(fit.limits) + len(fit.p) + ("damping" in h.lag)
+    first = len(fit.limits) + len(fit.p) + h.lag_columns
     found, k = {}, first
     for name in h.terms:
         if name == "waves":
@@ -272,6 +272,12 @@ def _is_steepest_at_rest(fit: Fit) -> bool:
     return law.name == "bouc-wen" and float(fit.p[law.elements]) < MIN_BOUC_WEN
 
 
+def _seems_swapped(result: Result) -> bool:
+    """Whether the loop is run through backward and the torque has the counts of an encoder."""
+    counts = [(resolution_of(log.theta), resolution_of(log.torque)) for log in result.raw]
+    return result.sign < 0 and all(angle == 0 < torque for angle, torque in counts)
+
+
 def claims_of(result: Result) -> Result:
     """Apply the rule: enough cycles, enough explained, a narrow interval, nothing withdrawn."""
     i, reasons = _without_hidden_presliding(result), []
@@ -286,6 +292,10 @@ def claims_of(result: Result) -> Result:
             source = SOURCES[i.dominant(k)]
             reasons.append(f"{name} is known within {100 * half:.0f} % only: {source}")
     reasons += [lack.text for lack in result.lacks if lack.text]
+    if _seems_swapped(result):
+        withdrawn[:] = True
+        words = "friction would drive the motion, and only the torque lies on a grid of counts"
+        reasons.insert(0, f"{words}: are angle and torque swapped?")
     if any(_is_steepest_at_rest(fit) for fit in result.plausible.fits):
         withdrawn[0] = True
         reasons.append("the loop is steepest at rest, as of small stiff elements: sigma0 is larger")

@@ -17,6 +17,7 @@ from dahl.identify import angle as treatments
 from dahl.identify import models
 from dahl.io.log import Log
 
+TREATMENTS = ("between counts", "sharp turns", "as read")
 MAX_SAMPLES = 8000  # a fit of more costs seconds and knows little more
 MIN_STROKE_SAMPLES = 100  # a stroke of fewer shows its turn poorly
 MIN_PRESLIDING_SAMPLES = 20  # in the first presliding length after a turn
@@ -170,10 +171,16 @@ def _cycle_numbers(turns: np.ndarray, rows: int) -> np.ndarray:
     return number
 
 
-def samples_of(logs: Sequence[Log], block: int = 0, reference: Reference | None = None) -> Samples:
+def samples_of(
+    logs: Sequence[Log],
+    block: int = 0,
+    reference: Reference | None = None,
+    angles: Sequence[str] = TREATMENTS,
+) -> Samples:
     """The samples of preprocessed logs.
 
-    `block` is the number of rows of a sample (0: choose); `reference` is that of another fit.
+    `block` is the number of rows of a sample (0: choose); `reference` is that of another fit;
+    `angles` are the treatments to compute besides "between counts".
     """
     names = list(dict.fromkeys(log.name for log in logs))
     block = block or _block_of(logs)
@@ -183,7 +190,7 @@ def samples_of(logs: Sequence[Log], block: int = 0, reference: Reference | None 
     noise = max(treatments.white_noise(log.theta, log.resolution) for log in logs)
     noise = noise if noise > MIN_NOISE_COUNTS * count else 0.0
     timed = all(log.time is not None for log in logs)
-    tables = [_columns_of(log, noise, timed) for log in logs]
+    tables = [_columns_of(log, noise, timed, angles) for log in logs]
     thinned = [_in_blocks(table, block) for table in tables]
     lengths = [len(table["torque"]) for table in thinned]
     ends = np.cumsum([0, *lengths]).tolist()
@@ -217,7 +224,6 @@ def _reference_of(table: dict[str, np.ndarray]) -> Reference:
     return Reference((high + low) / 2, (high - low) / 2, load)
 
 
-TREATMENTS = ("between counts", "sharp turns", "as read")
 MIN_NOISE_COUNTS = 0.3  # below it, noise of an angle is part of its counts
 KEEP_ALL = 0.6  # part of the rows, above which segments are not worth the cycles that they cut
 MIN_SEGMENT_ROWS = 300
@@ -273,7 +279,9 @@ def _segments_of(log: Log, part: float) -> list[Log]:
     return [log.part(slice(int(i), int(i) + length)) for i in starts]
 
 
-def _columns_of(log: Log, noise: float, timed: bool) -> dict[str, np.ndarray]:
+def _columns_of(
+    log: Log, noise: float, timed: bool, angles: Sequence[str]
+) -> dict[str, np.ndarray]:
     """All arrays of a log at its own rows."""
     smooth = treatments.smoothed(log.theta, log.resolution, noise)
     time = log.time if timed and log.time is not None else NO_CLOCK_STEP * np.arange(log.rows)
@@ -290,7 +298,8 @@ def _columns_of(log: Log, noise: float, timed: bool) -> dict[str, np.ndarray]:
         "between counts": smooth,
     }
     if not noise and log.resolution:
-        table["sharp turns"] = treatments.with_sharp_turns(log.theta, log.resolution)
+        if "sharp turns" in angles:  # slow
+            table["sharp turns"] = treatments.with_sharp_turns(log.theta, log.resolution)
         table["as read"] = log.theta
     if log.load is not None:
         table["load"] = log.load

@@ -23,13 +23,14 @@ from dahl.io.log import TERMS
 PLAUSIBLE_ERRORS = (
     1.5  # standard errors from the best score: 7 % of true hypotheses are further away
 )
+MODEL_ERROR = 0.004  # of Fc, rms: no rig follows one of these laws more closely
 PENALTY = 0.002  # of the best cost, for each parameter: a tie goes to the simpler hypothesis
 SKEW_SAMPLES = 0.5  # torque and angle of one row may be read half a row apart
 MAX_SKEWED = 3  # hypotheses that are fitted with a skew
 MAX_LOGS_WITH_DELAYS = 4  # logs that may each have a delay of their own
-MAX_REFITS = 3  # of subsets whose linearisation went far
-FAR_STEP = 0.03  # of ln a
-HOPELESS, CLOSE = 1.5, 1.2  # times the best cost of a law: not kept; worth a refit
+FAR_STEP = 0.1  # of ln a: a plausible subset whose linearisation went further is fitted again
+MAX_REFITS = 8  # until the best one is at its optimum
+HOPELESS = 1.5  # times the best cost of its law and lag: not kept
 OTHER_ANGLES = 5  # laws that are fitted again with the other angles
 
 
@@ -76,13 +77,27 @@ def fit_all(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[
             h = Hypothesis("loaded", lag, angle)
             fits += _subsets(fitter, h, fitter.start(h, a, delay or 1.0), space)
     fits += _other_laws(fitter, fits, space)
-    return [f for f in fits if np.isfinite(f.value).all() and np.isfinite(f.cost).all()]
+    return _with_best_at_optimum(
+        fitter, [f for f in fits if np.isfinite(f.value).all() and np.isfinite(f.cost).all()]
+    )
+
+
+def _with_best_at_optimum(fitter: Fitter, fits: list[Fit]) -> list[Fit]:
+    """Fit the best one again until it is at its optimum: a linearised score may be too good."""
+    for _ in range(MAX_REFITS):
+        best = best_of(fits)
+        if best.step < FAR_STEP:
+            break
+        other = fitter.fit(best.hypothesis, best.p)
+        others = [f for f in fits if f is not best]
+        fits = [*others, other] if other is not None else others or fits
+    return fits
 
 
 def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[Fit]:
     starts = {
         "delay": delay or 1.0,
-        "damping+delay": delay,
+        "delay+filter": delay,
         "delays": delay,
         "low pass": max(delay, 3.0),
         "play": float(np.log(0.2 / a)),
@@ -103,31 +118,13 @@ def _angles(fitter: Fitter, space: SearchSpace) -> list[str]:
 
 
 def _subsets(fitter: Fitter, h: Hypothesis, p: np.ndarray, space: SearchSpace) -> list[Fit]:
-    """All sets of terms, with the promising ones fitted again."""
+    """All sets of terms that come near the best one of this law and lag."""
     if space.terms is not None:
         one = fitter.fit(replace(h, terms=space.pool), p)
         return [one] if one is not None else []
     pool = [name for name in space.pool if fitter.samples.timed or name in ("offset", "spring")]
-    return _refit_promising(fitter, fitter.fit_subsets(h, p, pool, space.shapes))
-
-
-def _refit_promising(fitter: Fitter, fits: list[Fit]) -> list[Fit]:
-    """Keep what is near the best of its law and lag; refit where the linearisation went far."""
-    if not fits:
-        return fits
-    best, refits = min(f.total for f in fits), 0
-    kept: list[Fit] = []
-    for one in sorted(fits, key=lambda f: f.total):
-        if one.total > HOPELESS * best and len(kept) > 2:
-            continue
-        if one.step > FAR_STEP and one.total < CLOSE * best and refits < MAX_REFITS:
-            refits += 1
-            other = fitter.fit(one.hypothesis, one.p)
-            if other is not None and other.total < 1.02 * one.total:
-                kept.append(other)
-                continue
-        kept.append(one)
-    return kept
+    fits = sorted(fitter.fit_subsets(h, p, pool, space.shapes), key=lambda f: f.total)
+    return [f for k, f in enumerate(fits) if k < 3 or f.total < HOPELESS * fits[0].total]
 
 
 def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit]:
@@ -204,15 +201,23 @@ def plausible(fitter: Fitter, fits: list[Fit], hidden: float, with_skew: bool) -
     """
     best = best_of(fits)
     limit = penalised(best)
-    near = [f for f in fits if is_near(penalised(f), limit, hidden)]
+    free = hidden + model_error(fitter, best)
+    near = [f for f in fits if is_near(penalised(f), limit, free)]
     chosen = min(near, key=lambda f: (f.hypothesis.size, f.total))
     chosen = fitter.fit(chosen.hypothesis, chosen.p) or chosen  # without a step of linearisation
-    kept = [f for f in near if not _dominated(f, near)] or [chosen]
+    kept = [_converged(fitter, f) for f in near if not _dominated(f, near)]
+    kept = [f for f in kept if is_near(penalised(f), limit, free) and (f.error < f.value).all()]
+    kept = kept or [chosen]
     if with_skew:
-        kept += _skewed(fitter, kept, limit)
+        kept += _skewed(fitter, kept, limit, free)
     if hidden:  # more parameters than the chosen one only fit the rounding
         kept = [f for f in kept if f.hypothesis.size <= chosen.hypothesis.size + 1]
     return Plausible(chosen, best, kept, near)
+
+
+def model_error(fitter: Fitter, best: Fit) -> float:
+    """Cost of the error that even the right law has."""
+    return float(fitter.samples.used.sum()) * (MODEL_ERROR * float(best.value[1])) ** 2
 
 
 def is_near(cost: np.ndarray, best: np.ndarray, hidden: float = 0.0) -> bool:
@@ -227,6 +232,13 @@ def is_near(cost: np.ndarray, best: np.ndarray, hidden: float = 0.0) -> bool:
     return more <= PLAUSIBLE_ERRORS * error + hidden and near_ratio
 
 
+def _converged(fitter: Fitter, fit: Fit) -> Fit:
+    """The fit itself or, if its linearisation went far, one from where it stopped."""
+    if fit.step < FAR_STEP:
+        return fit
+    return fitter.fit(fit.hypothesis, fit.p) or fit
+
+
 def _dominated(fit: Fit, others: list[Fit]) -> bool:
     """Whether a special case scores as well."""
     return any(
@@ -237,14 +249,14 @@ def _dominated(fit: Fit, others: list[Fit]) -> bool:
     )
 
 
-def _skewed(fitter: Fitter, kept: list[Fit], limit: np.ndarray) -> list[Fit]:
+def _skewed(fitter: Fitter, kept: list[Fit], limit: np.ndarray, free: float) -> list[Fit]:
     """The best ones with torque and angle read half a row apart, if that is as plausible."""
     found = []
     without = [f for f in kept if "delay" not in f.hypothesis.lag]
     for one in sorted(without, key=lambda f: f.total)[:MAX_SKEWED]:
         for skew in (-SKEW_SAMPLES, SKEW_SAMPLES):
             other = fitter.fit(replace(one.hypothesis, skew=skew), one.p)
-            if other is not None and is_near(penalised(other), limit):
+            if other is not None and is_near(penalised(other), limit, free):
                 found.append(other)
     return found
 
