@@ -30,6 +30,7 @@ MIN_ENCODER_GAIN = 0.1  # of the residual, from which an encoder error is taken 
 MAX_CORRECTIONS = 2
 ROUNDING_SEEN = 0.3  # of the variance of a torque's rounding: it repeats in each cycle
 COARSE_ERROR = 2.0  # times the variance of rounding, below which a torque sensor is coarse here
+ALIGNED = 0.5  # of the error of a law acts on one parameter, at most
 MORE_ELEMENTS, OTHER_LAW = 1.4, 0.5  # see _beyond_one_element()
 
 
@@ -172,7 +173,7 @@ def _judge(
     lacks: list[Lack] = []
     if use.lack_of_fit and not hidden:
         lacks = diagnose.lack_of_fit(fitter, seen.best, quantile, corrected)
-    low, high = _over_hypotheses(seen, quantile)
+    low, high = _over_hypotheses(fitter, seen, quantile)
     if use.plausible:
         low, high = _beyond_one_element(seen, fits, lacks, low, high)
     widths = {
@@ -202,9 +203,14 @@ def _hidden_by_rounding(samples: Samples, best: Fit) -> float:
     return ROUNDING_SEEN * rounding * weight if coarse else 0.0
 
 
-def _over_hypotheses(seen: Plausible, quantile: float) -> tuple[np.ndarray, np.ndarray]:
+def _over_hypotheses(
+    fitter: Fitter, seen: Plausible, quantile: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Least and largest sigma0 and Fc over all plausible hypotheses, with their errors."""
-    reach = [quantile * select.reach(f, seen.near) for f in seen.fits]
+    model = ALIGNED * np.sqrt(select.model_error(fitter, seen.best))
+    reach = [
+        np.hypot(quantile * select.reach(f, seen.near), model * f.per_residual) for f in seen.fits
+    ]
     low = np.min([f.value - r for f, r in zip(seen.fits, reach, strict=True)], axis=0)
     high = np.max([f.value + r for f, r in zip(seen.fits, reach, strict=True)], axis=0)
     return low, high

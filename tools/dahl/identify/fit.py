@@ -30,7 +30,7 @@ MIN_LOW_PASS = 0.3  # samples; a shorter time constant is none
 MAX_LINEAR = 0.6  # of ln a: beyond it a linearisation says nothing
 MAX_ELEMENT = 1.0  # presliding lengths in a count: one of several elements cannot be stiffer
 MIN_STRIBECK = -0.02  # of Fc; friction that grows with speed is viscous
-MIN_VISCOUS = -0.02  # of Fc at high speed; friction that falls with speed is Stribeck's
+MIN_VISCOUS = -0.02  # of MAX_FRICTION, at high speed; friction that falls with speed is Stribeck's
 MAX_FRICTION = 1.5  # of the measured torque: more would have to be cancelled by inertia or a spring
 DERIVATIVE_STEP, DERIVATIVE_STEP_ROWS = 0.01, 0.05  # of numerical derivatives
 
@@ -85,6 +85,7 @@ class Fit:
     cost: np.ndarray  # (cycles,) squared residuals of each cycle when it is left out
     value: np.ndarray  # sigma0, Fc
     without: np.ndarray  # (cycles, 2) the same without each cycle
+    per_residual: np.ndarray  # (2,) their shift by a residual of norm 1 in the worst direction
     step: float = 0.0  # of ln a: how far the linearisation went from the optimum
 
     @property
@@ -318,8 +319,8 @@ class Fitter:
         step = float(np.abs(full[m : 2 * m]).max())
         unseen = m > 1 and np.exp(at.p[:m].max()) * self.samples.count > MAX_ELEMENT
         positive = (full[:m] > 0).all() and (value > 0).all()
-        viscous = self._viscous(h, full) > MIN_VISCOUS * value[1]
-        if not (positive and falls and viscous) or hidden or unseen or step > MAX_LINEAR:
+        viscous = self._viscous(h, full) > MIN_VISCOUS * self.max_friction
+        if not (positive and falls and viscous) or hidden or unseen:
             return None
         return Fit(
             h,
@@ -330,8 +331,25 @@ class Fitter:
             cost_of(at.grams, columns, left),
             value,
             self.parameters(at.p, at.limits, left),
+            self._shift_per_residual(at, columns),
             step,
         )
+
+    def _shift_per_residual(self, at: Optimum, columns: Sequence[int]) -> np.ndarray:
+        """By how much sigma0 and Fc move if a residual of norm 1 is added: (2,) at most."""
+        m, c = len(at.limits), list(columns)
+        slope = np.zeros((2, len(c)))  # of sigma0 and Fc by the coefficients
+        slope[0, :m] = np.exp(at.p[:m])
+        slope[0, m : 2 * m] = np.exp(at.p[:m]) * at.limits
+        slope[1, :m] = 1.0
+        gram = at.grams.sum(axis=0)[c][:, c]
+        scale = np.sqrt(np.diag(gram)) + 1e-300
+        matrix = gram / scale[:, None] / scale + 1e-10 * np.eye(len(c))
+        scaled = slope / scale
+        shift: np.ndarray = np.sqrt(
+            np.einsum("ij,ji->i", scaled, np.linalg.solve(matrix, scaled.T))
+        )
+        return shift
 
     def _viscous(self, h: Hypothesis, coefficients: np.ndarray) -> float:
         """Viscous torque at high speed, N m (N)."""

@@ -15,7 +15,7 @@ from itertools import product
 import numpy as np
 
 from dahl.identify import models
-from dahl.identify.fit import LAGS, Fit, Fitter, Hypothesis, excess
+from dahl.identify.fit import LAGS, MAX_LINEAR, Fit, Fitter, Hypothesis, excess
 from dahl.identify.models import LAWS
 from dahl.identify.start import pair_starts, slip_start
 from dahl.io.log import TERMS
@@ -77,9 +77,9 @@ def fit_all(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[
             h = Hypothesis("loaded", lag, angle)
             fits += _subsets(fitter, h, fitter.start(h, a, delay or 1.0), space)
     fits += _other_laws(fitter, fits, space)
-    return _with_best_at_optimum(
-        fitter, [f for f in fits if np.isfinite(f.value).all() and np.isfinite(f.cost).all()]
-    )
+    fits = [f for f in fits if np.isfinite(f.value).all() and np.isfinite(f.cost).all()]
+    fits = [f for f in fits if f.step < MAX_LINEAR] or fits
+    return _with_best_at_optimum(fitter, fits)
 
 
 def _with_best_at_optimum(fitter: Fitter, fits: list[Fit]) -> list[Fit]:
@@ -109,8 +109,15 @@ def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: Search
     for angle in _angles(fitter, space):
         for lag in lags:
             h = Hypothesis("dahl", lag, angle)
+            if _smooths_counts(h):
+                continue
             fits += _subsets(fitter, h, fitter.start(h, a, starts.get(lag, 0.0)), space)
     return fits
+
+
+def _smooths_counts(h: Hypothesis) -> bool:
+    """Whether a filter would smooth the steps of an angle as read, which no torque has."""
+    return h.angle == "as read" and h.lag in ("low pass", "delay+filter")
 
 
 def _angles(fitter: Fitter, space: SearchSpace) -> list[str]:
@@ -177,9 +184,9 @@ def _with_other_angles(
         if (h.law, h.lag) in seen or len(seen) >= OTHER_ANGLES:
             continue
         seen.add((h.law, h.lag))
-        for name in others:
-            other = fitter.fit(replace(h, angle=name), one.p)
-            found += [other] if other is not None else []
+        for other in (replace(h, angle=name) for name in others):
+            fit = None if _smooths_counts(other) else fitter.fit(other, one.p)
+            found += [fit] if fit is not None else []
     return found
 
 
