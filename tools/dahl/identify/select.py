@@ -36,12 +36,11 @@ OTHER_ANGLES = 5  # laws that are fitted again with the other angles
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """What the user allows, and what an ablation leaves out."""
+    """What the user allows, and what few cycles can tell apart."""
 
     terms: tuple[str, ...] | None = None  # exactly these beside friction; None: those that pay
     lags: tuple[str, ...] = LAGS
     laws: tuple[str, ...] = tuple(LAWS)
-    all_angles: bool = True
     wanted: str = ""  # a law that is fitted in any case
     shapes: bool = True  # whether a torque may depend on the angle by more than a spring
 
@@ -73,7 +72,7 @@ def fit_all(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[
     if not fits:
         return fits
     if fitter.samples.load is not None and "loaded" in space.laws:
-        for angle, lag in product(_angles(fitter, space), {"none", "delay"} & {*space.lags}):
+        for angle, lag in product(fitter.samples.angles, {"none", "delay"} & {*space.lags}):
             h = Hypothesis("loaded", lag, angle)
             fits += _subsets(fitter, h, fitter.start(h, a, delay or 1.0), space)
     fits += _other_laws(fitter, fits, space)
@@ -106,7 +105,7 @@ def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: Search
     if "delay" in lags and 1 < fitter.samples.logs <= MAX_LOGS_WITH_DELAYS:
         lags.append("delays")
     fits: list[Fit] = []
-    for angle in _angles(fitter, space):
+    for angle in fitter.samples.angles:
         for lag in lags:
             h = Hypothesis("dahl", lag, angle)
             if _smooths_counts(h):
@@ -118,10 +117,6 @@ def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: Search
 def _smooths_counts(h: Hypothesis) -> bool:
     """Whether a filter would smooth the steps of an angle as read, which no torque has."""
     return h.angle == "as read" and h.lag in ("low pass", "delay+filter")
-
-
-def _angles(fitter: Fitter, space: SearchSpace) -> list[str]:
-    return list(fitter.samples.angles) if space.all_angles else ["between counts"]
 
 
 def _subsets(fitter: Fitter, h: Hypothesis, p: np.ndarray, space: SearchSpace) -> list[Fit]:
@@ -148,7 +143,7 @@ def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit
         for law, p in _law_starts(fitter, base, a, space).items():
             h = replace(base, law=law)
             found += _subsets(fitter, h, np.append(p, lead), space)
-    return found + _with_other_angles(fitter, found, angle, space)
+    return found + _with_other_angles(fitter, found, angle)
 
 
 def _law_starts(
@@ -172,13 +167,11 @@ def _law_starts(
     return {law: p for law, p in starts.items() if law in kept}
 
 
-def _with_other_angles(
-    fitter: Fitter, fits: list[Fit], angle: str, space: SearchSpace
-) -> list[Fit]:
+def _with_other_angles(fitter: Fitter, fits: list[Fit], angle: str) -> list[Fit]:
     """The best laws with the other treatments of the angle."""
     found: list[Fit] = []
     seen: set[tuple[str, str]] = set()
-    others = [name for name in fitter.samples.angles if name != angle] if space.all_angles else []
+    others = [name for name in fitter.samples.angles if name != angle]
     for one in sorted(fits, key=lambda f: float(penalised(f).sum())):
         h = one.hypothesis
         if (h.law, h.lag) in seen or len(seen) >= OTHER_ANGLES:
@@ -200,7 +193,7 @@ class Plausible:
     near: list[Fit]
 
 
-def plausible(fitter: Fitter, fits: list[Fit], hidden: float, with_skew: bool) -> Plausible:
+def plausible(fitter: Fitter, fits: list[Fit], hidden: float) -> Plausible:
     """The hypotheses within PLAUSIBLE_ERRORS of the best one.
 
     `hidden` is a cost that cycles left out cannot see, as the rounding of a coarse torque sensor
@@ -215,8 +208,7 @@ def plausible(fitter: Fitter, fits: list[Fit], hidden: float, with_skew: bool) -
     kept = [_converged(fitter, f) for f in near if not _dominated(f, near)]
     kept = [f for f in kept if is_near(penalised(f), limit, free) and (f.error < f.value).all()]
     kept = kept or [chosen]
-    if with_skew:
-        kept += _skewed(fitter, kept, limit, free)
+    kept += _skewed(fitter, kept, limit, free)
     if hidden:  # more parameters than the chosen one only fit the rounding
         kept = [f for f in kept if f.hypothesis.size <= chosen.hypothesis.size + 1]
     return Plausible(chosen, best, kept, near)
