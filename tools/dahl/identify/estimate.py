@@ -30,7 +30,7 @@ MIN_ENCODER_GAIN = 0.1  # of the residual, from which an encoder error is taken 
 MAX_CORRECTIONS = 2
 ROUNDING_SEEN = 0.3  # of the variance of a torque's rounding: it repeats in each cycle
 COARSE_ERROR = 2.0  # times the variance of rounding, below which a torque sensor is coarse here
-ALIGNED = 0.5  # of the error of a law acts on one parameter, at most
+ALIGNED = 0.5  # part of a law's error that looks like a change of one parameter; a judgement
 MORE_ELEMENTS, OTHER_LAW = 1.4, 0.5  # see _beyond_one_element()
 
 

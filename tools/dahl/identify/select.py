@@ -23,7 +23,7 @@ from dahl.io.log import TERMS
 PLAUSIBLE_ERRORS = (
     1.5  # standard errors from the best score: 7 % of true hypotheses are further away
 )
-MODEL_ERROR = 0.004  # of Fc, rms: no rig follows one of these laws more closely
+MODEL_ERROR = 0.004  # of Fc, rms, that even the right law is off; a judgement
 PENALTY = 0.002  # of the best cost, for each parameter: a tie goes to the simpler hypothesis
 SKEW_SAMPLES = 0.5  # torque and angle of one row may be read half a row apart
 MAX_SKEWED = 3  # hypotheses that are fitted with a skew
