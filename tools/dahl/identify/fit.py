@@ -224,7 +224,7 @@ class Fitter:
     def columns(
         self, h: Hypothesis, p: np.ndarray, limits: np.ndarray | None, terms: Iterable[str]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Elements, derivatives by p, damping, terms; and the Fc of each element at which the
+        """Elements, derivatives by p, lag, terms; and the Fc of each element at which the
         derivatives were taken.
         """
         w = self.elements(h, p)
@@ -314,13 +314,7 @@ class Fitter:
         whole, m = at.grams.sum(axis=0), len(at.limits)
         full, left = solve(whole, columns), solve(whole - at.grams, columns)
         value = self.parameters(at.p, at.limits, full)
-        falls = h.law != "stribeck" or at.p[1] + full[m + 1] > MIN_STRIBECK
-        hidden = full[:m] @ at.peaks > self.max_friction
-        step = float(np.abs(full[m : 2 * m]).max())
-        unseen = m > 1 and np.exp(at.p[:m].max()) * self.samples.count > MAX_ELEMENT
-        positive = (full[:m] > 0).all() and (value > 0).all()
-        viscous = self._viscous(h, full) > MIN_VISCOUS * self.max_friction
-        if not (positive and falls and viscous) or hidden or unseen:
+        if not self._is_friction(h, at, full, value):
             return None
         return Fit(
             h,
@@ -332,8 +326,18 @@ class Fitter:
             value,
             self.parameters(at.p, at.limits, left),
             self._shift_per_residual(at, columns),
-            step,
+            float(np.abs(full[m : 2 * m]).max()),
         )
+
+    def _is_friction(self, h: Hypothesis, at: Optimum, c: np.ndarray, value: np.ndarray) -> bool:
+        """Whether coefficients `c` are physical, and no element is larger than the log can show."""
+        m = len(at.limits)
+        positive = bool((c[:m] > 0).all() and (value > 0).all())
+        too_large = c[:m] @ at.peaks > self.max_friction
+        too_stiff = m > 1 and np.exp(at.p[:m].max()) * self.samples.count > MAX_ELEMENT
+        falls = h.law != "stribeck" or at.p[1] + c[m + 1] > MIN_STRIBECK
+        resists = self._viscous(h, c) > MIN_VISCOUS * self.max_friction
+        return bool(positive and falls and resists and not too_large and not too_stiff)
 
     def _shift_per_residual(self, at: Optimum, columns: Sequence[int]) -> np.ndarray:
         """By how much sigma0 and Fc move if a residual of norm 1 is added: (2,) at most."""
