@@ -154,7 +154,7 @@ def _judge(
     value = seen.chosen.value
     quantile = float(student.ppf(CONFIDENCE, max(len(samples.folds) - 1, 1)))
     lacks = [] if hidden else diagnose.lack_of_fit(fitter, seen.best, quantile, corrected)
-    low, high = _over_hypotheses(fitter, seen, quantile)
+    low, high = _over_hypotheses(seen, quantile)
     low, high = _beyond_one_element(seen, fits, lacks, low, high)
     widths = {
         "noise": quantile * seen.chosen.error / value,
@@ -163,11 +163,12 @@ def _judge(
     for one in lacks:
         low, high = np.minimum(low, one.low), np.maximum(high, one.high)
     widths["lack of fit"] = (high - low) / 2 / value
+    more = ALIGNED * np.sqrt(select.model_error(fitter, seen.best)) * seen.chosen.per_residual
     if samples.count or samples.noise:
         widths["counts"] = _simulated_reach(fitter, seen.chosen)
-        simulated = widths["counts"] * value
-        low = value - np.hypot(value - low, simulated)
-        high = value + np.hypot(high - value, simulated)
+        more = np.hypot(more, widths["counts"] * value)
+    low = value - np.hypot(value - low, more)
+    high = value + np.hypot(high - value, more)
     return seen, lacks, Intervals(value, low, high, widths)
 
 
@@ -180,14 +181,9 @@ def _hidden_by_rounding(samples: Samples, best: Fit) -> float:
     return ROUNDING_SEEN * rounding * weight if coarse else 0.0
 
 
-def _over_hypotheses(
-    fitter: Fitter, seen: Plausible, quantile: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _over_hypotheses(seen: Plausible, quantile: float) -> tuple[np.ndarray, np.ndarray]:
     """Least and largest sigma0 and Fc over all plausible hypotheses, with their errors."""
-    model = ALIGNED * np.sqrt(select.model_error(fitter, seen.best))
-    reach = [
-        np.hypot(quantile * select.reach(f, seen.near), model * f.per_residual) for f in seen.fits
-    ]
+    reach = [quantile * select.reach(f, seen.near) for f in seen.fits]
     low = np.min([f.value - r for f, r in zip(seen.fits, reach, strict=True)], axis=0)
     high = np.max([f.value + r for f, r in zip(seen.fits, reach, strict=True)], axis=0)
     return low, high

@@ -347,12 +347,11 @@ class Fitter:
         slope[0, m : 2 * m] = np.exp(at.p[:m]) * at.limits
         slope[1, :m] = 1.0
         gram = at.grams.sum(axis=0)[c][:, c]
-        scale = np.sqrt(np.diag(gram)) + 1e-300
+        scale = np.sqrt(np.maximum(np.diag(gram), 1e-20 * gram.max()))
         matrix = gram / scale[:, None] / scale + 1e-10 * np.eye(len(c))
         scaled = slope / scale
-        shift: np.ndarray = np.sqrt(
-            np.einsum("ij,ji->i", scaled, np.linalg.solve(matrix, scaled.T))
-        )
+        squared = np.einsum("ij,ji->i", scaled, np.linalg.solve(matrix, scaled.T))
+        shift: np.ndarray = np.sqrt(np.maximum(squared, 0.0))
         return shift
 
     def _viscous(self, h: Hypothesis, coefficients: np.ndarray) -> float:

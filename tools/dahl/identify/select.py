@@ -20,9 +20,7 @@ from dahl.identify.models import LAWS
 from dahl.identify.start import pair_starts, slip_start
 from dahl.io.log import TERMS
 
-PLAUSIBLE_ERRORS = (
-    1.5  # standard errors from the best score: 7 % of true hypotheses are further away
-)
+PLAUSIBLE_ERRORS = 1.5  # standard errors from the best score; 7 % of the true are further away
 MODEL_ERROR = 0.004  # of Fc, rms, that even the right law is off; a judgement
 PENALTY = 0.002  # of the best cost, for each parameter: a tie goes to the simpler hypothesis
 SKEW_SAMPLES = 0.5  # torque and angle of one row may be read half a row apart
@@ -268,9 +266,8 @@ def reach(fit: Fit, near: list[Fit]) -> np.ndarray:
     """
     error = fit.error
     for other in near:
-        if other.hypothesis.size < fit.hypothesis.size and fit.hypothesis.contains(
-            other.hypothesis
-        ):
+        smaller = other.hypothesis.size < fit.hypothesis.size
+        if smaller and fit.hypothesis.contains(other.hypothesis):
             more, spread = excess(other.cost, fit.cost)
             if more <= spread:
                 error = np.minimum(error, 1.5 * other.error)
