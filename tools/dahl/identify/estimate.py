@@ -30,7 +30,6 @@ MIN_ENCODER_GAIN = 0.1  # of the residual, from which an encoder error is taken 
 MAX_CORRECTIONS = 2
 ROUNDING_SEEN = 0.3  # of the variance of a torque's rounding: it repeats in each cycle
 COARSE_ERROR = 2.0  # times the variance of rounding, below which a torque sensor is coarse here
-ALIGNED = 0.5  # part of a law's error that looks like a change of one parameter; a judgement
 MORE_ELEMENTS, OTHER_LAW = 1.4, 0.5  # see _beyond_one_element()
 
 
@@ -163,12 +162,11 @@ def _judge(
     for one in lacks:
         low, high = np.minimum(low, one.low), np.maximum(high, one.high)
     widths["lack of fit"] = (high - low) / 2 / value
-    more = ALIGNED * np.sqrt(select.model_error(fitter, seen.best)) * seen.chosen.per_residual
     if samples.count or samples.noise:
         widths["counts"] = _simulated_reach(fitter, seen.chosen)
-        more = np.hypot(more, widths["counts"] * value)
-    low = value - np.hypot(value - low, more)
-    high = value + np.hypot(high - value, more)
+        simulated = widths["counts"] * value
+        low = value - np.hypot(value - low, simulated)
+        high = value + np.hypot(high - value, simulated)
     return seen, lacks, Intervals(value, low, high, widths)
 
 

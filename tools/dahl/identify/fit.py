@@ -85,7 +85,6 @@ class Fit:
     cost: np.ndarray  # (cycles,) squared residuals of each cycle when it is left out
     value: np.ndarray  # sigma0, Fc
     without: np.ndarray  # (cycles, 2) the same without each cycle
-    per_residual: np.ndarray  # (2,) their shift by a residual of norm 1 in the worst direction
     step: float = 0.0  # of ln a: how far the linearisation went from the optimum
 
     @property
@@ -325,7 +324,6 @@ class Fitter:
             cost_of(at.grams, columns, left),
             value,
             self.parameters(at.p, at.limits, left),
-            self._shift_per_residual(at, columns),
             float(np.abs(full[m : 2 * m]).max()),
         )
 
@@ -338,21 +336,6 @@ class Fitter:
         falls = h.law != "stribeck" or at.p[1] + c[m + 1] > MIN_STRIBECK
         resists = self._viscous(h, c) > MIN_VISCOUS * self.max_friction
         return bool(positive and falls and resists and not too_large and not too_stiff)
-
-    def _shift_per_residual(self, at: Optimum, columns: Sequence[int]) -> np.ndarray:
-        """By how much sigma0 and Fc move if a residual of norm 1 is added: (2,) at most."""
-        m, c = len(at.limits), list(columns)
-        slope = np.zeros((2, len(c)))  # of sigma0 and Fc by the coefficients
-        slope[0, :m] = np.exp(at.p[:m])
-        slope[0, m : 2 * m] = np.exp(at.p[:m]) * at.limits
-        slope[1, :m] = 1.0
-        gram = at.grams.sum(axis=0)[c][:, c]
-        scale = np.sqrt(np.maximum(np.diag(gram), 1e-20 * gram.max()))
-        matrix = gram / scale[:, None] / scale + 1e-10 * np.eye(len(c))
-        scaled = slope / scale
-        squared = np.einsum("ij,ji->i", scaled, np.linalg.solve(matrix, scaled.T))
-        shift: np.ndarray = np.sqrt(np.maximum(squared, 0.0))
-        return shift
 
     def _viscous(self, h: Hypothesis, coefficients: np.ndarray) -> float:
         """Viscous torque at high speed, N m (N)."""

@@ -21,7 +21,7 @@ from dahl.identify.start import pair_starts, slip_start
 from dahl.io.log import TERMS
 
 PLAUSIBLE_ERRORS = 1.5  # standard errors from the best score; 7 % of the true are further away
-MODEL_ERROR = 0.004  # of Fc, rms, that even the right law is off; a judgement
+MODEL_ERROR = 0.003  # of Fc, rms, that even the right law is off; a judgement
 PENALTY = 0.002  # of the best cost, for each parameter: a tie goes to the simpler hypothesis
 SKEW_SAMPLES = 0.5  # torque and angle of one row may be read half a row apart
 MAX_SKEWED = 3  # hypotheses that are fitted with a skew
