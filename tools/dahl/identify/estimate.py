@@ -167,6 +167,8 @@ def _judge(
         simulated = widths["counts"] * value
         low = value - np.hypot(value - low, simulated)
         high = value + np.hypot(high - value, simulated)
+    least = select.MODEL_ERROR * value  # no parameter is known better than its law
+    low, high = np.minimum(low, value - least), np.maximum(high, value + least)
     return seen, lacks, Intervals(value, low, high, widths)
 
 
