@@ -60,7 +60,7 @@ class Lack:
 
 @dataclass
 class Context:
-    """What the rows are made from."""
+    """Quantities that the rows are made of."""
 
     fitter: Fitter
     fit: Fit
@@ -131,7 +131,7 @@ class _Judge:
     def lack(
         self, row: Row, columns: list[int], unit: np.ndarray, quantile: float, known: bool
     ) -> Lack | None:
-        """What a row finds; None if the cycles do not ask for it."""
+        """Score one row; None if the cycles do not ask for it."""
         after, left, c = self._scored(self.own + columns)
         gain, error = excess(self.before, after)
         asked = gain > SURE * error and gain > row.min_gain * after.sum()
@@ -213,7 +213,7 @@ def _laws(x: Context) -> list[Row]:
 
 
 def _elements(x: Context) -> list[Row]:
-    """One more element beside the law."""
+    """One more element than the law has."""
     more = ((models.dahl, 1 / 3), (models.dahl, 3.0), (models.slip, 0.5), (models.slip, 2.0))
     return [
         Row(

@@ -35,9 +35,9 @@ MORE_ELEMENTS, OTHER_LAW = 1.4, 0.5  # see _beyond_one_element()
 
 @dataclass(frozen=True)
 class Options:
-    """What the user asked for."""
+    """Choices of the user."""
 
-    terms: tuple[str, ...] | None = None  # beside friction; None: those that pay
+    terms: tuple[str, ...] | None = None  # with friction; None: those that pay
     delay: bool = True  # whether the torque may be late
     median: int = 0  # rows of a running median of the angle; 0: choose, 1: none
     trust_units: bool = False
@@ -146,7 +146,7 @@ def _encoder_error(fitter: Fitter, fits: list[Fit], corrected: list[str]) -> Lac
 def _judge(
     fitter: Fitter, fits: list[Fit], corrected: list[str]
 ) -> tuple[Plausible, list[Lack], Intervals]:
-    """What is plausible, what is lacking, and the intervals."""
+    """The plausible hypotheses, the lack of fit and the intervals."""
     samples = fitter.samples
     hidden = _hidden_by_rounding(samples, select.best_of(fits))
     seen = select.plausible(fitter, fits, hidden)

@@ -26,8 +26,8 @@ DELAYED = ("delay", "low pass", "delay+filter")  # the last parameter is a numbe
 ROUNDS = 8
 MAX_STEP, MAX_DELAY_STEP = 0.4, 6.0  # of a Gauss-Newton step: in ln a and shapes, in samples
 MIN_GAIN, SETTLED_STEP = 1e-4, 1e-3  # of the cost and of ln a, below which the fit has converged
-MIN_LOW_PASS = 0.3  # samples; a shorter time constant is none
-MAX_LINEAR = 0.6  # of ln a: beyond it a linearisation says nothing
+MIN_LOW_PASS = 0.3  # samples; a shorter time constant has no effect
+MAX_LINEAR = 0.6  # of ln a: beyond it a linearisation is useless
 MAX_ELEMENT = 1.0  # presliding lengths in a count: one of several elements cannot be stiffer
 MIN_STRIBECK = -0.02  # of Fc; friction that grows with speed is viscous
 MIN_VISCOUS = -0.02  # of MAX_FRICTION, at high speed; friction that falls with speed is Stribeck's
@@ -37,7 +37,7 @@ DERIVATIVE_STEP, DERIVATIVE_STEP_ROWS = 0.01, 0.05  # of numerical derivatives
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """What the log may be."""
+    """One description of a log."""
 
     law: str = "dahl"
     lag: str = "none"
@@ -207,7 +207,7 @@ class Fitter:
         return [laws[kind](moves, pieces, a[k]) for k, kind in enumerate(law.kinds)]
 
     def _lagged(self, h: Hypothesis, p: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """What a late or slow torque sensor makes of x."""
+        """x as a late or slow torque sensor shows it."""
         s = self.samples
         if h.lag in ("delay", "delay+filter"):
             return s.delayed(x, p[-1])
@@ -243,7 +243,7 @@ class Fitter:
     def _lag_columns(self, h: Hypothesis, friction: np.ndarray) -> list[np.ndarray]:
         """Derivatives of friction by time that a lag adds, as many as h.lag_columns.
 
-        The second one is what any short filter adds beside its delay: a mean over rows, a filter
+        The second one is what any short filter adds to its delay: a mean over rows, a filter
         that runs to and fro, a torque cell that rings.
         """
         if h.lag == "damping":

@@ -147,7 +147,7 @@ class Result:
 
     @property
     def terms(self) -> dict[str, float]:
-        """Coefficients beside friction: offset [N m], spring [N m/rad], viscous, inertia."""
+        """Coefficients of the terms: offset [N m], spring [N m/rad], viscous, inertia."""
         return terms_of(self.chosen, self.samples)
 
     # --- views for people and programs ---
@@ -232,7 +232,7 @@ class Result:
 
     @property
     def verdict(self) -> str:
-        """One line: what is claimed, how well it is known, and the dominant uncertainty."""
+        """One line: the claims, how well they are known, and the dominant uncertainty."""
         log, words = self.logs[0], []
         for name, p, unit in (
             ("sigma0", self.sigma0, log.slope_unit),

@@ -24,7 +24,7 @@ MIN_PRESLIDING_SAMPLES = 20  # in the first presliding length after a turn
 SEGMENTS = 8  # of a log with many strokes, so that drift shows
 LOOKED_AT_ROWS = 100_000  # for the length of strokes
 MAX_FOLDS = 24  # cycles in more are left out in groups
-MIN_SCORED_CYCLES = 6  # below it a jackknife says little; nothing is claimed
+MIN_SCORED_CYCLES = 6  # with fewer a jackknife says little and no parameter is claimed
 MIN_FOLDS, FEW_CYCLES_FOLDS = 3, 8  # with fewer cycles, equal parts of the log are left out
 SETTLE_LENGTHS = 6.0  # presliding lengths of travel that forget the unknown torque at the start
 SETTLE_PART = 0.25  # of the travel of a piece, at most
@@ -39,7 +39,7 @@ MIN_STEP = 0.2  # of the usual time step: a shorter one is jitter and would give
 
 @dataclass(frozen=True)
 class Reference:
-    """What the columns are measured from, so that a fit holds for other samples too."""
+    """Origins and units of the columns, so that a fit holds for other samples too."""
 
     centre: float  # rad (m), of springs
     reach: float  # rad (m), from there to the far end
@@ -315,7 +315,7 @@ def _in_blocks(table: dict[str, np.ndarray], block: int) -> dict[str, np.ndarray
 
 
 def _add_terms(samples: Samples) -> None:
-    """Columns of what acts beside friction."""
+    """Add the columns of torques other than friction."""
     reference = samples.reference
     z = (samples.angles["between counts"] - reference.centre) / reference.reach
     samples.terms = {

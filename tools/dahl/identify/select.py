@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Which hypotheses are fitted, and which of them the log cannot tell apart.
+"""Choose the hypotheses to fit, and find those that the log cannot distinguish.
 
 Dahl's law is fitted with every lag, angle and set of terms. Then the other laws are fitted with the
 lags and the angle that did best. A hypothesis is plausible if its score on cycles left out is close
@@ -34,9 +34,9 @@ OTHER_ANGLES = 5  # laws that are fitted again with the other angles
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """What the user allows, and what few cycles can tell apart."""
+    """The hypotheses to fit."""
 
-    terms: tuple[str, ...] | None = None  # exactly these beside friction; None: those that pay
+    terms: tuple[str, ...] | None = None  # exactly these with friction; None: those that pay
     lags: tuple[str, ...] = LAGS
     laws: tuple[str, ...] = tuple(LAWS)
     wanted: str = ""  # a law that is fitted in any case
@@ -48,7 +48,7 @@ class SearchSpace:
 
 
 def few_cycles(space: SearchSpace) -> SearchSpace:
-    """The hypotheses that a few cycles can tell apart; more would predict other logs worse."""
+    """The hypotheses that a few cycles can distinguish; more would predict other logs worse."""
     lags = tuple(lag for lag in space.lags if lag in ("none", "damping"))
     laws = tuple(law for law in space.laws if LAWS[law].kinds[0] in ("dahl", "slip", "loaded"))
     return replace(space, lags=lags, laws=laws, shapes=False)
@@ -183,7 +183,8 @@ def _with_other_angles(fitter: Fitter, fits: list[Fit], angle: str) -> list[Fit]
 
 @dataclass
 class Plausible:
-    """What the log cannot tell apart. `fits` are judged; `near` also holds what they dominate."""
+    """Hypotheses that the log cannot distinguish. `near` also has those that a special case equals.
+    """
 
     chosen: Fit  # the simplest
     best: Fit  # by the score

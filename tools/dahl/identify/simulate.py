@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Simulate and refit: what counts, rounding, sampling and angle noise do to the estimate.
+"""Simulate and refit: the effect of counts, rounding, sampling and angle noise on the estimate.
 
 Logs are made from the fitted parameters on the same motion, with known truth. The distance of their
 refits from the truth is the bias and the spread of the method on this log.
@@ -138,7 +138,7 @@ def hidden_travel(fitter: Fitter, fit: Fit) -> np.ndarray:
 
 
 def _amplitude(fitter: Fitter, fit: Fit, change: np.ndarray) -> tuple[float, float]:
-    """How much of a change of the torque the log shows beside the fit, and its standard error."""
+    """How much of a change of the torque the log shows after the fit, and its standard error."""
     h = fit.hypothesis
     base, _ = fitter.columns(h, fit.p, fit.limits, h.terms)
     grams = fitter.samples.grams(np.column_stack((base, change)))
