@@ -183,8 +183,7 @@ def _with_other_angles(fitter: Fitter, fits: list[Fit], angle: str) -> list[Fit]
 
 @dataclass
 class Plausible:
-    """Hypotheses that the log cannot distinguish. `near` also has those that a special case equals.
-    """
+    """Hypotheses that the log cannot distinguish. `near` also has those that are not needed."""
 
     chosen: Fit  # the simplest
     best: Fit  # by the score
