@@ -17,7 +17,7 @@ from dahl.errors import Error
 from dahl.identify import diagnose, preprocess, select, simulate
 from dahl.identify.diagnose import CORRECTABLE, Lack
 from dahl.identify.fit import LAGS, Fit, Fitter, Hypothesis, solve
-from dahl.identify.models import OPTIONS
+from dahl.identify.models import ONE_ELEMENT, OPTIONS
 from dahl.identify.result import Intervals, Result, claims_of
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, block_for, samples_of
 from dahl.identify.select import Plausible, SearchSpace
@@ -200,7 +200,7 @@ def _beyond_one_element(
     """
     plain = [f for f in fits if f.hypothesis.law == "dahl"]
     laws = {f.hypothesis.law for f in seen.fits}
-    if not plain or laws & {"dahl", "slip", "loaded"}:
+    if not plain or laws & ONE_ELEMENT:
         return low, high
     several = seen.best.hypothesis.friction.elements > 1
     value = seen.best.value

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dahl.identify.fit import Fit, Fitter, Hypothesis, Optimum, solve
+from dahl.identify.models import ONE_ELEMENT
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, samples_of
 from dahl.io.log import Log, resolution_of
 
@@ -320,6 +321,10 @@ def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
     """Objections to the slope at rest, if no log resolves it."""
     if i is not result.intervals:
         yield (True, False), "presliding is shorter than a count or a move of one row"
+    plausible = [fit.hypothesis for fit in result.plausible.fits]
+    if all(h.lag != "none" and h.law not in ONE_ELEMENT for h in plausible):
+        text = "law and lag both round the loop at a reversal, and both are unusual"
+        yield (True, False), f"{text}: no log separates them"
     if any(_is_steepest_at_rest(fit) for fit in result.plausible.fits):
         text = "the loop is steepest at rest, as of small stiff elements: sigma0 is larger"
         yield (True, False), text
