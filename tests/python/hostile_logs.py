@@ -192,6 +192,15 @@ def missed_counts(seed: int) -> Log:
     return rig.log(dahl(rig.theta), theta=rig.theta - lost)
 
 
+def late_packets(seed: int) -> Log:
+    """One torque in ten is lost; the recorder repeats the one before."""
+    rig = Rig(seed)
+    log = rig.log(dahl(rig.theta))
+    arrived = np.where(rig.random.random(ROWS) < 0.9, np.arange(ROWS), 0)
+    log.torque = log.torque[np.maximum.accumulate(arrived)]
+    return log
+
+
 # --- mechanisms -----------------------------------------------------------------------------------
 
 
@@ -260,6 +269,28 @@ def heavy_rotor(seed: int) -> Log:
     return rig.log(dahl(rig.theta) + FC * acceleration / np.abs(acceleration).max())
 
 
+def warming_grease(seed: int) -> Log:
+    """A viscous torque of 40 % of Fc that halves as the grease warms."""
+    rig = Rig(seed)
+    warm = 1 - 0.5 * np.maximum(rig.rows, 0) / ROWS
+    return rig.log(dahl(rig.theta) + 0.4 * FC * warm * rig.speed / np.abs(rig.speed).max())
+
+
+def by_logarithm_of_speed(seed: int) -> Log:
+    """Fc grows by 4 % of its mean for each factor e of speed, as dry contacts do."""
+    rig = Rig(seed)
+    speed = np.abs(rig.speed)
+    factor = 1 + 0.04 * np.log(np.maximum(speed / speed.mean(), 0.03))
+    return rig.log(dahl(rig.theta, Fc=FC * factor / factor[LEAD:].mean()))
+
+
+def gear_teeth(seed: int) -> Log:
+    """A torque of 5 % of Fc at each tooth; each stroke passes 40."""
+    rig = Rig(seed)
+    period = np.ptp(rig.theta) / 40
+    return rig.log(dahl(rig.theta) + 0.05 * FC * np.sin(2 * np.pi * rig.theta / period + seed))
+
+
 # --- motions --------------------------------------------------------------------------------------
 
 
@@ -310,6 +341,13 @@ def ratchet(seed: int) -> Log:
     return rig.log(dahl(rig.theta))
 
 
+def dithered(seed: int) -> Log:
+    """A vibration of two counts on top of each stroke, faster than the motion."""
+    rig = Rig(seed)
+    rig.theta = rig.theta + 2 * COUNT * np.sin(2 * np.pi * 0.043 * rig.rows)
+    return rig.log(dahl(rig.theta))
+
+
 KINDS: dict[str, Callable[[int], Log]] = {
     "mains hum": mains_hum,
     "noise with speed": noise_with_speed,
@@ -336,4 +374,9 @@ KINDS: dict[str, Callable[[int], Log]] = {
     "stops within strokes": stops_within_strokes,
     "two lengths": two_lengths,
     "ratchet": ratchet,
+    "dithered motion": dithered,
+    "repeated packets": late_packets,
+    "warming grease": warming_grease,
+    "Fc by log of speed": by_logarithm_of_speed,
+    "gear teeth": gear_teeth,
 }

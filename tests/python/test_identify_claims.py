@@ -123,6 +123,16 @@ def test_one_broken_sensor_among_good_logs_is_no_claim_of_another_friction():
     assert not any(result.claimed) or result.Fc.value == pytest.approx(FC, rel=0.02)
 
 
+def test_swapped_columns_are_named():
+    """The loop is run through backward, and the counts of the encoder are in the torque."""
+    log = shaft()
+    swapped = replace(log, theta=log.torque, torque=log.theta, resolution=0.0)
+    result = identify([swapped], Options(trust_units=True))
+    assert result.claimed == (False, False) and "swapped" in result.verdict
+    turned = identify([replace(log, torque=-log.torque)])
+    assert "swapped" not in turned.verdict and turned.claimed == (True, True)
+
+
 # --- what a program gets --------------------------------------------------------------------------
 
 

@@ -24,6 +24,7 @@ from dahl.identify import Log, identify
 from identify_tools import FC, SIGMA0, dahl_torque
 from identify_truth import dahl, general
 from scipy.integrate import solve_ivp
+from scipy.stats import binomtest
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -116,6 +117,14 @@ def row(kind: str, found: list[Outcome]) -> str:
             f"{100 * width:.2g}",
         ]
     return f"| {kind} | {' | '.join(cells)} | {np.mean([one.cpu for one in found]):.1f} |"
+
+
+def share_of_wrong(found: list[Outcome], name: str) -> str:
+    """Part of the claims that is wrong, with its exact 95 % interval."""
+    right, wrong, _ = counts(found, name)
+    part = binomtest(wrong, max(right + wrong, 1))
+    low, high = part.proportion_ci()
+    return f"{name}: {wrong} of {right + wrong} claims wrong, {low:.1%} to {high:.1%}"
 
 
 HEAD = (
@@ -219,12 +228,12 @@ def test_the_limits_of_all_hostile_logs(numbers, faulty):
 
 
 def test_a_few_logs_are_claimed_and_true():
-    """Of 16 claims two may be wrong by chance (a twentieth is, each), and two may be missing."""
+    """Of 16 claims one may be wrong by chance (a twentieth is, each), and one may be missing."""
     found = [outcome(group, kind, FIRST) for group, kinds in SHORT.items() for kind in kinds]
     told = [counts(found, name) for name in TRUTH]
     said = [(one.kind, one.claimed, one.right) for one in found]
-    assert sum(wrong for _, wrong, _ in told) <= 2, said
-    assert sum(none for _, _, none in told) <= 2, said
+    assert sum(wrong for _, wrong, _ in told) <= 1, said
+    assert sum(none for _, _, none in told) <= 1, said
 
 
 @pytest.mark.long
@@ -244,4 +253,5 @@ def test_coverage_identify_of_all_kinds(group, capsys):
             print(row(kind, own), file=sys.stderr)
             said += faults(group, kind, own)
         print(row("all", found), file=sys.stderr)
+        print("; ".join(share_of_wrong(found, name) for name in TRUTH), file=sys.stderr)
     assert said == []

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """The angle between the counts of an encoder: three treatments of one reading, and its noise.
 
-A reading is known to half a count. What the shaft did within a count shows most at a turn. Which
+A reading is known to half a count. The motion within a count matters most at a turn. Which
 treatment suits a log depends on how it turns, so that each one is a hypothesis of the fit:
 "between counts" for smooth motion, "sharp turns" for strokes that end at speed, "as read" for a
 motion that rests between counts.

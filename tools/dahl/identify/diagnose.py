@@ -60,7 +60,7 @@ class Lack:
 
 @dataclass
 class Context:
-    """What the rows are made from."""
+    """Quantities that the rows are made of."""
 
     fitter: Fitter
     fit: Fit
@@ -79,7 +79,7 @@ class Context:
         self.z = self.samples.terms["spring"]
         self.progress = np.linspace(-0.5, 0.5, self.samples.rows)  # through all logs
         self.relative_speed = np.abs(self.samples.speed) / self.fitter.fast
-        self.delay = float(self.fit.p[-1]) if h.lag == "delay" else 0.0
+        self.delay = float(self.fit.p[-1]) if h.lag in ("delay", "delay+filter") else 0.0
 
     def element(self, law: Callable[..., np.ndarray], *parameters: float | str) -> np.ndarray:
         """Fc times another law on the same motion, with the delay of the fit."""
@@ -101,7 +101,7 @@ def lack_of_fit(
     rows = table(Context(fitter, fit, base))
     units = [np.sqrt(np.mean(row.columns**2, axis=0)) + 1e-300 for row in rows]
     scaled = [row.columns / unit for row, unit in zip(rows, units, strict=True)]
-    judge = _Judge(fit, fitter.samples.grams(np.column_stack((base, *scaled))), base.shape[1])
+    judge = _Judge(fitter, fit, np.column_stack((base, *scaled)), base.shape[1])
     lacks, first = [], base.shape[1]
     for row, unit in zip(rows, units, strict=True):
         columns = list(range(first, first + row.columns.shape[1]))
@@ -114,9 +114,10 @@ def lack_of_fit(
 class _Judge:
     """Scores rows against the fit without them."""
 
-    def __init__(self, fit: Fit, grams: np.ndarray, own: int) -> None:
-        self.fit, self.grams, self.own = fit, grams, list(range(own))
-        self.whole = grams.sum(axis=0)
+    def __init__(self, fitter: Fitter, fit: Fit, columns: np.ndarray, own: int) -> None:
+        self.fitter, self.fit, self.own = fitter, fit, list(range(own))
+        self.grams = fitter.samples.grams(columns)
+        self.whole = self.grams.sum(axis=0)
         self.before, _, c = self._scored(self.own)
         self.value = self._parameters(c)
 
@@ -125,15 +126,12 @@ class _Judge:
         return cost_of(self.grams, columns, left), left, solve(self.whole, columns)
 
     def _parameters(self, c: np.ndarray) -> np.ndarray:
-        m = len(self.fit.limits)
-        change = self.fit.limits * np.clip(c[..., m : 2 * m], -0.6, 0.6)
-        sigma0 = np.sum(np.exp(self.fit.p[:m]) * (c[..., :m] + change), axis=-1)
-        return np.stack((sigma0, c[..., :m].sum(axis=-1)), axis=-1)
+        return self.fitter.parameters(self.fit.p, self.fit.limits, c)
 
     def lack(
         self, row: Row, columns: list[int], unit: np.ndarray, quantile: float, known: bool
     ) -> Lack | None:
-        """What a row finds; None if the cycles do not ask for it."""
+        """Score one row; None if the cycles do not ask for it."""
         after, left, c = self._scored(self.own + columns)
         gain, error = excess(self.before, after)
         asked = gain > SURE * error and gain > row.min_gain * after.sum()
@@ -152,22 +150,19 @@ class _Judge:
         if row.ends is not None:
             low, high = _at_ends(row.ends, x, each_x, value, each, quantile)
         beyond = BEYOND * np.abs(value - self.value)
-        far = np.abs(moved) > row.max_move
-        # a row that explains most of the residual shows that the hypothesis is wrong
-        wrong = bool(np.isfinite(row.max_move)) and gain > after.sum()
-        withdraws = (bool(far[0]) or wrong, bool(far[1]))
-        part = float(gain / self.before.sum())
-        text = f"{row.name} would explain {100 * part:.0f} % of the residual"
-        return Lack(
-            row.name,
-            float(gain / after.sum()),
-            moved,
-            low - beyond,
-            high + beyond,
-            withdraws,
-            text,
-            x,
-        )
+        ratio, part = float(gain / after.sum()), 100 * gain / self.before.sum()
+        text = f"{row.name} would explain {part:.0f} % of the residual"
+        withdraws = _withdraws(row, moved, ratio)
+        return Lack(row.name, ratio, moved, low - beyond, high + beyond, withdraws, text, x)
+
+
+def _withdraws(row: Row, moved: np.ndarray, gain: float) -> tuple[bool, bool]:
+    """Whether sigma0 and Fc move too far. A row that explains most of the residual, `gain` times
+    what it leaves, shows that the hypothesis is wrong.
+    """
+    far = np.abs(moved) > row.max_move
+    wrong = bool(np.isfinite(row.max_move)) and gain > 1
+    return bool(far[0]) or wrong, bool(far[1])
 
 
 def _at_ends(
@@ -218,7 +213,7 @@ def _laws(x: Context) -> list[Row]:
 
 
 def _elements(x: Context) -> list[Row]:
-    """One more element beside the law."""
+    """One more element than the law has."""
     more = ((models.dahl, 1 / 3), (models.dahl, 3.0), (models.slip, 0.5), (models.slip, 2.0))
     return [
         Row(

@@ -8,7 +8,7 @@ fit and simulated logs widen it. One rule then decides what is claimed (result.p
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import t as student
@@ -16,8 +16,8 @@ from scipy.stats import t as student
 from dahl.errors import Error
 from dahl.identify import diagnose, preprocess, select, simulate
 from dahl.identify.diagnose import CORRECTABLE, Lack
-from dahl.identify.fit import Fit, Fitter, Hypothesis, solve
-from dahl.identify.models import OPTIONS
+from dahl.identify.fit import LAGS, Fit, Fitter, Hypothesis, solve
+from dahl.identify.models import ONE_ELEMENT, OPTIONS
 from dahl.identify.result import Intervals, Result, claims_of
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, block_for, samples_of
 from dahl.identify.select import Plausible, SearchSpace
@@ -35,9 +35,9 @@ MORE_ELEMENTS, OTHER_LAW = 1.4, 0.5  # see _beyond_one_element()
 
 @dataclass(frozen=True)
 class Options:
-    """What the user asked for."""
+    """Choices of the user."""
 
-    terms: tuple[str, ...] | None = None  # beside friction; None: those that pay
+    terms: tuple[str, ...] | None = None  # with friction; None: those that pay
     delay: bool = True  # whether the torque may be late
     median: int = 0  # rows of a running median of the angle; 0: choose, 1: none
     trust_units: bool = False
@@ -45,53 +45,40 @@ class Options:
     model: str = ""  # law of header and scene; "": the one that the log asks for
 
 
-@dataclass(frozen=True)
-class Mechanisms:
-    """What an ablation leaves out."""
-
-    space: SearchSpace = field(default_factory=SearchSpace)
-    lack_of_fit: bool = True
-    simulation: bool = True
-    plausible: bool = True
-
-
-def identify(
-    logs: Sequence[Log], options: Options = Options(), use: Mechanisms = Mechanisms()
-) -> Result:
+def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
     """Identify sigma0 and Fc from one or more logs.
 
     Raises dahl.Error for a log that no fit can use.
     """
-    pieces = [
-        piece
-        for log in logs
-        for piece in preprocess.preprocess(log, options.trust_units, options.median)
-    ]
+    trust, median = options.trust_units, options.median
+    pieces = [piece for log in logs for piece in preprocess.preprocess(log, trust, median)]
     _check_times(pieces, options)
-    samples = samples_of(pieces)
-    use = replace(use, space=_space(use.space, options))
-    fitter = Fitter(samples)
-    a, delay, sign = coarse_start(fitter)
-    block = block_for(pieces, samples.block, a)
-    if block < samples.block:
-        delay *= samples.block / block
-        samples = samples_of(pieces, block)
-        fitter = Fitter(samples)
-    if sign < 0:
-        samples.torque = -samples.torque
-    _prepare(fitter, a, delay)
-    if samples.cycles < MIN_SCORED_CYCLES:
-        use = replace(use, space=select.few_cycles(use.space))
-    fits = select.fit_all(fitter, a, delay, use.space)
+    fitter, a, delay, sign = _start(pieces)
+    space = _space(options)
+    if fitter.samples.cycles < MIN_SCORED_CYCLES:
+        space = select.few_cycles(space)
+    fits = select.fit_all(fitter, a, delay, space)
     if not fits:
         raise Error(f"{logs[0].name}: no friction law fits; are angle and torque swapped?")
-    corrected: list[str] = []
-    if use.lack_of_fit:
-        fitter, fits, corrected = _correct_encoder(fitter, fits, delay, use.space)
-    found = _judge(fitter, fits, use, corrected)
+    fitter, fits, corrected = _correct_encoder(fitter, fits, delay, space)
+    found = _judge(fitter, fits, corrected)
     return claims_of(
         Result(list(logs), pieces, fitter.samples, fitter, sign, options, fits, *found)
     )
+
+
+def _start(pieces: Sequence[Log]) -> tuple[Fitter, float, float, float]:
+    """Samples with cycles and weights, and rough start values: a, delay in samples, sign."""
+    fitter = Fitter(samples_of(pieces))
+    a, delay, sign = coarse_start(fitter)
+    block = block_for(pieces, fitter.samples.block, a)
+    if block < fitter.samples.block:
+        delay *= fitter.samples.block / block
+        fitter = Fitter(samples_of(pieces, block))
+    if sign < 0:
+        fitter.samples.torque = -fitter.samples.torque
+    _prepare(fitter, a, delay)
+    return fitter, a, delay, sign
 
 
 def _check_times(pieces: Sequence[Log], options: Options) -> None:
@@ -102,10 +89,9 @@ def _check_times(pieces: Sequence[Log], options: Options) -> None:
         raise Error(f"{untimed}: {timed[0]} needs times of the rows (--time)")
 
 
-def _space(space: SearchSpace, options: Options) -> SearchSpace:
-    lags = space.lags if options.delay else tuple(x for x in space.lags if "delay" not in x)
-    wanted = OPTIONS.get(options.model, "")
-    return replace(space, terms=options.terms, lags=lags, wanted=wanted)
+def _space(options: Options) -> SearchSpace:
+    lags = tuple(lag for lag in LAGS if options.delay or "delay" not in lag)
+    return SearchSpace(options.terms, lags, wanted=OPTIONS.get(options.model, ""))
 
 
 def _prepare(fitter: Fitter, a: float, delay: float) -> None:
@@ -158,23 +144,17 @@ def _encoder_error(fitter: Fitter, fits: list[Fit], corrected: list[str]) -> Lac
 
 
 def _judge(
-    fitter: Fitter, fits: list[Fit], use: Mechanisms, corrected: list[str]
+    fitter: Fitter, fits: list[Fit], corrected: list[str]
 ) -> tuple[Plausible, list[Lack], Intervals]:
-    """What is plausible, what is lacking, and the intervals."""
+    """The plausible hypotheses, the lack of fit and the intervals."""
     samples = fitter.samples
     hidden = _hidden_by_rounding(samples, select.best_of(fits))
-    with_skew = use.plausible and use.space.lags != ("none",)
-    seen = select.plausible(fitter, fits, hidden, with_skew)
-    if not use.plausible:
-        seen = replace(seen, fits=[seen.chosen])
+    seen = select.plausible(fitter, fits, hidden)
     value = seen.chosen.value
     quantile = float(student.ppf(CONFIDENCE, max(len(samples.folds) - 1, 1)))
-    lacks: list[Lack] = []
-    if use.lack_of_fit and not hidden:
-        lacks = diagnose.lack_of_fit(fitter, seen.best, quantile, corrected)
+    lacks = [] if hidden else diagnose.lack_of_fit(fitter, seen.best, quantile, corrected)
     low, high = _over_hypotheses(seen, quantile)
-    if use.plausible:
-        low, high = _beyond_one_element(seen, fits, lacks, low, high)
+    low, high = _beyond_one_element(seen, fits, lacks, low, high)
     widths = {
         "noise": quantile * seen.chosen.error / value,
         "hypotheses": (high - low) / 2 / value,
@@ -182,14 +162,13 @@ def _judge(
     for one in lacks:
         low, high = np.minimum(low, one.low), np.maximum(high, one.high)
     widths["lack of fit"] = (high - low) / 2 / value
-    simulated = np.zeros(2)
-    if use.simulation and (samples.count or samples.noise):
-        simulated = _simulated_reach(fitter, seen.chosen) * value
-        widths["counts"] = simulated / value
-        low, high = (
-            value - np.hypot(value - low, simulated),
-            value + np.hypot(high - value, simulated),
-        )
+    if samples.count or samples.noise:
+        widths["counts"] = _simulated_reach(fitter, seen.chosen)
+        simulated = widths["counts"] * value
+        low = value - np.hypot(value - low, simulated)
+        high = value + np.hypot(high - value, simulated)
+    least = select.MODEL_ERROR * value  # no parameter is known better than its law
+    low, high = np.minimum(low, value - least), np.maximum(high, value + least)
     return seen, lacks, Intervals(value, low, high, widths)
 
 
@@ -221,7 +200,7 @@ def _beyond_one_element(
     """
     plain = [f for f in fits if f.hypothesis.law == "dahl"]
     laws = {f.hypothesis.law for f in seen.fits}
-    if not plain or laws & {"dahl", "loaded"}:
+    if not plain or laws & ONE_ELEMENT:
         return low, high
     several = seen.best.hypothesis.friction.elements > 1
     value = seen.best.value

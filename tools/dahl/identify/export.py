@@ -117,8 +117,7 @@ def _alone(result: Result, fit: Fit) -> Fit:
 
 def _runnable(result: Result, fit: Fit) -> RunnableModel:
     law, terms = fit.hypothesis.friction, terms_of(fit, result.samples)
-    a, Fc = np.exp(fit.p[: law.elements]), fit.limits  # noqa: N806
-    sigma0 = tuple((a * Fc).tolist())
+    Fc, sigma0 = fit.limits, tuple(fit.slopes.tolist())  # noqa: N806
     lost = max((fit.total - result.plausible.best.total) / result.spread, 0.0)
     kinds = tuple("dahl" if kind == "loaded" else kind for kind in law.kinds)
     if fit.hypothesis.law == "asymmetric":
@@ -138,7 +137,7 @@ def _loaded(result: Result, fit: Fit, terms: dict[str, float], lost: float) -> R
     most = float(at.max())
     Fc = float(fit.limits[0]) * most  # noqa: N806
     line = ((1 - slope) / most, slope / reference / most)
-    sigma0 = float(np.exp(fit.p[0])) * Fc
+    sigma0 = float(fit.slopes[0]) * most
     return RunnableModel(fit, "loaded", (sigma0,), (Fc,), ("dahl",), terms, lost, line)
 
 

@@ -21,21 +21,23 @@ from dahl.identify import models
 from dahl.identify.models import LAWS, Law
 from dahl.identify.samples import Samples, delayed
 
-LAGS = ("none", "damping", "delay", "low pass", "play", "damping+delay")
-DELAYED = ("delay", "low pass", "damping+delay")  # the last parameter is a number of samples
+LAGS = ("none", "damping", "delay", "low pass", "play", "delay+filter")
+DELAYED = ("delay", "low pass", "delay+filter")  # the last parameter is a number of samples
 ROUNDS = 8
 MAX_STEP, MAX_DELAY_STEP = 0.4, 6.0  # of a Gauss-Newton step: in ln a and shapes, in samples
 MIN_GAIN, SETTLED_STEP = 1e-4, 1e-3  # of the cost and of ln a, below which the fit has converged
-MIN_LOW_PASS = 0.3  # samples; a shorter time constant is none
-MAX_LINEAR = 0.6  # of ln a: beyond it the linearisation is not trusted
+MIN_LOW_PASS = 0.3  # samples; a shorter time constant has no effect
+MAX_LINEAR = 0.6  # of ln a: beyond it a linearisation is useless
+MAX_ELEMENT = 1.0  # presliding lengths in a count: one of several elements cannot be stiffer
 MIN_STRIBECK = -0.02  # of Fc; friction that grows with speed is viscous
+MIN_VISCOUS = -0.02  # of MAX_FRICTION, at high speed; friction that falls with speed is Stribeck's
 MAX_FRICTION = 1.5  # of the measured torque: more would have to be cancelled by inertia or a spring
 DERIVATIVE_STEP, DERIVATIVE_STEP_ROWS = 0.01, 0.05  # of numerical derivatives
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """What the log may be."""
+    """One description of a log."""
 
     law: str = "dahl"
     lag: str = "none"
@@ -50,14 +52,19 @@ class Hypothesis:
     @property
     def size(self) -> int:
         """Parameters beyond a Dahl element and an offset."""
-        lag = {"none": 0, "damping+delay": 2, "delays": 2}.get(self.lag, 1)
+        lag = {"none": 0, "delay+filter": 2, "delays": 2}.get(self.lag, 1)
         terms = sum(16 if term == "waves" else 1 for term in self.terms) - 1
         return self.friction.size + lag + terms
+
+    @property
+    def lag_columns(self) -> int:
+        """Linear ones."""
+        return int(self.lag in ("damping", "delay+filter"))
 
     def contains(self, other: Hypothesis) -> bool:
         """Whether the other one is a special case of this one."""
         law = other.law == self.law or other.law in self.friction.special_cases
-        lag = other.lag in (self.lag, "none")
+        lag = other.lag in (self.lag, "none") or (other.lag, self.lag) == ("delay", "delay+filter")
         terms = set(other.terms) <= set(self.terms)
         return law and lag and terms and self.angle == other.angle
 
@@ -73,6 +80,7 @@ class Fit:
     hypothesis: Hypothesis
     p: np.ndarray  # nonlinear parameters: ln a of each element, shapes, lag
     limits: np.ndarray  # N m (N), Fc of each element
+    taken_at: np.ndarray  # N m (N), the limits at which derivatives by p were computed
     coefficients: np.ndarray  # of all columns of Fitter.columns()
     cost: np.ndarray  # (cycles,) squared residuals of each cycle when it is left out
     value: np.ndarray  # sigma0, Fc
@@ -82,6 +90,14 @@ class Fit:
     @property
     def total(self) -> float:
         return float(self.cost.sum())
+
+    @property
+    def slopes(self) -> np.ndarray:
+        """sigma0 of each element, N m/rad (N/m); with `value[0]` as their sum."""
+        m = len(self.limits)
+        change = np.clip(self.coefficients[m : 2 * m], -MAX_LINEAR, MAX_LINEAR)
+        found: np.ndarray = np.exp(self.p[:m]) * (self.limits + self.taken_at * change)
+        return found
 
     @property
     def error(self) -> np.ndarray:
@@ -191,9 +207,9 @@ class Fitter:
         return [laws[kind](moves, pieces, a[k]) for k, kind in enumerate(law.kinds)]
 
     def _lagged(self, h: Hypothesis, p: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """What a late or slow torque sensor makes of x."""
+        """x as a late or slow torque sensor shows it."""
         s = self.samples
-        if h.lag in ("delay", "damping+delay"):
+        if h.lag in ("delay", "delay+filter"):
             return s.delayed(x, p[-1])
         if h.lag == "delays":
             each = p[len(p) - s.logs :]
@@ -207,7 +223,7 @@ class Fitter:
     def columns(
         self, h: Hypothesis, p: np.ndarray, limits: np.ndarray | None, terms: Iterable[str]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Elements, derivatives by p, damping, terms; and the Fc of each element at which the
+        """Elements, derivatives by p, lag, terms; and the Fc of each element at which the
         derivatives were taken.
         """
         w = self.elements(h, p)
@@ -221,8 +237,20 @@ class Fitter:
             moved = self.elements(h, p + step)
             change = sum(c * (x - y) for c, x, y in zip(limits, moved, w, strict=True))
             changes.append(change / step[k])
-        damping = [self.samples.rate(friction) / self.fast] if "damping" in h.lag else []
-        return np.column_stack((*w, *changes, *damping, *self.term_columns(terms))), limits
+        lag = self._lag_columns(h, friction)
+        return np.column_stack((*w, *changes, *lag, *self.term_columns(terms))), limits
+
+    def _lag_columns(self, h: Hypothesis, friction: np.ndarray) -> list[np.ndarray]:
+        """Derivatives of friction by time that a lag adds, as many as h.lag_columns.
+
+        The second one is what any short filter adds to its delay: a mean over rows, a filter
+        that runs to and fro, a torque cell that rings.
+        """
+        if h.lag == "damping":
+            return [self.samples.rate(friction) / self.fast]
+        if h.lag == "delay+filter":
+            return [self.samples.by_piece(lambda x: np.gradient(np.gradient(x)), friction)]
+        return []
 
     def _limits_of(self, w: list[np.ndarray], terms: Iterable[str]) -> np.ndarray:
         """Fc of each element by least squares; small instead of negative."""
@@ -285,20 +313,36 @@ class Fitter:
         whole, m = at.grams.sum(axis=0), len(at.limits)
         full, left = solve(whole, columns), solve(whole - at.grams, columns)
         value = self.parameters(at.p, at.limits, full)
-        falls = h.law != "stribeck" or at.p[1] + full[m + 1] > MIN_STRIBECK
-        hidden = full[:m] @ at.peaks > self.max_friction
-        if not ((full[:m] > 0).all() and (value > 0).all() and falls) or hidden:
+        if not self._is_friction(h, at, full, value):
             return None
         return Fit(
             h,
             at.p,
             full[:m],
+            at.limits,
             full,
             cost_of(at.grams, columns, left),
             value,
             self.parameters(at.p, at.limits, left),
             float(np.abs(full[m : 2 * m]).max()),
         )
+
+    def _is_friction(self, h: Hypothesis, at: Optimum, c: np.ndarray, value: np.ndarray) -> bool:
+        """Whether coefficients `c` are physical, and no element is larger than the log can show."""
+        m = len(at.limits)
+        positive = bool((c[:m] > 0).all() and (value > 0).all())
+        too_large = c[:m] @ at.peaks > self.max_friction
+        too_stiff = m > 1 and np.exp(at.p[:m].max()) * self.samples.count > MAX_ELEMENT
+        falls = h.law != "stribeck" or at.p[1] + c[m + 1] > MIN_STRIBECK
+        resists = self._viscous(h, c) > MIN_VISCOUS * self.max_friction
+        return bool(positive and falls and resists and not too_large and not too_stiff)
+
+    def _viscous(self, h: Hypothesis, coefficients: np.ndarray) -> float:
+        """Viscous torque at high speed, N m (N)."""
+        if "viscous" not in h.terms:
+            return 0.0
+        after = len(h.terms) - h.terms.index("viscous")  # all behind it have one column each
+        return float(coefficients[-after]) * self.fast
 
     def parameters(self, p: np.ndarray, limits: np.ndarray, c: np.ndarray) -> np.ndarray:
         """sigma0 and Fc of coefficients c (..., k) of columns that were taken at `limits`."""
@@ -323,7 +367,7 @@ class Fitter:
         names = [*pool, *(["cubic", "waves"] if waves else [])]
         table, limits = self.columns(h, at.p, at.limits, names)
         at = replace(at, grams=self.samples.grams(table), limits=limits)
-        base = len(limits) + len(at.p) + ("damping" in h.lag)
+        base = len(limits) + len(at.p) + h.lag_columns
         places, k = {}, base
         for name in names:
             width = self.samples.waves.shape[1] if name == "waves" else 1

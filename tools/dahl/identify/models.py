@@ -76,6 +76,8 @@ def mixed_law(elements: int) -> Law:
     return Law(f"mixed {elements}", kinds, stiffness, special_cases=("mixed",), in_library=True)
 
 
+ONE_ELEMENT = {"dahl", "slip", "loaded"}  # laws without a shape of their own
+
 OPTIONS = {  # law by the name of --model
     "dahl": "dahl",
     "slip-1": "slip",

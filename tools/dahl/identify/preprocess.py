@@ -181,6 +181,11 @@ def mark_torque_readings(log: Log) -> Log:
     if len(readings) == 0:
         return log
     every = round(float(np.median(np.diff(readings))))
+    theta = log.theta[readings]
+    off = np.interp(np.arange(log.rows), readings, theta) - log.theta
+    if np.abs(off[readings[0] : readings[-1]]).max() < ROUNDING * np.ptp(theta):
+        note = f"angle and torque are drawn straight between every {every}th row: these are used"
+        return replace(log.part(readings, [*log.notes, note]), resolution=resolution_of(theta))
     words = f"the torque has a new reading every {every} rows only"
     _check_readings(log, words, len(readings))
     weight = np.zeros(log.rows)

@@ -154,7 +154,7 @@ def _term_errors(result: Result) -> dict[str, float]:
 def _delay_error(result: Result) -> float:
     """Return half the range of the delay over all plausible hypotheses, in rows."""
     late = [
-        float(f.p[-1]) if f.hypothesis.lag in ("delay", "damping+delay") else 0.0
+        float(f.p[-1]) if f.hypothesis.lag in ("delay", "delay+filter") else 0.0
         for f in result.plausible.fits
     ]
     return float(np.ptp(late)) / 2 * result.samples.block
@@ -309,7 +309,7 @@ def _parts(fit: Fit) -> list[dict[str, float | str]]:
     """Return the elements of a law, each with its kind and parameters."""
     law = fit.hypothesis.friction
     if fit.hypothesis.law == "asymmetric":
-        sigma0 = float(np.exp(fit.p[0]) * fit.limits[0])
+        sigma0 = float(fit.slopes[0])
         ways = {"Fc_forward": 1 + fit.p[1], "Fc_backward": 1 - fit.p[1]}
         limits = {name: float(fit.limits[0] * part) for name, part in ways.items()}
         return [{"kind": "asymmetric", "sigma0": sigma0, **limits}]
@@ -317,7 +317,7 @@ def _parts(fit: Fit) -> list[dict[str, float | str]]:
     for k, kind in enumerate(law.kinds):
         limit = float(fit.limits[k])
         words = law.label if kind == "table" else kind
-        parts.append({"kind": words, "sigma0": float(np.exp(fit.p[k])) * limit, "Fc": limit})
+        parts.append({"kind": words, "sigma0": float(fit.slopes[k]), "Fc": limit})
     for k in range(len(law.shape)):
         parts[0]["exponent" if law.name == "exponent" else f"shape_{k + 1}"] = float(
             fit.p[law.elements + k]

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dahl.identify.fit import Fit, Fitter, Hypothesis, Optimum, solve
+from dahl.identify.models import ONE_ELEMENT
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, samples_of
-from dahl.io.log import Log
+from dahl.io.log import Log, resolution_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -147,7 +148,7 @@ class Result:
 
     @property
     def terms(self) -> dict[str, float]:
-        """Coefficients beside friction: offset [N m], spring [N m/rad], viscous, inertia."""
+        """Coefficients of the terms: offset [N m], spring [N m/rad], viscous, inertia."""
         return terms_of(self.chosen, self.samples)
 
     # --- views for people and programs ---
@@ -232,7 +233,7 @@ class Result:
 
     @property
     def verdict(self) -> str:
-        """One line: what is claimed, how well it is known, and the dominant uncertainty."""
+        """One line: the claims, how well they are known, and the dominant uncertainty."""
         log, words = self.logs[0], []
         for name, p, unit in (
             ("sigma0", self.sigma0, log.slope_unit),
@@ -249,7 +250,7 @@ class Result:
 def terms_of(fit: Fit, samples: Samples) -> dict[str, float]:
     """Coefficients of the terms of a fit in N m, N m/rad, ... (N, N/m, ...)."""
     h, reach = fit.hypothesis, samples.reference.reach
-    first = len(fit.limits) + len(fit.p) + ("damping" in h.lag)
+    first = len(fit.limits) + len(fit.p) + h.lag_columns
     found, k = {}, first
     for name in h.terms:
         if name == "waves":
@@ -272,36 +273,61 @@ def _is_steepest_at_rest(fit: Fit) -> bool:
     return law.name == "bouc-wen" and float(fit.p[law.elements]) < MIN_BOUC_WEN
 
 
+Objection = tuple[tuple[bool, bool], str]  # against claims of sigma0 and of Fc, and why
+
+
 def claims_of(result: Result) -> Result:
     """Apply the rule: enough cycles, enough explained, a narrow interval, nothing withdrawn."""
-    i, reasons = _without_hidden_presliding(result), []
-    withdrawn = np.zeros(2, dtype=bool)
-    for lack in result.lacks:
-        withdrawn |= np.array(lack.withdraws)
-    if i is not result.intervals:
-        reasons.append("presliding is shorter than a count or a move of one row")
+    i = _without_hidden_presliding(result)
+    objections = [
+        *_against_log(result),
+        *_against_widths(i),
+        *((lack.withdraws, lack.text) for lack in result.lacks),
+        *_against_sigma0(result, i),
+    ]
+    refused = np.any([(False, False), *(against for against, _ in objections)], axis=0)
+    known = np.isfinite(i.low) & np.isfinite(i.high) & (i.low > 0)
+    claimed = known & ~refused
+    reasons = [text for _, text in objections if text]
+    return replace(
+        result, intervals=i, claimed=(bool(claimed[0]), bool(claimed[1])), reasons=reasons
+    )
+
+
+def _against_log(result: Result) -> Iterator[Objection]:
+    """Objections to a log whatever its intervals are."""
+    cycles, r2 = result.samples.cycles, result.r2_of(result.plausible.best)
+    if r2 < MIN_R2:
+        percent = f"{100 * r2:.0f} %"
+        yield (True, True), f"the best hypothesis explains {percent} of what was left out"
+    if cycles < MIN_SCORED_CYCLES:
+        text = f"only {cycles} cycles, {MIN_SCORED_CYCLES} are needed to score a fit"
+        yield (True, True), text
+    counts = [(resolution_of(log.theta), resolution_of(log.torque)) for log in result.raw]
+    if result.sign < 0 and all(angle == 0 < torque for angle, torque in counts):
+        text = "friction would drive the motion, and only the torque lies on a grid of counts"
+        yield (True, True), f"{text}: are angle and torque swapped?"
+
+
+def _against_widths(i: Intervals) -> Iterator[Objection]:
     for k, name in enumerate(NAMES):
         half = (i.high[k] - i.low[k]) / 2 / i.value[k]
         if half > MAX_HALF_WIDTH and np.isfinite(half):
-            source = SOURCES[i.dominant(k)]
-            reasons.append(f"{name} is known within {100 * half:.0f} % only: {source}")
-    reasons += [lack.text for lack in result.lacks if lack.text]
+            text = f"{name} is known within {100 * half:.0f} % only: {SOURCES[i.dominant(k)]}"
+            yield (k == 0, k == 1), text
+
+
+def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
+    """Objections to the slope at rest, if no log resolves it."""
+    if i is not result.intervals:
+        yield (True, False), "presliding is shorter than a count or a move of one row"
+    plausible = [fit.hypothesis for fit in result.plausible.fits]
+    if all(h.lag != "none" and h.law not in ONE_ELEMENT for h in plausible):
+        text = "law and lag both round the loop at a reversal, and both are unusual"
+        yield (True, False), f"{text}: no log separates them"
     if any(_is_steepest_at_rest(fit) for fit in result.plausible.fits):
-        withdrawn[0] = True
-        reasons.append("the loop is steepest at rest, as of small stiff elements: sigma0 is larger")
-    known = np.isfinite(i.low) & np.isfinite(i.high) & (i.low > 0)
-    claimed = known & ((i.high - i.low) / 2 / i.value <= MAX_HALF_WIDTH) & ~withdrawn
-    if result.samples.cycles < MIN_SCORED_CYCLES:
-        claimed[:] = False
-        reasons.insert(
-            0, f"only {result.samples.cycles} cycles, {MIN_SCORED_CYCLES} are needed to score a fit"
-        )
-    if 1 - result.plausible.best.total / result.spread < MIN_R2:
-        claimed[:] = False
-        percent = 100 * (1 - result.plausible.best.total / result.spread)
-        reasons.insert(0, f"the best hypothesis explains {percent:.0f} % of what was left out")
-    both = bool(claimed[0]), bool(claimed[1])
-    return replace(result, intervals=i, claimed=both, reasons=reasons)
+        text = "the loop is steepest at rest, as of small stiff elements: sigma0 is larger"
+        yield (True, False), text
 
 
 def _without_hidden_presliding(result: Result) -> Intervals:

@@ -18,12 +18,13 @@ from dahl.identify import models
 from dahl.identify.limits import HEAD_ROWS
 from dahl.io.log import Log
 
+TREATMENTS = ("between counts", "sharp turns", "as read")
 MAX_SAMPLES = 8000  # a fit of more costs seconds and knows little more
 MIN_STROKE_SAMPLES = 100  # a stroke of fewer shows its turn poorly
 MIN_PRESLIDING_SAMPLES = 20  # in the first presliding length after a turn
 SEGMENTS = 8  # of a log with many strokes, so that drift shows
 MAX_FOLDS = 24  # cycles in more are left out in groups
-MIN_SCORED_CYCLES = 6  # below it a jackknife says little; nothing is claimed
+MIN_SCORED_CYCLES = 6  # with fewer a jackknife says little and no parameter is claimed
 MIN_FOLDS, FEW_CYCLES_FOLDS = 3, 8  # with fewer cycles, equal parts of the log are left out
 SETTLE_LENGTHS = 6.0  # presliding lengths of travel that forget the unknown torque at the start
 SETTLE_PART = 0.25  # of the travel of a piece, at most
@@ -38,7 +39,7 @@ MIN_STEP = 0.2  # of the usual time step: a shorter one is jitter and would give
 
 @dataclass(frozen=True)
 class Reference:
-    """What the columns are measured from, so that a fit holds for other samples too."""
+    """Origins and units of the columns, so that a fit holds for other samples too."""
 
     centre: float  # rad (m), of springs
     reach: float  # rad (m), from there to the far end
@@ -170,10 +171,16 @@ def _cycle_numbers(turns: np.ndarray, rows: int) -> np.ndarray:
     return number
 
 
-def samples_of(logs: Sequence[Log], block: int = 0, reference: Reference | None = None) -> Samples:
+def samples_of(
+    logs: Sequence[Log],
+    block: int = 0,
+    reference: Reference | None = None,
+    angles: Sequence[str] = TREATMENTS,
+) -> Samples:
     """The samples of preprocessed logs.
 
-    `block` is the number of rows of a sample (0: choose); `reference` is that of another fit.
+    `block` is the number of rows of a sample (0: choose); `reference` is that of another fit;
+    `angles` are the treatments to compute besides "between counts".
     """
     names = list(dict.fromkeys(log.name for log in logs))
     block = block or _block_of(logs)
@@ -183,7 +190,7 @@ def samples_of(logs: Sequence[Log], block: int = 0, reference: Reference | None 
     noise = max(treatments.white_noise(log.theta, log.resolution) for log in logs)
     noise = noise if noise > MIN_NOISE_COUNTS * count else 0.0
     timed = all(log.time is not None for log in logs)
-    tables = [_columns_of(log, noise, timed) for log in logs]
+    tables = [_columns_of(log, noise, timed, angles) for log in logs]
     thinned = [_in_blocks(table, block) for table in tables]
     lengths = [len(table["torque"]) for table in thinned]
     ends = np.cumsum([0, *lengths]).tolist()
@@ -217,7 +224,6 @@ def _reference_of(table: dict[str, np.ndarray]) -> Reference:
     return Reference((high + low) / 2, (high - low) / 2, load)
 
 
-TREATMENTS = ("between counts", "sharp turns", "as read")
 MIN_NOISE_COUNTS = 0.3  # below it, noise of an angle is part of its counts
 KEEP_ALL = 0.6  # part of the rows, above which segments are not worth the cycles that they cut
 MIN_SEGMENT_ROWS = 300
@@ -273,7 +279,9 @@ def _segments_of(log: Log, part: float) -> list[Log]:
     return [log.part(slice(int(i), int(i) + length)) for i in starts]
 
 
-def _columns_of(log: Log, noise: float, timed: bool) -> dict[str, np.ndarray]:
+def _columns_of(
+    log: Log, noise: float, timed: bool, angles: Sequence[str]
+) -> dict[str, np.ndarray]:
     """All arrays of a log at its own rows."""
     smooth = treatments.smoothed(log.theta, log.resolution, noise)
     time = log.time if timed and log.time is not None else NO_CLOCK_STEP * np.arange(log.rows)
@@ -290,7 +298,8 @@ def _columns_of(log: Log, noise: float, timed: bool) -> dict[str, np.ndarray]:
         "between counts": smooth,
     }
     if not noise and log.resolution:
-        table["sharp turns"] = treatments.with_sharp_turns(log.theta, log.resolution)
+        if "sharp turns" in angles:  # slow
+            table["sharp turns"] = treatments.with_sharp_turns(log.theta, log.resolution)
         table["as read"] = log.theta
     if log.load is not None:
         table["load"] = log.load
@@ -306,7 +315,7 @@ def _in_blocks(table: dict[str, np.ndarray], block: int) -> dict[str, np.ndarray
 
 
 def _add_terms(samples: Samples) -> None:
-    """Columns of what acts beside friction."""
+    """Add the columns of torques other than friction."""
     reference = samples.reference
     z = (samples.angles["between counts"] - reference.centre) / reference.reach
     samples.terms = {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Which hypotheses are fitted, and which of them the log cannot tell apart.
+"""Choose the hypotheses to fit, and find those that the log cannot distinguish.
 
 Dahl's law is fitted with every lag, angle and set of terms. Then the other laws are fitted with the
 lags and the angle that did best. A hypothesis is plausible if its score on cycles left out is close
@@ -15,32 +15,30 @@ from itertools import product
 import numpy as np
 
 from dahl.identify import models
-from dahl.identify.fit import LAGS, Fit, Fitter, Hypothesis, excess
+from dahl.identify.fit import LAGS, MAX_LINEAR, Fit, Fitter, Hypothesis, excess
 from dahl.identify.models import LAWS
 from dahl.identify.start import pair_starts, slip_start
 from dahl.io.log import TERMS
 
-PLAUSIBLE_ERRORS = (
-    1.5  # standard errors from the best score: 7 % of true hypotheses are further away
-)
+PLAUSIBLE_ERRORS = 1.5  # standard errors from the best score; 7 % of the true are further away
+MODEL_ERROR = 0.003  # of Fc, rms, that even the right law is off; a judgement
 PENALTY = 0.002  # of the best cost, for each parameter: a tie goes to the simpler hypothesis
 SKEW_SAMPLES = 0.5  # torque and angle of one row may be read half a row apart
 MAX_SKEWED = 3  # hypotheses that are fitted with a skew
 MAX_LOGS_WITH_DELAYS = 4  # logs that may each have a delay of their own
-MAX_REFITS = 3  # of subsets whose linearisation went far
-FAR_STEP = 0.03  # of ln a
-HOPELESS, CLOSE = 1.5, 1.2  # times the best cost of a law: not kept; worth a refit
+FAR_STEP = 0.1  # of ln a: a plausible subset whose linearisation went further is fitted again
+MAX_REFITS = 8  # until the best one is at its optimum
+HOPELESS = 1.5  # times the best cost of its law and lag: not kept
 OTHER_ANGLES = 5  # laws that are fitted again with the other angles
 
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """What the user allows, and what an ablation leaves out."""
+    """The hypotheses to fit."""
 
-    terms: tuple[str, ...] | None = None  # exactly these beside friction; None: those that pay
+    terms: tuple[str, ...] | None = None  # exactly these with friction; None: those that pay
     lags: tuple[str, ...] = LAGS
     laws: tuple[str, ...] = tuple(LAWS)
-    all_angles: bool = True
     wanted: str = ""  # a law that is fitted in any case
     shapes: bool = True  # whether a torque may depend on the angle by more than a spring
 
@@ -50,7 +48,7 @@ class SearchSpace:
 
 
 def few_cycles(space: SearchSpace) -> SearchSpace:
-    """The hypotheses that a few cycles can tell apart; more would predict other logs worse."""
+    """The hypotheses that a few cycles can distinguish; more would predict other logs worse."""
     lags = tuple(lag for lag in space.lags if lag in ("none", "damping"))
     laws = tuple(law for law in space.laws if LAWS[law].kinds[0] in ("dahl", "slip", "loaded"))
     return replace(space, lags=lags, laws=laws, shapes=False)
@@ -72,17 +70,31 @@ def fit_all(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[
     if not fits:
         return fits
     if fitter.samples.load is not None and "loaded" in space.laws:
-        for angle, lag in product(_angles(fitter, space), {"none", "delay"} & {*space.lags}):
+        for angle, lag in product(fitter.samples.angles, {"none", "delay"} & {*space.lags}):
             h = Hypothesis("loaded", lag, angle)
             fits += _subsets(fitter, h, fitter.start(h, a, delay or 1.0), space)
     fits += _other_laws(fitter, fits, space)
-    return [f for f in fits if np.isfinite(f.value).all() and np.isfinite(f.cost).all()]
+    fits = [f for f in fits if np.isfinite(f.value).all() and np.isfinite(f.cost).all()]
+    fits = [f for f in fits if f.step < MAX_LINEAR] or fits
+    return _with_best_at_optimum(fitter, fits)
+
+
+def _with_best_at_optimum(fitter: Fitter, fits: list[Fit]) -> list[Fit]:
+    """Fit the best one again until it is at its optimum: a linearised score may be too good."""
+    for _ in range(MAX_REFITS):
+        best = best_of(fits)
+        if best.step < FAR_STEP:
+            break
+        other = fitter.fit(best.hypothesis, best.p)
+        others = [f for f in fits if f is not best]
+        fits = [*others, other] if other is not None else others or fits
+    return fits
 
 
 def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[Fit]:
     starts = {
         "delay": delay or 1.0,
-        "damping+delay": delay,
+        "delay+filter": delay,
         "delays": delay,
         "low pass": max(delay, 3.0),
         "play": float(np.log(0.2 / a)),
@@ -91,43 +103,28 @@ def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: Search
     if "delay" in lags and 1 < fitter.samples.logs <= MAX_LOGS_WITH_DELAYS:
         lags.append("delays")
     fits: list[Fit] = []
-    for angle in _angles(fitter, space):
+    for angle in fitter.samples.angles:
         for lag in lags:
             h = Hypothesis("dahl", lag, angle)
+            if _smooths_counts(h):
+                continue
             fits += _subsets(fitter, h, fitter.start(h, a, starts.get(lag, 0.0)), space)
     return fits
 
 
-def _angles(fitter: Fitter, space: SearchSpace) -> list[str]:
-    return list(fitter.samples.angles) if space.all_angles else ["between counts"]
+def _smooths_counts(h: Hypothesis) -> bool:
+    """Whether a filter would smooth the steps of an angle as read, which no torque has."""
+    return h.angle == "as read" and h.lag in ("low pass", "delay+filter")
 
 
 def _subsets(fitter: Fitter, h: Hypothesis, p: np.ndarray, space: SearchSpace) -> list[Fit]:
-    """All sets of terms, with the promising ones fitted again."""
+    """All sets of terms that come near the best one of this law and lag."""
     if space.terms is not None:
         one = fitter.fit(replace(h, terms=space.pool), p)
         return [one] if one is not None else []
     pool = [name for name in space.pool if fitter.samples.timed or name in ("offset", "spring")]
-    return _refit_promising(fitter, fitter.fit_subsets(h, p, pool, space.shapes))
-
-
-def _refit_promising(fitter: Fitter, fits: list[Fit]) -> list[Fit]:
-    """Keep what is near the best of its law and lag; refit where the linearisation went far."""
-    if not fits:
-        return fits
-    best, refits = min(f.total for f in fits), 0
-    kept: list[Fit] = []
-    for one in sorted(fits, key=lambda f: f.total):
-        if one.total > HOPELESS * best and len(kept) > 2:
-            continue
-        if one.step > FAR_STEP and one.total < CLOSE * best and refits < MAX_REFITS:
-            refits += 1
-            other = fitter.fit(one.hypothesis, one.p)
-            if other is not None and other.total < 1.02 * one.total:
-                kept.append(other)
-                continue
-        kept.append(one)
-    return kept
+    fits = sorted(fitter.fit_subsets(h, p, pool, space.shapes), key=lambda f: f.total)
+    return [f for k, f in enumerate(fits) if k < 3 or f.total < HOPELESS * fits[0].total]
 
 
 def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit]:
@@ -144,7 +141,7 @@ def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit
         for law, p in _law_starts(fitter, base, a, space).items():
             h = replace(base, law=law)
             found += _subsets(fitter, h, np.append(p, lead), space)
-    return found + _with_other_angles(fitter, found, angle, space)
+    return found + _with_other_angles(fitter, found, angle)
 
 
 def _law_starts(
@@ -168,27 +165,25 @@ def _law_starts(
     return {law: p for law, p in starts.items() if law in kept}
 
 
-def _with_other_angles(
-    fitter: Fitter, fits: list[Fit], angle: str, space: SearchSpace
-) -> list[Fit]:
+def _with_other_angles(fitter: Fitter, fits: list[Fit], angle: str) -> list[Fit]:
     """The best laws with the other treatments of the angle."""
     found: list[Fit] = []
     seen: set[tuple[str, str]] = set()
-    others = [name for name in fitter.samples.angles if name != angle] if space.all_angles else []
+    others = [name for name in fitter.samples.angles if name != angle]
     for one in sorted(fits, key=lambda f: float(penalised(f).sum())):
         h = one.hypothesis
         if (h.law, h.lag) in seen or len(seen) >= OTHER_ANGLES:
             continue
         seen.add((h.law, h.lag))
-        for name in others:
-            other = fitter.fit(replace(h, angle=name), one.p)
-            found += [other] if other is not None else []
+        for other in (replace(h, angle=name) for name in others):
+            fit = None if _smooths_counts(other) else fitter.fit(other, one.p)
+            found += [fit] if fit is not None else []
     return found
 
 
 @dataclass
 class Plausible:
-    """What the log cannot tell apart. `fits` are judged; `near` also holds what they dominate."""
+    """Hypotheses that the log cannot distinguish. `near` also has those that are not needed."""
 
     chosen: Fit  # the simplest
     best: Fit  # by the score
@@ -196,7 +191,7 @@ class Plausible:
     near: list[Fit]
 
 
-def plausible(fitter: Fitter, fits: list[Fit], hidden: float, with_skew: bool) -> Plausible:
+def plausible(fitter: Fitter, fits: list[Fit], hidden: float) -> Plausible:
     """The hypotheses within PLAUSIBLE_ERRORS of the best one.
 
     `hidden` is a cost that cycles left out cannot see, as the rounding of a coarse torque sensor
@@ -204,15 +199,22 @@ def plausible(fitter: Fitter, fits: list[Fit], hidden: float, with_skew: bool) -
     """
     best = best_of(fits)
     limit = penalised(best)
-    near = [f for f in fits if is_near(penalised(f), limit, hidden)]
+    free = hidden + model_error(fitter, best)
+    near = [f for f in fits if is_near(penalised(f), limit, free)]
     chosen = min(near, key=lambda f: (f.hypothesis.size, f.total))
     chosen = fitter.fit(chosen.hypothesis, chosen.p) or chosen  # without a step of linearisation
-    kept = [f for f in near if not _dominated(f, near)] or [chosen]
-    if with_skew:
-        kept += _skewed(fitter, kept, limit)
+    kept = [_converged(fitter, f) for f in near if not _dominated(f, near)]
+    kept = [f for f in kept if is_near(penalised(f), limit, free) and (f.error < f.value).all()]
+    kept = kept or [chosen]
+    kept += _skewed(fitter, kept, limit, free)
     if hidden:  # more parameters than the chosen one only fit the rounding
         kept = [f for f in kept if f.hypothesis.size <= chosen.hypothesis.size + 1]
     return Plausible(chosen, best, kept, near)
+
+
+def model_error(fitter: Fitter, best: Fit) -> float:
+    """Cost of the error that even the right law has."""
+    return float(fitter.samples.used.sum()) * (MODEL_ERROR * float(best.value[1])) ** 2
 
 
 def is_near(cost: np.ndarray, best: np.ndarray, hidden: float = 0.0) -> bool:
@@ -227,6 +229,13 @@ def is_near(cost: np.ndarray, best: np.ndarray, hidden: float = 0.0) -> bool:
     return more <= PLAUSIBLE_ERRORS * error + hidden and near_ratio
 
 
+def _converged(fitter: Fitter, fit: Fit) -> Fit:
+    """The fit itself or, if its linearisation went far, one from where it stopped."""
+    if fit.step < FAR_STEP:
+        return fit
+    return fitter.fit(fit.hypothesis, fit.p) or fit
+
+
 def _dominated(fit: Fit, others: list[Fit]) -> bool:
     """Whether a special case scores as well."""
     return any(
@@ -237,14 +246,14 @@ def _dominated(fit: Fit, others: list[Fit]) -> bool:
     )
 
 
-def _skewed(fitter: Fitter, kept: list[Fit], limit: np.ndarray) -> list[Fit]:
+def _skewed(fitter: Fitter, kept: list[Fit], limit: np.ndarray, free: float) -> list[Fit]:
     """The best ones with torque and angle read half a row apart, if that is as plausible."""
     found = []
     without = [f for f in kept if "delay" not in f.hypothesis.lag]
     for one in sorted(without, key=lambda f: f.total)[:MAX_SKEWED]:
         for skew in (-SKEW_SAMPLES, SKEW_SAMPLES):
             other = fitter.fit(replace(one.hypothesis, skew=skew), one.p)
-            if other is not None and is_near(penalised(other), limit):
+            if other is not None and is_near(penalised(other), limit, free):
                 found.append(other)
     return found
 
@@ -257,9 +266,8 @@ def reach(fit: Fit, near: list[Fit]) -> np.ndarray:
     """
     error = fit.error
     for other in near:
-        if other.hypothesis.size < fit.hypothesis.size and fit.hypothesis.contains(
-            other.hypothesis
-        ):
+        smaller = other.hypothesis.size < fit.hypothesis.size
+        if smaller and fit.hypothesis.contains(other.hypothesis):
             more, spread = excess(other.cost, fit.cost)
             if more <= spread:
                 error = np.minimum(error, 1.5 * other.error)

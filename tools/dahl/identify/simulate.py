@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Simulate and refit: what counts, rounding, sampling and angle noise do to the estimate.
+"""Simulate and refit: the effect of counts, rounding, sampling and angle noise on the estimate.
 
 Logs are made from the fitted parameters on the same motion, with known truth. The distance of their
 refits from the truth is the bias and the spread of the method on this log.
@@ -17,7 +17,7 @@ from dahl.identify.fit import Fit, Fitter, Hypothesis, jackknife, solve
 from dahl.identify.samples import MIN_TURN_LENGTHS, Samples, samples_of
 from dahl.io.log import Log, resolution_of
 
-DRAWS = 6
+DRAWS = 8  # in mirrored pairs, so that a log and its mirror image agree
 HIDDEN_COUNTS = 0.2  # standard error of the travel at a turn that is extrapolated from edges
 MIN_HIDDEN = 0.5  # standard errors, however well the torque fits
 FINE_STEPS = 4  # of the true motion between two samples
@@ -55,7 +55,7 @@ def _refit(fitter: Fitter, fit: Fit, draw: int, random: np.random.Generator) -> 
         Log(str(k), theta[rows], torque[rows], samples.time[rows], resolution=samples.count)
         for k, rows in zip(samples.log_of, samples.pieces, strict=True)
     ]
-    made = samples_of(logs, block=1, reference=samples.reference)
+    made = samples_of(logs, block=1, reference=samples.reference, angles=(h.angle,))
     made = replace(made, noise=samples.noise, load=samples.load)
     made.used, made.folds, made.cycles = samples.used, samples.folds, samples.cycles
     if h.angle not in made.angles:
@@ -68,8 +68,9 @@ def _refit(fitter: Fitter, fit: Fit, draw: int, random: np.random.Generator) -> 
 def _other_phase(samples: Samples, h: Hypothesis, draw: int) -> np.ndarray:
     """The motion of the log with its counts at other places, and half a count longer or shorter."""
     angle = samples.angles[h.angle if h.angle != "as read" else "between counts"]
-    shift = (draw * GOLDEN) % 1 - 0.5
-    stretch = (draw * SILVER) % 1 - 0.5
+    pair, side = draw // 2, 1 - 2 * (draw % 2)
+    shift = side * ((pair + 0.5) * GOLDEN % 1 - 0.5)
+    stretch = (pair + 0.5) * SILVER % 1 - 0.5
     around = angle - angle.mean()
     moved: np.ndarray = angle + samples.count * (shift + stretch * around / np.abs(around).max())
     return moved
@@ -137,7 +138,7 @@ def hidden_travel(fitter: Fitter, fit: Fit) -> np.ndarray:
 
 
 def _amplitude(fitter: Fitter, fit: Fit, change: np.ndarray) -> tuple[float, float]:
-    """How much of a change of the torque the log shows beside the fit, and its standard error."""
+    """How much of a change of the torque the log shows after the fit, and its standard error."""
     h = fit.hypothesis
     base, _ = fitter.columns(h, fit.p, fit.limits, h.terms)
     grams = fitter.samples.grams(np.column_stack((base, change)))
