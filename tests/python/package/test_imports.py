@@ -16,7 +16,8 @@ LAYERS = (  # docs/architecture.md; each layer may import from itself and the ea
     {"binding"},
     {"can", "io"},
     {"sim"},
-    {"identify", "report"},
+    {"report"},
+    {"identify"},
     {"commands"},
     {"cli"},
 )

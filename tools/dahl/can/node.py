@@ -81,7 +81,7 @@ COUNTS = tuple(Counts.__dataclass_fields__)
 class Node(Copied):
     """A friction node (dahl_node_t): frames in, frames out, relaxed at first.
 
-    friction       a Plan, or a Slip, Parallel, Asymmetric, ElastoPlastic or Loaded; the node copies
+    friction       a Plan, a Slip, or the object of another model; the node copies
                    its parameters, not its state. Parameter Load sets the load of a Loaded, 0 .. 1;
                    1 at first
     number         0 .. 15, the low 4 bits of its ids
