@@ -65,9 +65,8 @@ def _from_rest(whole: Trajectory, first: int, last: int) -> _Part:
         further = min(settled + ticks, last)
         travel += whole.travel(settled, further)
         settled, ticks = further, min(2 * ticks, MAX_SUM_TICKS)
-    return _Part(
-        first, last, end, settled, math.exp(-travel) if travel < FORGETTING_LENGTHS else 0.0
-    )
+    left = math.exp(-travel) if travel < FORGETTING_LENGTHS else 0.0
+    return _Part(first, last, end, settled, left)
 
 
 def _starts(parts: list[_Part], w: int) -> list[int]:

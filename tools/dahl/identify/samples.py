@@ -79,6 +79,11 @@ class Samples:
     def logs(self) -> int:
         return len(np.unique(self.log_of))
 
+    @property
+    def log_of_rows(self) -> np.ndarray:
+        """Number of the log of each sample: (n,)."""
+        return np.repeat(self.log_of, [rows.stop - rows.start for rows in self.pieces])
+
     def moves(self, angle: np.ndarray) -> np.ndarray:
         """From sample to sample, 0 at the start of each piece."""
         moves = np.diff(angle, prepend=angle[:1])

@@ -28,7 +28,7 @@ MAX_SKEWED = 3  # hypotheses that are fitted with a skew
 MAX_LOGS_WITH_DELAYS = 4  # logs that may each have a delay of their own
 FAR_STEP = 0.1  # of ln a: a plausible subset whose linearisation went further is fitted again
 MAX_REFITS = 8  # until the best one is at its optimum
-HOPELESS = 1.5  # times the best cost of its law and lag: not kept
+MAX_COST_RATIO = 1.5  # to the best cost of its law and lag; costlier sets of terms are dropped
 OTHER_ANGLES = 5  # laws that are fitted again with the other angles
 
 
@@ -124,7 +124,7 @@ def _subsets(fitter: Fitter, h: Hypothesis, p: np.ndarray, space: SearchSpace) -
         return [one] if one is not None else []
     pool = [name for name in space.pool if fitter.samples.timed or name in ("offset", "spring")]
     fits = sorted(fitter.fit_subsets(h, p, pool, space.shapes), key=lambda f: f.total)
-    return [f for k, f in enumerate(fits) if k < 3 or f.total < HOPELESS * fits[0].total]
+    return [f for k, f in enumerate(fits) if k < 3 or f.total < MAX_COST_RATIO * fits[0].total]
 
 
 def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit]:

@@ -9,7 +9,7 @@ import numpy as np
 
 BY_ROW = ("theta", "torque", "time", "weight", "load")  # arrays of a Log, one entry for each row
 TERMS = ("offset", "spring", "viscous", "inertia")  # that --terms may name
-SMALL = 1.0  # m: a linear motion of less is shown in mm
+MIN_SPAN_IN_M = 1.0  # m: a shorter linear motion is shown in mm
 
 
 @dataclass
@@ -58,7 +58,7 @@ class Log:
     @property
     def shown_in(self) -> tuple[float, str]:
         """The unit of the angle in pictures: its size in rad (m), and its name."""
-        small = self.linear and float(np.ptp(self.theta)) < SMALL
+        small = self.linear and float(np.ptp(self.theta)) < MIN_SPAN_IN_M
         return (1e-3, "mm") if small else (1.0, self.angle_unit)
 
 
