@@ -73,20 +73,20 @@ class Encoder(Copied):
         backward); 0 for the first one and for a jump. A reading is a whole number from 0 to
         modulus-1; dahl.Error for any other.
         """
-        return int(c.dahl_encoder_move(self._encoder, self._checked(reading)))
+        return int(c.dahl_encoder_move(self._encoder, self._check_reading(reading)))
 
     def home(self, reading: int) -> None:
         """The counter was set to `reading`, in counts as in move(), without motion; the next move
         starts there. The same errors as move().
         """
-        c.dahl_encoder_home(self._encoder, self._checked(reading))
+        c.dahl_encoder_home(self._encoder, self._check_reading(reading))
 
     @property
     def jumps(self) -> int:
         """Moves refused since the beginning: longer than largest_step."""
         return int(self._encoder.jumps)
 
-    def _checked(self, reading: int) -> int:
+    def _check_reading(self, reading: int) -> int:
         modulus = self._encoder.modulus
         return checks.whole("reading", reading, 0, modulus - 1 if modulus else UINT32_MAX)
 

@@ -142,14 +142,14 @@ def _definition(name: str, plan: AnyPlan) -> list[str]:
     words = _fields(plan._prepared, c.typeof(f"{prefix}plan_t"))
     return [
         f"static const {prefix}plan_t dahl_plan_{name} = {{",
-        *(line for field, value in words for line in _folded(f"/* {field} */ {value},")),
+        *(line for field, value in words for line in _fold(f"/* {field} */ {value},")),
         "};",
         "",
     ]
 
 
-def _folded(field: str) -> list[str]:
-    """A long initialiser in lines of at most LINE characters, cut after a comma."""
+def _fold(field: str) -> list[str]:
+    """Return a long initialiser in lines of at most LINE characters, cut after a comma."""
     lines, indent = [], "    "
     while len(indent + field) > LINE:
         cut = field.rfind(", ", 0, LINE - len(indent)) + 1

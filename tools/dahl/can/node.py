@@ -186,7 +186,7 @@ class Node(Copied):
         return self._out.message() if c.dahl_node_tick(self._node, moment, self._out.c) else None
 
     def _at(self, now: float) -> int:
-        """The clock of the C at a new `now`."""
+        """Set the time to a new `now`, and return it on the clock of the C."""
         if type(now) is not float or not math.isfinite(now):
             now = checks.finite("now", now, "s")
         if now - self._now > MAX_PAUSE_S:
@@ -222,9 +222,9 @@ class Node(Copied):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Node):
             return NotImplemented
-        return self._compared() == other._compared()
+        return self._comparable() == other._comparable()
 
-    def _compared(self) -> tuple[Any, ...]:
+    def _comparable(self) -> tuple[Any, ...]:
         """All but addresses, and padding that C leaves as it is."""
         first, last = (c.offsetof("dahl_node_t", name) for name in ("params", "urgent"))
         state = self.__getstate__()
@@ -251,7 +251,7 @@ def _us(seconds: float) -> int:
 
 
 def _clock(seconds: float) -> int:
-    """The clock of the C at this time: us, modulo 2^32."""
+    """Return this time on the clock of the C: us, modulo 2^32."""
     return _us(seconds) & UINT32_MAX
 
 
@@ -312,7 +312,7 @@ USES: dict[type, Callable[[Any], Use]] = {
 
 
 def _use_of(friction: object) -> Callable[[Any], Use] | None:
-    """The entry of its class or of a base class."""
+    """Return the entry of its class or of a base class; None if there is none."""
     return next((USES[kind] for kind in type(friction).__mro__ if kind in USES), None)
 
 
@@ -352,7 +352,7 @@ class Listener:
         self._link.receive(msg)
 
     def __call__(self, msg: can.Message) -> None:
-        """The same."""
+        """Answer one frame: a Notifier calls its listeners."""
         self._link.receive(msg)
 
     def on_error(self, exc: Exception) -> None:
@@ -412,7 +412,7 @@ async def serve(bus: can.BusABC, *nodes: Node) -> None:
 
 
 def _span(name: str, value: float) -> float:
-    """A time in s, also an infinite one."""
+    """Return a time in s, 0 to infinity. Raises dahl.Error."""
     number = checks.real(name, value, "a number of s, 0 or above,")
     if not number >= 0:
         raise Error(f"{name} = {number:g} is not a number of s, 0 or above")
@@ -507,7 +507,7 @@ ANSWER_KINDS: dict[type[codec.Frame], type[codec.Frame]] = {
 
 
 def _answer_in(message: can.Message | None, identifier: int) -> codec.Frame | None:
-    """The frame in a message, if it has this id and is whole."""
+    """Return the frame in a message, or None if it has another id or is damaged."""
     if message is None or message.arbitration_id != identifier:
         return None
     try:

@@ -118,10 +118,10 @@ class _Judge:
         self.fitter, self.fit, self.own = fitter, fit, list(range(own))
         self.grams = fitter.samples.grams(columns)
         self.whole = self.grams.sum(axis=0)
-        self.before, _, c = self._scored(self.own)
+        self.before, _, c = self._score(self.own)
         self.value = self._parameters(c)
 
-    def _scored(self, columns: list[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _score(self, columns: list[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         left = solve(self.whole - self.grams, columns)
         return cost_of(self.grams, columns, left), left, solve(self.whole, columns)
 
@@ -132,7 +132,7 @@ class _Judge:
         self, row: Row, columns: list[int], unit: np.ndarray, quantile: float, known: bool
     ) -> Lack | None:
         """Score one row; None if the cycles do not ask for it."""
-        after, left, c = self._scored(self.own + columns)
+        after, left, c = self._score(self.own + columns)
         gain, error = excess(self.before, after)
         asked = gain > SURE * error and gain > row.min_gain * after.sum()
         own = len(self.own)

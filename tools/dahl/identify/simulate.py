@@ -21,7 +21,7 @@ DRAWS = 8  # in mirrored pairs, so that a log and its mirror image agree
 HIDDEN_COUNTS = 0.2  # standard error of the travel at a turn that is extrapolated from edges
 MIN_HIDDEN = 0.5  # standard errors, however well the torque fits
 FINE_STEPS = 4  # of the true motion between two samples
-REFIT_ROUNDS = 5
+REFIT_ROUNDS = 5  # a refit starts at the truth
 MAX_LEVELS = 400  # a torque sensor of more levels is not coarse
 GOLDEN, SILVER = 0.618, 0.414  # steps of a sequence that fills an interval evenly
 
@@ -47,7 +47,7 @@ def _refit(fitter: Fitter, fit: Fit, draw: int, random: np.random.Generator) -> 
     """Simulate one log and fit the same hypothesis to it."""
     samples, h = fitter.samples, fit.hypothesis
     true = _other_phase(samples, h, draw)
-    torque = _measured(fitter, fit, _torque_on(fitter, fit, true), random)
+    torque = _measure(fitter, fit, _torque_on(fitter, fit, true), random)
     theta = true + (random.normal(size=samples.rows) * samples.noise if samples.noise else 0.0)
     if samples.count:
         theta = np.round(theta / samples.count) * samples.count
@@ -100,7 +100,7 @@ def _friction(fitter: Fitter, fit: Fit, true: np.ndarray, steps: int) -> np.ndar
     return np.concatenate(parts)
 
 
-def _measured(
+def _measure(
     fitter: Fitter, fit: Fit, torque: np.ndarray, random: np.random.Generator
 ) -> np.ndarray:
     """The torque as a coarse sensor reads it. White noise is left to the jackknife."""

@@ -43,16 +43,17 @@ class Log:
 
     @property
     def unit(self) -> str:
-        """Of the torque."""
+        """Unit of the torque."""
         return "N" if self.linear else "N m"
 
     @property
     def slope_unit(self) -> str:
-        """Of sigma0."""
+        """Unit of sigma0."""
         return "N/m" if self.linear else "N m/rad"
 
     @property
     def angle_unit(self) -> str:
+        """Unit of the angle."""
         return "m" if self.linear else "rad"
 
     @property
