@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dahl.binding.checks import INT32_MAX, INT32_MIN
+from dahl.binding.checks import INT32_MAX, INT32_MIN, ONE_Q30
 from dahl.binding.library import c
 from dahl.errors import Error
 
@@ -118,7 +118,8 @@ def loads(values: ArrayLike, moves: np.ndarray) -> np.ndarray:
     if wrong.any():
         place = int(np.argmax(wrong))
         raise Error(f"loads[{place}] = {array[place].item()!r} is outside 0 <= load < 2")
-    return np.minimum(np.rint(array.astype(np.float64) * 2.0**30), 2**31 - 1).astype(np.uint32)
+    loads_q30 = np.rint(array.astype(np.float64) * ONE_Q30)
+    return np.minimum(loads_q30, 2 * ONE_Q30 - 1).astype(np.uint32)
 
 
 def output(given: np.ndarray | None, wanted: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ from dahl.errors import Error
 
 INT32_MIN, INT32_MAX = -(1 << 31), (1 << 31) - 1
 UINT32_MAX = 2**32 - 1
+ONE_Q30 = 2**30  # 1 in Q30
 MISSING: Any = object()  # an argument that was not given
 
 P = ParamSpec("P")

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dahl.binding import checks
-from dahl.binding.checks import INT32_MAX, INT32_MIN, UINT32_MAX
+from dahl.binding.checks import INT32_MAX, INT32_MIN, ONE_Q30, UINT32_MAX
 from dahl.binding.copies import Copied, content
 from dahl.binding.library import c
 from dahl.errors import Error
@@ -36,7 +36,7 @@ def to_units(ratio_q30: int, Fc_units: int) -> int:  # noqa: N803
     dahl.Error for any other.
     """
     ratio_q30 = checks.whole("ratio_q30", ratio_q30, INT32_MIN, INT32_MAX)
-    return int(c.dahl_to_units(ratio_q30, checks.whole("Fc_units", Fc_units, 0, 2**30)))
+    return int(c.dahl_to_units(ratio_q30, checks.whole("Fc_units", Fc_units, 0, ONE_Q30)))
 
 
 @checks.calls_checked

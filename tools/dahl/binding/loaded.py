@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dahl.binding import arrays, checks
+from dahl.binding.checks import ONE_Q30
 from dahl.binding.copies import Copied
 from dahl.binding.friction import Plan
 from dahl.binding.library import c
 from dahl.errors import Error
-
-LOAD_ONE = 2**30  # a load of 1 in C
 
 
 @checks.calls_checked
@@ -63,7 +62,7 @@ class Loaded(Copied):
     @property
     def load(self) -> float:
         """Load of the last tick, 0 <= load < 2; 0 at first."""
-        return float(self._state.load_q30 / LOAD_ONE)
+        return float(self._state.load_q30 / ONE_Q30)
 
     @property
     def torque(self) -> float:
@@ -161,4 +160,4 @@ def _load_q30(load: float) -> int:
     number = checks.real("load", load, "0 <= load < 2")
     if not 0 <= number < 2:
         raise Error(f"load = {number!r} is outside 0 <= load < 2")
-    return min(round(number * LOAD_ONE), 2 * LOAD_ONE - 1)
+    return min(round(number * ONE_Q30), 2 * ONE_Q30 - 1)

@@ -21,8 +21,9 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from dahl import dependencies
 from dahl.binding import checks
+from dahl.binding.checks import ONE_Q30
 from dahl.binding.library import c
-from dahl.can.frame import ONE_Q30, Frame
+from dahl.can.frame import Frame
 from dahl.can.frames import (
     KINDS,
     OFF_AT_0,

@@ -6,10 +6,8 @@ from __future__ import annotations
 from typing import Any, ClassVar, Self
 
 from dahl.binding import checks
-from dahl.binding.checks import UINT32_MAX
+from dahl.binding.checks import ONE_Q30, UINT32_MAX
 from dahl.errors import Error
-
-ONE_Q30 = 2**30
 
 
 class Frame:
