@@ -36,7 +36,7 @@ OTHER_ANGLES = 5  # laws that are fitted again with the other angles
 class SearchSpace:
     """The hypotheses to fit."""
 
-    terms: tuple[str, ...] | None = None  # exactly these with friction; None: those that pay
+    terms: tuple[str, ...] | None = None  # exactly these; None: those that improve the score
     lags: tuple[str, ...] = LAGS
     laws: tuple[str, ...] = tuple(LAWS)
     wanted: str = ""  # a law that is fitted in any case
@@ -55,17 +55,18 @@ def few_cycles(space: SearchSpace) -> SearchSpace:
 
 
 def penalised_cost(fit: Fit) -> np.ndarray:
-    """Cost by cycle with a small charge for each parameter: (cycles,)."""
+    """Return the cost by cycle with a small charge for each parameter: (cycles,)."""
     cost: np.ndarray = fit.cost * (1 + PENALTY * fit.hypothesis.size)
     return cost
 
 
 def best_of(fits: Sequence[Fit]) -> Fit:
+    """Return the fit with the least cost."""
     return min(fits, key=lambda fit: float(penalised_cost(fit).sum()))
 
 
 def fit_all(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[Fit]:
-    """Every hypothesis worth a fit, from a stiffness and a delay that are roughly known."""
+    """Return fits of all hypotheses, from rough values of a [1/rad (1/m)] and delay [samples]."""
     fits = _dahl_with_all_choices(fitter, a, delay, space)
     if not fits:
         return fits
@@ -118,7 +119,7 @@ def _smooths_counts(h: Hypothesis) -> bool:
 
 
 def _subsets(fitter: Fitter, h: Hypothesis, p: np.ndarray, space: SearchSpace) -> list[Fit]:
-    """All sets of terms that come near the best one of this law and lag."""
+    """Return all sets of terms that come near the best one of this law and lag."""
     if space.terms is not None:
         one = fitter.fit(replace(h, terms=space.pool), p)
         return [one] if one is not None else []
@@ -232,14 +233,14 @@ def is_near(cost: np.ndarray, best: np.ndarray, hidden: float = 0.0) -> bool:
 
 
 def _converge(fitter: Fitter, fit: Fit) -> Fit:
-    """The fit itself or, if its linearisation went far, one from where it stopped."""
+    """Return the fit or, if its linearisation went far, a new fit that starts there."""
     if fit.step < FAR_STEP:
         return fit
     return fitter.fit(fit.hypothesis, fit.p) or fit
 
 
 def _is_dominated(fit: Fit, others: list[Fit]) -> bool:
-    """Whether a special case scores as well."""
+    """Return whether a special case scores as well."""
     return any(
         other.hypothesis.size < fit.hypothesis.size
         and other.total <= fit.total
