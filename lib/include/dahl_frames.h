@@ -26,7 +26,7 @@
  * double bit error. Of the 41,664 triples it misses 48, each with bits of the counter.
  *
  * @par Cost
- * One table look-up per byte. No division, no float, no loop of more than 8 turns.
+ * One table look-up per byte. No division, no float, no loop of more than 8 iterations.
  */
 #ifndef DAHL_FRAMES_H
 #define DAHL_FRAMES_H

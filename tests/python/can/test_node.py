@@ -25,7 +25,7 @@ from frame_sequences import (
     Frames,
     message_of,
     run_sequences,
-    written,
+    writes,
 )
 from hypothesis.stateful import rule
 from loop_tools import SCENES, Logged, finished, read_log, run
@@ -167,7 +167,7 @@ class AgainstTheProgram(Frames):
             self.bus.send(wire(message))
             self.compare(self.node.receive(message), self.node.tick())
 
-    @rule(what=written(FRICTION_VALUES, OTHERS))
+    @rule(what=writes(FRICTION_VALUES, OTHERS))
     def write_parameter(self, what: tuple) -> None:
         self.parameter(*what)
 

@@ -23,12 +23,9 @@ from dahl.io import files, readers, units
 from dahl.sim import scene_keys
 
 MAX_TEXT_BYTES = scene_keys.text_size()
-
 SHOWN_UNITS = ("deg", "rad", "mm")  # of angles in the picture of a user's own log
 
-
 NODE_KEYS = scene_keys.node_settings()
-
 OWN_KEYS = {row.key: name for name, row in models.table().items() if row.key}  # of one model only
 KNOWN_KEYS = {  # of the sections that a node is made of
     section: scene_keys.names(section) for section in ("friction", "status")
@@ -76,9 +73,7 @@ class Scene:
     parts: tuple[str, ...] = ()  # sections in the file
     kinds: tuple[str, ...] = ()  # dahl or slip for each element
     breakaway: float = 0.0  # fraction of Fc
-    compensates: bool = (
-        False  # the node answers with a part of the torque: gain, limit or ramp_ms is set
-    )
+    compensates: bool = False  # gain, limit or ramp_ms is set: a part of the torque is answered
     friction: dict[str, float] = field(default_factory=dict)  # NODE_KEYS in the file
     status_ms: float = 0.0  # period of Status; 0: only after an event
     node: int = 0  # number of the node on the bus
@@ -272,7 +267,7 @@ class Recorded:
 
 
 def read_log(scene: Scene, log: Path) -> Recorded:
-    """Read torque and time of each row of the scene's log.
+    """Read torque and time of each row of the scene's log. Raises dahl.Error.
 
     The angle is read too, so that an error in any column is found before anything starts.
     """
@@ -331,6 +326,7 @@ def write_own(own: OwnLog, path: Path) -> tuple[Scene, str]:
     """Write the scene of a user's own log to `path`, and next to it a table for dahl-loop.
 
     Returns the scene and the unit of the angle. The columns are read as `dahl identify` does.
+    Raises dahl.Error.
     """
     if not (own.counts_per_turn > 0 and math.isfinite(own.counts_per_turn)):
         raise Error(f"--counts-per-turn {own.counts_per_turn:g}: a number above 0 was expected")
