@@ -19,7 +19,6 @@ from __future__ import annotations
 import asyncio
 import copy
 import functools
-import math
 import threading
 import time
 from collections.abc import Callable
@@ -49,6 +48,7 @@ ONE = 65536  # DAHL_NODE_ONE: gain and limit of 1
 BUS_OFF = 0x40  # DAHL_CAN_ERROR_BUS_OFF
 ANSWERS = (codec.FrictionTorque.base, codec.Status.base, codec.ParamReply.base)
 LONG = 60.0  # s, the longest time that a parameter on the bus can hold
+LATEST = 1e300  # s before and after 0; as us still a float
 LEAP = 1000.0  # s without a call: longer than any timeout, shorter than 2^31 us
 
 Model: TypeAlias = Plan | Slip | Parallel | Bristle | Loaded
@@ -168,7 +168,7 @@ class Node(Copied):
     def receive(self, message: can.Message, now: float | None = None) -> can.Message | None:
         """Process one frame of any kind. Returns the answer to send at once, if there is one: a
         FrictionTorque to an EncoderState, a ParamReply to a ParamWrite, a Status to a Reset. `now`
-        in s. Raises dahl.Error if message is no can.Message or `now` is no finite number.
+        in s. Raises dahl.Error if message is no can.Message, or `now` no number within +-1e300.
         """
         moment = self._us if now is None else self._at(now)
         self._in.read(message)
@@ -180,15 +180,15 @@ class Node(Copied):
 
     def tick(self, now: float | None = None) -> can.Message | None:
         """Check the clock; call it every few ms. Returns a Status to send if one is due. The first
-        call returns one at once. `now` in s. Raises dahl.Error if `now` is no finite number.
+        call returns one at once. `now` in s. Raises dahl.Error if `now` is no number within +-1e300.
         """
         moment = self._us if now is None else self._at(now)
         return self._out.message() if c.dahl_node_tick(self._node, moment, self._out.c) else None
 
     def _at(self, now: float) -> int:
         """The clock of the C at a new `now`."""
-        if type(now) is not float or not math.isfinite(now):
-            now = checks.finite("now", now, "s")
+        if type(now) is not float or not abs(now) <= LATEST:
+            now = _within("now", now, -LATEST, LATEST, "s")
         if now - self._now > LEAP:
             self._age(now)
         self._now, self._us = now, round(now * 1e6) & UINT32_MAX
