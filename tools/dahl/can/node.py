@@ -180,7 +180,8 @@ class Node(Copied):
 
     def tick(self, now: float | None = None) -> can.Message | None:
         """Check the clock; call it every few ms. Returns a Status to send if one is due. The first
-        call returns one at once. `now` in s. Raises dahl.Error if `now` is no number within +-1e300.
+        call returns one at once. `now` in s. Raises dahl.Error if `now` is no number within
+        +-1e300.
         """
         moment = self._us if now is None else self._at(now)
         return self._out.message() if c.dahl_node_tick(self._node, moment, self._out.c) else None
