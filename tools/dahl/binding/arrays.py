@@ -32,12 +32,11 @@ def run(
     arguments: tuple[Any, ...],
     moves: np.ndarray,
     out: np.ndarray | None,
-    load_of_each: ArrayLike | None = None,
+    *more: np.ndarray,
 ) -> np.ndarray:
-    """Call batch(*arguments, moves, [loads], torques, n), and return the torques."""
-    inputs = [moves] if load_of_each is None else [moves, loads(load_of_each, moves)]
+    """Call batch(*arguments, moves, *more, torques, n), and return the torques."""
     torques = output(out, moves)
-    batch(*arguments, *map(pointer, (*inputs, torques)), len(moves))
+    batch(*arguments, *map(pointer, (moves, *more, torques)), len(moves))
     return torques
 
 

@@ -121,8 +121,8 @@ class Loaded(Copied):
         """
         self._need_rule(False, "run_counts")
         array = arrays.moves(moves, np.int32)
-        arguments = self._plan._prepared, self._state
-        return arrays.run(c.dahl_batch_loaded_counts, arguments, array, out, loads)
+        given, arguments = arrays.loads(loads, array), (self._plan._prepared, self._state)
+        return arrays.run(c.dahl_batch_loaded_counts, arguments, array, out, given)
 
     def _step(self, dcounts: int, load_q30: int) -> float:
         step = c.dahl_loaded_step_counts

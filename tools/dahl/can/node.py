@@ -19,7 +19,6 @@ from __future__ import annotations
 import asyncio
 import copy
 import functools
-import math
 import threading
 import time
 from collections.abc import Callable
@@ -49,6 +48,7 @@ ONE = 65536  # DAHL_NODE_ONE: gain and limit of 1
 BUS_OFF = 0x40  # DAHL_CAN_ERROR_BUS_OFF
 ANSWERS = (codec.FrictionTorque.base, codec.Status.base, codec.ParamReply.base)
 MAX_PARAM_S = 60.0  # the longest time that a parameter on the bus can hold
+MAX_TIME_S = 1e300  # before and after 0; in us it is still a float
 MAX_PAUSE_S = 1000.0  # without a call: longer than any timeout, shorter than 2^31 us
 
 Model: TypeAlias = Plan | Slip | Parallel | Bristle | Loaded
@@ -168,7 +168,7 @@ class Node(Copied):
     def receive(self, message: can.Message, now: float | None = None) -> can.Message | None:
         """Process one frame of any kind. Returns the answer to send at once, if there is one: a
         FrictionTorque to an EncoderState, a ParamReply to a ParamWrite, a Status to a Reset. `now`
-        in s. Raises dahl.Error if message is no can.Message or `now` is no finite number.
+        in s. Raises dahl.Error if message is no can.Message, or `now` no number within +-1e300.
         """
         moment = self._us if now is None else self._at(now)
         self._in.read(message)
@@ -180,15 +180,16 @@ class Node(Copied):
 
     def tick(self, now: float | None = None) -> can.Message | None:
         """Check the clock; call it every few ms. Returns a Status to send if one is due. The first
-        call returns one at once. `now` in s. Raises dahl.Error if `now` is no finite number.
+        call returns one at once. `now` in s. Raises dahl.Error if `now` is no number within
+        +-1e300.
         """
         moment = self._us if now is None else self._at(now)
         return self._out.message() if c.dahl_node_tick(self._node, moment, self._out.c) else None
 
     def _at(self, now: float) -> int:
         """Set the time to a new `now`, and return it on the clock of the C."""
-        if type(now) is not float or not math.isfinite(now):
-            now = checks.finite("now", now, "s")
+        if type(now) is not float or not abs(now) <= MAX_TIME_S:
+            now = _within("now", now, -MAX_TIME_S, MAX_TIME_S, "s")
         if now - self._now > MAX_PAUSE_S:
             self._age(now)
         self._now, self._us = now, round(now * 1e6) & UINT32_MAX

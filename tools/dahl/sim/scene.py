@@ -159,6 +159,7 @@ def read(path: Path) -> Scene:
     scene.model = parser.get("friction", "model", fallback="dahl")
     sigma0, torques = (_numbers(path, parser, "friction", key) for key in ("sigma0", "Fc"))
     scene.refusal = _refusal(parser, scene.model, len(sigma0), len(torques))
+    scene.refusal = scene.refusal or _beyond_limits(path, parser)
     if scene.has_directions:
         sigma0 = sigma0 * len(torques)
     scene.elements = tuple(zip(sigma0, torques, strict=False))
@@ -208,6 +209,18 @@ def _unknown_key(parser: configparser.ConfigParser, model: str) -> str:
                 return f"[{section}] has no key '{key}' (known: {', '.join(known)})"
             if OWN_KEYS.get(key, model) != model:
                 return f"[friction] {key} has no meaning for model = {model}"
+    return ""
+
+
+def _beyond_limits(path: Path, parser: configparser.ConfigParser) -> str:
+    """Return why dahl-loop would refuse a setting of the node, "" if it would not."""
+    for section, name in (*(("friction", name) for name in NODE_KEYS), ("status", "period_ms")):
+        key = scene_keys.keys()[section, name]
+        value = _number(path, parser, section, name, key.high)
+        if not key.low <= value <= key.high:
+            return f"[{section}] {name} = {value:g} is outside {key.low:g} to {key.high:g}"
+        if key.type == "WHOLE" and not value.is_integer():
+            return f"[{section}] {name} = {value:g} is not a whole number"
     return ""
 
 
