@@ -175,7 +175,7 @@ typedef enum {
 
 /** One value of parameter Model. */
 #define DAHL_FRAMES_MODEL(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning) \
-    DAHL_FRAMES_MODEL_##NAME = number,
+    DAHL_FRAMES_MODEL_##NAME = (number),
 
 /** Values of parameter Model: DAHL_FRAMES_MODEL_NAME of each row. */
 enum { DAHL_FRAMES_MODELS(DAHL_FRAMES_MODEL) };
