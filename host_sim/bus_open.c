@@ -13,7 +13,10 @@
 #include "socketcand/client.h"
 #include "socketcand/server.h"
 
-enum { PATIENCE_MS = 10000, HOST_MAX = 128 };
+enum {
+    PATIENCE_MS = 10000, /* of a server in virtual time with a slow client */
+    HOST_MAX = 128       /* bytes of a host name, with its final 0 */
+};
 
 /* address: the text after the scheme's colon; NULL if the spec has no colon. Returns as bus_open does. */
 typedef int open_t(open_bus_t *opened, const bus_config_t *config, const char *address);

@@ -15,7 +15,7 @@ enum {
     SETTLE_TICKS = 1000,    /* for the last answers, if nodes have answered before */
     UNANSWERED_TICKS = 100, /* the same if no node has answered yet */
     WAIT_US = 10000,        /* of one receive() while the loop waits for other programs */
-    DRAIN_FRAMES = 1000
+    MAX_DRAIN_FRAMES = 1000 /* that are received after the run */
 };
 
 static const double LOAD_WARN = 0.7; /* share of the bus; above, low priorities wait noticeably */
@@ -54,7 +54,7 @@ void sim_clock_start(sim_clock_t *clock, bool is_virtual)
     clock->epoch_ns = read_clock(CLOCK_REALTIME) - read_clock(CLOCK_MONOTONIC);
 }
 
-dahl_can_clock_t sim_clock_seam(sim_clock_t *clock)
+dahl_can_clock_t sim_clock_interface(sim_clock_t *clock)
 {
     return (dahl_can_clock_t){.now_ns = clock_now, .wait_us = clock_wait, .context = clock};
 }
@@ -326,10 +326,10 @@ static void settle(loop_t *loop)
     }
 }
 
-/* Answer and log the frames that have already arrived. DRAIN_FRAMES bounds it, as a busy bus may never be silent. */
+/* Answer and log the frames that have already arrived. A busy bus may never be silent, so their number is limited. */
 static void drain(loop_t *loop)
 {
-    for (int i = 0; i < DRAIN_FRAMES && receive(loop, 0); i++) {
+    for (int i = 0; i < MAX_DRAIN_FRAMES && receive(loop, 0); i++) {
     }
 }
 

@@ -72,8 +72,11 @@ typedef struct {
     uint64_t late_ticks;    /* ticks that missed their deadline; real time */
 } loop_t;
 
+/* Start at 0 in virtual time, else at the real-time clock. */
 void sim_clock_start(sim_clock_t *clock, bool is_virtual);
-dahl_can_clock_t sim_clock_seam(sim_clock_t *clock);
+
+/* The clock as buses read it. *clock must live as long as they do. */
+dahl_can_clock_t sim_clock_interface(sim_clock_t *clock);
 
 void loop_run(loop_t *loop);
 

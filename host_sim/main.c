@@ -125,7 +125,7 @@ static int open_bus(program_t *p)
     bool needs_all = p->options.log != NULL || p->options.is_virtual || p->options.bitrate > 0;
     bus_config_t config = {
         .spec = p->options.bus,
-        .clock = sim_clock_seam(&p->clock),
+        .clock = sim_clock_interface(&p->clock),
         .is_patient = p->options.is_virtual,
         .bitrate = p->options.bitrate,
         .ids = needs_all ? NULL : ids,

@@ -8,7 +8,6 @@
 #define PERIOD_US 1000u /* from one tick, and one EncoderState, to the next */
 
 #define NS_PER_US UINT64_C(1000)
-#define NS_PER_MS UINT64_C(1000000)
 #define NS_PER_S UINT64_C(1000000000)
 #define US_PER_MS 1000u
 #define US_PER_S 1000000u

@@ -26,7 +26,7 @@
  * double bit error. Of the 41,664 triples it misses 48, each with bits of the counter.
  *
  * @par Cost
- * One table look-up per byte. No division, no float, no loop of more than 8 turns.
+ * One table look-up per byte. No division, no float, no loop of more than 8 iterations.
  */
 #ifndef DAHL_FRAMES_H
 #define DAHL_FRAMES_H
@@ -175,7 +175,7 @@ typedef enum {
 
 /** One value of parameter Model. */
 #define DAHL_FRAMES_MODEL(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning) \
-    DAHL_FRAMES_MODEL_##NAME = number,
+    DAHL_FRAMES_MODEL_##NAME = (number),
 
 /** Values of parameter Model: DAHL_FRAMES_MODEL_NAME of each row. */
 enum { DAHL_FRAMES_MODELS(DAHL_FRAMES_MODEL) };

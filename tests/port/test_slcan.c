@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* slcan: the laws of its fuzzer, which reads each line a second time, on random lines; and the count that each refused line
- * increases. tests/python/test_slcan.py exchanges frames with python-can. */
+ * increases. tests/python/can/test_slcan.py exchanges frames with python-can. */
 #include <unity.h>
 
 #define LAW(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)

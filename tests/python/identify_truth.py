@@ -159,7 +159,7 @@ def under_load(seed: int) -> Log:
     return replace(motion.log(np.array(drawn)), load=load[LEAD:])
 
 
-def in_step(seed: int) -> Log:
+def aliased(seed: int) -> Log:
     """Cycles of a whole number of rows, 60 to 400: the counts are the same in each."""
     motion, draw = Motion(seed), np.random.default_rng([seed, 11])
     cycle = int(np.exp(draw.uniform(np.log(60), np.log(400))))
@@ -221,7 +221,7 @@ KINDS: dict[str, Callable[[int], Log]] = {
     "Fc trend 20 %": lambda seed: changing(seed, 1 + RAMP),
     "Fc step 20 %": lambda seed: changing(seed, np.where(HALF, 1.1, 0.9)),
     "load that swings by half": under_load,
-    "encoder in step, 1 %": in_step,
+    "encoder aliasing, 1 %": aliased,
     "angle read every 10 rows": lambda seed: stale(seed, 10),
     "torque read every 20 rows": lambda seed: seldom(seed, 20),
     "gaps": gaps,

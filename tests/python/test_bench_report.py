@@ -214,7 +214,7 @@ def test_each_count_is_in_its_row_and_core(made, docs):
         words -= {"q30"} if "the same" in title else set()
         assert all(word in title.lower() for word in words), (title, words)
     for name, core in target.items():
-        assert re.search(rf"{core['core']} `__help_{name}` \(.*?: nothing\)", block)
+        assert re.search(rf"{core['core']} `__help_{name}` \(.*?: no function\)", block)
     assert "cc 1" in block
 
 

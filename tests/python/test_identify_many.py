@@ -185,11 +185,12 @@ def test_a_result_belongs_to_the_code(small, tmp_path, root):
     shutil.copytree(root / "tools" / "dahl", tmp_path / "copy" / "dahl", ignore=ignored)
     words = ("identify", "--each", small("a"), "-o", tmp_path / "out", "--jobs", "1")
     command = [sys.executable, "-c", THE_COPY, tmp_path / "copy", *words]
+    environment = {"DAHL_BUILD_DIR": str(root / "build" / "host"), **os.environ}
     for edited, earlier in (("", 0), ("", 1), ("identify/fit.py", 0), ("io/can_logs.py", 0)):
         if edited:
             source = tmp_path / "copy" / "dahl" / edited
             source.write_text(source.read_text() + "#\n")
-        run = {"capture_output": True, "text": True, "timeout": 120}
+        run = {"capture_output": True, "text": True, "timeout": 120, "env": environment}
         done = subprocess.run(list(map(str, command)), check=False, **run)
         assert f"{earlier} of 1 " in done.stdout, done.stderr
 

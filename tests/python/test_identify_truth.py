@@ -54,7 +54,7 @@ CLAIMED_BEFORE = {  # percent of sigma0 and Fc that version 0.2 claimed; if near
     "low-passed torque": (0, 26),
     "angle noise, 5 counts": (0, 17),
     "load that swings by half": (100, 100),
-    "encoder in step, 1 %": (90, 97),
+    "encoder aliasing, 1 %": (90, 97),
     "angle read every 10 rows": (100, 100),
     "torque read every 20 rows": (100, 100),
     "gaps": (82, 85),

@@ -222,14 +222,6 @@ def objects_at(core: Core, level: str) -> list[Path]:
     return objects
 
 
-def link_bare(core: Core, *objects: Path) -> Path:
-    """Link these with the helpers of gcc only. BenchError names missing symbols."""
-    image = objects[0].with_name("bare.elf")
-    flags = cache_value(core, "CMAKE_C_FLAGS").split()
-    run(core.tool("gcc"), *flags, "-nostdlib", "-Wl,-e,0", "-o", image, *objects, "-lgcc")
-    return image
-
-
 def helpers(core: Core, *objects: Path) -> list[str]:
     """Return the symbols that a bare link needs from the compiler's library."""
     names = run(core.tool("nm"), *objects).splitlines()

@@ -20,7 +20,7 @@ import numpy
 from dahl.binding import library
 sys.path[:0] = sys.argv[2:]
 if sys.argv[1] == "libffi":
-    library._compiled = lambda: None
+    library._load_compiled = lambda: None
 assert ("'_dahl'" in repr(library.load()[1])) == (sys.argv[1] == "module")
 from test_public_classes import KINDS
 for kind in KINDS.values():

@@ -318,6 +318,7 @@ LOADS = [
     ([1, 2], [-1e-9, 1.0], "loads[0] = -1e-09"),
     ([1, 2], [1.0, math.nan], "loads[1] = nan"),
     ([1, 2], ["a", "b"], "<U1"),
+    ([1], None, "loads"),
     ([1], [[1], [1, 2]], "loads"),
     ([1], np.ma.array([1.0], mask=[True]), "masked"),
     ([1, "x"], [1, 1], "moves"),

@@ -34,7 +34,7 @@ ROWS = st.tuples(  # frames in sequence: how many, counts between them, which on
     st.integers(0, 5),
     st.sampled_from([None, "crc", "invalid"]),
 )
-PERMILLES = st.sampled_from([0, 1, 32768, 65536, 65537])
+FRACTIONS = st.sampled_from([0, 1, 32768, 65536, 65537])  # in 1/65536
 FRICTION_VALUES = {
     0: st.sampled_from([0, 1024, 51200, 2**20]),
     1: st.sampled_from([0, 1024, 524288, 2**22]),
@@ -46,8 +46,8 @@ TIMES = {
     8: st.sampled_from([0, 1, 70, 60000, 60001]),
 }
 OTHERS = {
-    3: PERMILLES,
-    4: PERMILLES,
+    3: FRACTIONS,
+    4: FRACTIONS,
     7: st.sampled_from([0, 1, 10, 1000, 2**31 - 1, 2**31]),
     9: st.sampled_from([0, 1]),
     10: st.sampled_from([0, 65536]),
@@ -56,8 +56,8 @@ OTHERS = {
 }
 
 
-def written(*tables: dict[int, st.SearchStrategy]) -> st.SearchStrategy[tuple[int, int, int]]:
-    """Number, way of writing and value of a parameter."""
+def writes(*tables: dict[int, st.SearchStrategy]) -> st.SearchStrategy[tuple[int, int, int]]:
+    """Return number, way of writing and value of a parameter."""
     values = {number: each for table in tables for number, each in table.items()}
     ways = st.sampled_from([0, 1, 1, 2, 3])
     return st.sampled_from([*values]).flatmap(lambda n: st.tuples(st.just(n), ways, values[n]))
@@ -66,14 +66,14 @@ def written(*tables: dict[int, st.SearchStrategy]) -> st.SearchStrategy[tuple[in
 READ = st.sampled_from([*FRICTION_VALUES, *TIMES, *OTHERS])
 
 
-def sealed(kind: int, counter: int, high: int, body: bytes) -> bytes:
-    """Eight bytes with counter and CRC."""
+def pack(kind: int, counter: int, high: int, body: bytes) -> bytes:
+    """Return eight bytes with counter and CRC, without the codec under test."""
     data = bytes([counter % 16 | high << 4]) + body.ljust(6, b"\0")
     return bytes([Crc8Autosar.calc(data + bytes([KINDS[kind] << 4 | counter % 16]))]) + data
 
 
-def spoilt(kind: int, fault: str, data: bytes) -> Logged:
-    """A good frame with a fault."""
+def with_fault(kind: int, fault: str, data: bytes) -> Logged:
+    """Return a good frame with a fault."""
     identifier = kind | NUMBER | (ERROR if fault == "error" else 0)
     if fault == "crc":
         data = data[:5] + bytes([data[5] ^ 4]) + data[6:]
@@ -112,12 +112,12 @@ class Frames(RuleBasedStateMachine):
         self.counter = (self.counter + step) % 16
         self.count = (self.count + move + 2**31) % 2**32 - 2**31
         body = self.count.to_bytes(4, "little", signed=True)
-        return Logged(0, ENCODER | NUMBER, sealed(ENCODER, self.counter, int(is_valid), body))
+        return Logged(0, ENCODER | NUMBER, pack(ENCODER, self.counter, int(is_valid), body))
 
     def next_row(self, frames: int, move: int, bad: int, fault: str | None) -> Iterator[Logged]:
         for k in range(frames):
             frame = self.next_angle(1, move, k != bad or fault != "invalid")
-            yield spoilt(ENCODER, "crc", frame.data) if k == bad and fault == "crc" else frame
+            yield with_fault(ENCODER, "crc", frame.data) if k == bad and fault == "crc" else frame
 
     def send_row(self, row: tuple) -> None:
         """One frame each ms."""
@@ -146,7 +146,7 @@ class Frames(RuleBasedStateMachine):
 
     @rule(pause=PAUSES, kind=st.sampled_from([*KINDS]), fault=FAULTS)
     def faulty_frame(self, pause: int, kind: int, fault: str) -> None:
-        self.send(spoilt(kind, fault, self.next_angle(1, 3).data), pause_us=pause)
+        self.send(with_fault(kind, fault, self.next_angle(1, 3).data), pause_us=pause)
 
     @rule(pause=PAUSES | LONGER)
     def tick(self, pause: int) -> None:
@@ -162,7 +162,7 @@ class Frames(RuleBasedStateMachine):
 
     @rule(what=st.integers(0, 3))
     def reset(self, what: int) -> None:
-        self.send(Logged(0, RESET | NUMBER, sealed(RESET, self.counter, what, b"")))
+        self.send(Logged(0, RESET | NUMBER, pack(RESET, self.counter, what, b"")))
 
     @rule(number=READ)
     def read_parameter(self, number: int) -> None:
@@ -170,7 +170,7 @@ class Frames(RuleBasedStateMachine):
 
     def parameter(self, number: int, way: int, value: int) -> None:
         body = bytes([number, 0]) + value.to_bytes(4, "little")
-        self.send(Logged(0, PARAM | NUMBER, sealed(PARAM, self.counter, way, body)))
+        self.send(Logged(0, PARAM | NUMBER, pack(PARAM, self.counter, way, body)))
 
 
 def run_sequences(machine: type[Frames], examples: int, steps: int = 50) -> None:

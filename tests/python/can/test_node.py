@@ -25,7 +25,7 @@ from frame_sequences import (
     Frames,
     message_of,
     run_sequences,
-    written,
+    writes,
 )
 from hypothesis.stateful import rule
 from loop_tools import SCENES, Logged, finished, read_log, run
@@ -167,7 +167,7 @@ class AgainstTheProgram(Frames):
             self.bus.send(wire(message))
             self.compare(self.node.receive(message), self.node.tick())
 
-    @rule(what=written(FRICTION_VALUES, OTHERS))
+    @rule(what=writes(FRICTION_VALUES, OTHERS))
     def write_parameter(self, what: tuple) -> None:
         self.parameter(*what)
 
@@ -261,7 +261,7 @@ def test_a_wrong_frame_or_time_is_refused_and_changes_nothing(identifier):
     for call in (codec.unpack, one.receive):
         with pytest.raises(dahl.Error, match="arbitration_id = "):
             call(message)
-    for junk in ("x", float("nan"), []):
+    for junk in ("x", float("nan"), 1e308, -1e308, []):
         for call, given in ((one.tick, (junk,)), (one.receive, (junk, 0.0))):
             with pytest.raises(dahl.Error):
                 call(*given)

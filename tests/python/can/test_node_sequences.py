@@ -18,7 +18,7 @@ from frame_sequences import (
     Frames,
     message_of,
     run_sequences,
-    written,
+    writes,
 )
 from hypothesis import strategies as st
 from hypothesis.stateful import rule
@@ -86,11 +86,11 @@ class AgainstTheModel(Frames):
         assert_equal(read(here, now_us), there, self.bound)
         assert (self.real.state, self.real.errors) == (self.model.state, self.model.errors)
 
-    @rule(what=written(FRICTION_VALUES))
+    @rule(what=writes(FRICTION_VALUES))
     def write_friction(self, what: tuple) -> None:
         self.parameter(*what)
 
-    @rule(what=written(TIMES, OTHERS))
+    @rule(what=writes(TIMES, OTHERS))
     def write_setting(self, what: tuple) -> None:
         self.parameter(*what)
 

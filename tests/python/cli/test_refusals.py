@@ -35,7 +35,7 @@ MACROS = {
     "PLAN": PLAN,
     "SLIP": f"{PLAN} --model slip",
     "ASYMMETRIC": f"{PLAN} --model asymmetric",
-    "LIMITED": f"{PLAN} --model {BREAKAWAY}",
+    "BREAKAWAY": f"{PLAN} --model {BREAKAWAY}",
     "NODE": "node --sigma0 100 --fc 12.5 --theta-per-count 3.8e-4",
     "EXCITE": "excite --counts-per-turn 16384 -o out",
     "TIMING": "--timing f_clock=8000000 brp=2 tseg1=5 tseg2=2 sjw=2 nof_samples=1",
@@ -129,10 +129,10 @@ WRONG_INPUT = {  # exit code 2
         ASYMMETRIC --fc=1,0 => Fc_backward = 0
         ASYMMETRIC --fc=1,2,3 => --fc 1,2,3 ... 3 ... --model asymmetric ... 2
         ASYMMETRIC --fc=1,2 --breakaway=0.5 => --breakaway ... --model {BREAKAWAY}
-        LIMITED => --breakaway ... --model {BREAKAWAY}
-        LIMITED --breakaway=1 => breakaway = 1
-        LIMITED --breakaway=0 => breakaway = 0
-        LIMITED --breakaway=b => --breakaway b ... 0 < breakaway < 1
+        BREAKAWAY => --breakaway ... --model {BREAKAWAY}
+        BREAKAWAY --breakaway=1 => breakaway = 1
+        BREAKAWAY --breakaway=0 => breakaway = 0
+        BREAKAWAY --breakaway=b => --breakaway b ... 0 < breakaway < 1
         PLAN --breakaway=0 => --breakaway ... --model {BREAKAWAY}
         PLAN --model=lugre => 'lugre'
         PLAN --sigma0=-1 => sigma0 = -1 ... 2^-64 <= sigma0 < 2^64
@@ -426,8 +426,8 @@ def test_a_full_disk_during_a_demo_is_reported(dahl, name):
     check(done, 1, f"{name}: No space left on device")
 
 
-def limited(run_dahl, folder: Path, size: int, *words: str) -> subprocess.CompletedProcess:
-    """The command in a process that may write no file beyond this size, as on a full disk."""
+def run_limited(run_dahl, folder: Path, size: int, *words: str) -> subprocess.CompletedProcess:
+    """Run a command in a process that may write no file beyond this size, as on a full disk."""
     limit = (size, size)
     return run_dahl(
         *words, cwd=folder, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit)
@@ -446,13 +446,13 @@ def limited(run_dahl, folder: Path, size: int, *words: str) -> subprocess.Comple
 def test_a_full_disk_keeps_the_old_file(run_dahl, tmp_path, kept, words):
     write_log(tmp_path / "shaft.csv")
     (tmp_path / kept).write_text("" if kept == "node.err" else "old")
-    check(limited(run_dahl, tmp_path, 0, *shlex.split(words)), 1, f"{kept}: File too large")
+    check(run_limited(run_dahl, tmp_path, 0, *shlex.split(words)), 1, f"{kept}: File too large")
     assert (tmp_path / kept).read_text() in ("", "old") and not [*tmp_path.glob(".*")]
 
 
 def test_a_full_disk_leaves_whole_lines_in_the_record_of_a_demo(run_dahl, tmp_path):
     words = "demo --scene steering --seconds 2 --bus socketcand -o ."
-    check(limited(run_dahl, tmp_path, 50003, *words.split()), 1, "run.log: File too large")
+    check(run_limited(run_dahl, tmp_path, 50003, *words.split()), 1, "run.log: File too large")
     text = (tmp_path / "run.log").read_bytes()
     assert text.endswith(b"\n") and 50003 - 50 < len(text) <= 50003
 

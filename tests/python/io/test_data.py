@@ -182,7 +182,7 @@ def test_the_list_and_the_json_have_the_source_of_each_set(alone, dahl, monkeypa
     for n, known in enumerate(sets):
         name, what, where = (line.strip() for line in listed[3 * n : 3 * n + 3])
         assert (name, what) == (known["name"], f"{known['what']} ({known['licence']})")
-        assert where.endswith(known["folder"] or known["download"] or "not to be downloaded")
+        assert where.endswith(known["folder"] or known["download"] or "no download exists")
     assert {bool(known.commit) for known in data.SETS.values()} == {True, False}
     said = {"name": "servo_pendulum", "folder": folders["servo_pendulum"]}
     assert json.loads(dahl("data", "servo_pendulum", "--json").stdout) == said

@@ -8,9 +8,10 @@ import re
 import cantools
 import pytest
 from conftest import ROOT
+from dahl import Error
 from dahl.sim import scene, scene_keys, timing
 from loop_tools import SCENES, run_program, setting
-from test_scene_errors import LIMITS
+from test_scene_errors import LIMITS, beyond
 
 
 @pytest.mark.parametrize(("section", "name"), scene_keys.keys())
@@ -63,3 +64,31 @@ def test_the_period_is_the_cycle_time_of_the_bus():
     database = cantools.database.load_file(ROOT / "lib/node/dahl.dbc")
     cycle_ms = database.get_message_by_name("EncoderState").cycle_time
     assert cycle_ms * 1000 == timing.period_us()
+
+
+PLAIN = "[friction]\nsigma0 = 100\nFc = 0.5\ntheta_per_count = 1e-3\n"
+NODE_LIMITS = [
+    (key, low, high)
+    for _, key, low, high in LIMITS
+    if key == "status.period_ms" or key.removeprefix("friction.") in scene.NODE_KEYS
+]
+
+
+@pytest.mark.usefixtures("library")
+@pytest.mark.parametrize(("key", "low", "high"), NODE_LIMITS)
+def test_a_node_in_python_has_the_limits_of_dahl_loop(tmp_path, key, low, high):
+    section, _, name = key.partition(".")
+    path = tmp_path / "own.ini"
+
+    def make(value: object) -> None:
+        own = f"{name} = {value}\n"
+        path.write_text(PLAIN + (own if section == "friction" else f"[{section}]\n{own}"))
+        scene.element(scene.read(path))
+
+    for value in (low, high):
+        make(value)
+    whole = scene_keys.keys()[section, name].type == "WHOLE"
+    values = [beyond(low, -1, whole), beyond(high, 1, whole), "nan", "-inf", *["1.5"] * whole]
+    for value in values:
+        with pytest.raises(Error, match=rf"own\.ini: \[{section}\] {name} = "):
+            make(value)

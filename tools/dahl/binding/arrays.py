@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dahl.binding.checks import INT32_MAX, INT32_MIN
+from dahl.binding.checks import INT32_MAX, INT32_MIN, ONE_Q30
 from dahl.binding.library import c
 from dahl.errors import Error
 
@@ -23,7 +23,7 @@ C_TYPES = {
 
 
 def pointer(array: np.ndarray) -> Any:
-    """The array in C, without a copy. It keeps the array alive."""
+    """Return the address of an array for C. It keeps the array alive."""
     return c.from_buffer(C_TYPES[array.dtype], array)
 
 
@@ -32,29 +32,30 @@ def run(
     arguments: tuple[Any, ...],
     moves: np.ndarray,
     out: np.ndarray | None,
-    load_of_each: ArrayLike | None = None,
+    *more: np.ndarray,
 ) -> np.ndarray:
-    """Call batch(*arguments, moves, [loads], torques, n), and return the torques."""
-    inputs = [moves] if load_of_each is None else [moves, loads(load_of_each, moves)]
+    """Call batch(*arguments, moves, *more, torques, n), and return the torques."""
     torques = output(out, moves)
-    batch(*arguments, *map(pointer, (*inputs, torques)), len(moves))
+    batch(*arguments, *map(pointer, (moves, *more, torques)), len(moves))
     return torques
 
 
 def is_list(values: object) -> bool:
-    """True for a sequence, but not for a text or an array without dimensions."""
+    """Return whether this is a sequence, but no text and no array without dimensions."""
     if isinstance(values, np.ndarray):
         return values.ndim > 0
     return isinstance(values, Sequence) and not isinstance(values, (str, bytes))
 
 
 def is_iterable(values: object) -> bool:
-    """True for an iterable, but not for an array without dimensions."""
+    """Return whether this is an iterable, but no array without dimensions."""
     return isinstance(values, Iterable) and getattr(values, "ndim", 1) > 0
 
 
 def moves(values: ArrayLike, dtype: type, channels: int | None = None) -> np.ndarray:
-    """Moves for C, shape (n,) or (n, channels); the same array if it can be used in place."""
+    """Return moves for C, shape (n,) or (n, channels): the same array if C can read it. Raises
+    dahl.Error with the first bad value.
+    """
     array = _array("moves", values)
     wanted = "(n,)" if channels is None else f"(n, {channels})"
     if array.ndim != (1 if channels is None else 2) or array.shape[1:] not in ((), (channels,)):
@@ -70,12 +71,12 @@ def moves(values: ArrayLike, dtype: type, channels: int | None = None) -> np.nda
 
 
 def _for_c(array: np.ndarray, dtype: type) -> np.ndarray:
-    """Contiguous, and each value aligned."""
+    """Return a contiguous array with aligned values."""
     return np.require(array, dtype, ("C_CONTIGUOUS", "ALIGNED"))
 
 
 def _array(name: str, values: ArrayLike) -> np.ndarray:
-    """The values as an array. Raises dahl.Error for masked values and if it is no array."""
+    """Return the values as an array. Raises dahl.Error for masked values and for no numbers."""
     many = values if isinstance(values, (list, tuple)) else [values]
     if any(isinstance(each, np.ma.MaskedArray) and np.ma.is_masked(each) for each in many):
         raise Error(
@@ -89,7 +90,7 @@ def _array(name: str, values: ArrayLike) -> np.ndarray:
 
 
 def _whole(array: np.ndarray) -> np.ndarray:
-    """Whole numbers as int32. Raises dahl.Error for any other value, with its place."""
+    """Return whole numbers as int32. Raises dahl.Error for any other value, with its place."""
     if array.dtype.kind not in "fiu":
         raise Error(f"moves has type {array.dtype}, not int32")
     wide = array.astype(np.float64) if array.dtype in (np.float16, np.float32) else array
@@ -106,7 +107,7 @@ def _whole(array: np.ndarray) -> np.ndarray:
 
 
 def loads(values: ArrayLike, moves: np.ndarray) -> np.ndarray:
-    """A load for each move, 0 <= load < 2, rounded to Q30."""
+    """Return a load for each move in Q30. Raises dahl.Error for the first outside 0 <= load < 2."""
     array = _array("loads", values)
     if array.dtype.kind not in "fiu":
         raise Error(f"loads has type {array.dtype}, not float64")
@@ -116,11 +117,12 @@ def loads(values: ArrayLike, moves: np.ndarray) -> np.ndarray:
     if wrong.any():
         place = int(np.argmax(wrong))
         raise Error(f"loads[{place}] = {array[place].item()!r} is outside 0 <= load < 2")
-    return np.minimum(np.rint(array.astype(np.float64) * 2.0**30), 2**31 - 1).astype(np.uint32)
+    loads_q30 = np.rint(array.astype(np.float64) * ONE_Q30)
+    return np.minimum(loads_q30, 2 * ONE_Q30 - 1).astype(np.uint32)
 
 
 def output(given: np.ndarray | None, wanted: np.ndarray) -> np.ndarray:
-    """A new array for the torques, or the given one if C can write it."""
+    """Return an array for the torques, or the given one. Raises dahl.Error if C cannot fill it."""
     if given is None:
         return np.empty(wanted.shape, np.float32)
     if isinstance(given, np.ma.MaskedArray) or not isinstance(given, np.ndarray):

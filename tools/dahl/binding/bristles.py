@@ -125,7 +125,7 @@ class ElastoPlastic(Bristle):
     sigma0           N m/rad  stiffness of the spring, range as in Plan
     Fc               N m      Coulomb torque, range as in Plan
     theta_per_count  rad      per encoder count, range as in Plan, not 0
-    breakaway        part of Fc at which it begins to slide, 0 < breakaway < 1
+    breakaway        fraction of Fc at which it begins to slide, 0 < breakaway < 1
 
     Torques are within 0.55 ulp of Fc. A step costs about 1 us from Python, a tick in run_counts()
     about 10 ns. Two are equal if parameters and state are; picklable; a copy has a state of its

@@ -16,6 +16,7 @@ from dahl.errors import Error
 
 INT32_MIN, INT32_MAX = -(1 << 31), (1 << 31) - 1
 UINT32_MAX = 2**32 - 1
+ONE_Q30 = 2**30  # 1 in Q30
 MISSING: Any = object()  # an argument that was not given
 
 P = ParamSpec("P")
@@ -25,7 +26,7 @@ T = TypeVar("T")
 
 
 def shown(value: object) -> str:
-    """A value for an error message: one line, cut if it is long."""
+    """Return a value for an error message: one line, cut if it is long."""
     try:
         return " ".join(reprlib.repr(value).split())
     except ValueError:  # an integer of more than 4300 digits
@@ -33,7 +34,7 @@ def shown(value: object) -> str:
 
 
 def real(name: str, value: object, limit: str = "finite") -> float:
-    """Any real number as a float, NaN and infinities too. No bool, no text, no array."""
+    """Return any real number as a float, NaN and infinities too; no bool, text or array."""
     if type(value) is float:  # quick: once a tick
         return value
     if isinstance(value, bool) or not isinstance(value, Real) or _is_duration(value):
@@ -45,12 +46,12 @@ def real(name: str, value: object, limit: str = "finite") -> float:
 
 
 def _is_duration(value: object) -> bool:
-    """numpy's timedelta64, which it registers as a whole number."""
+    """Return whether this is numpy's timedelta64, which numpy registers as a whole number."""
     return getattr(getattr(value, "dtype", None), "kind", "") == "m"
 
 
 def finite(name: str, value: object, unit: str) -> float:
-    """As real(), without NaN and infinities."""
+    """Return as real() does, without NaN and infinities."""
     number = real(name, value, f"a finite number of {unit}")
     if not math.isfinite(number):
         raise Error(f"{name} = {number} is not a finite number of {unit}")
@@ -58,7 +59,7 @@ def finite(name: str, value: object, unit: str) -> float:
 
 
 def whole(name: str, value: object, least: int, most: int) -> int:
-    """A whole number from least to most, also one that is written as a float; no bool."""
+    """Return a whole number from least to most, also one that is written as a float; no bool."""
     if type(value) is int and least <= value <= most:
         return value
     number = real(name, value, f"a whole number from {least} to {most}")
@@ -69,19 +70,19 @@ def whole(name: str, value: object, least: int, most: int) -> int:
 
 
 def counts(dcounts: int) -> int:
-    """A move in counts."""
+    """Return a move in counts, a whole number within int32."""
     return whole("dcounts", dcounts, INT32_MIN, INT32_MAX)
 
 
 def instance(name: str, value: object, wanted: type[T]) -> T:
-    """`value`, if it is of the wanted type."""
+    """Return `value` if it is of the wanted type."""
     if not isinstance(value, wanted):
         raise Error(f"{name} = {shown(value)} is not a {wanted.__name__}")
     return value
 
 
 def names_checked(function: Callable[P, R]) -> Callable[P, R]:
-    """Raise dahl.Error, with the arguments that fit, for a call that does not fit the signature."""
+    """Raise dahl.Error, with the valid arguments, for a call that does not fit the signature."""
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:

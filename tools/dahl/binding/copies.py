@@ -29,11 +29,11 @@ class Copied:
     def __getstate__(self) -> dict[str, Any]:
         kept: Any = super().__getstate__()  # a pair if a subclass has slots
         values = {**(kept[0] or {}), **kept[1]} if isinstance(kept, tuple) else kept
-        return {k: _kept(v) for k, v in values.items() if k not in self._derived_fields}
+        return {k: _without_address(v) for k, v in values.items() if k not in self._derived_fields}
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
         for name, value in kept.items():
-            object.__setattr__(self, name, _restored(value))  # a frozen class too
+            object.__setattr__(self, name, _in_c(value))  # a frozen class too
         self._prepare()
 
     def __copy__(self) -> Self:
@@ -50,13 +50,15 @@ def content(structure: Any) -> bytes:
     return bytes(c.buffer(structure))
 
 
-def _kept(value: Any) -> Any:
+def _without_address(value: Any) -> Any:
+    """Return the content of a C structure, and any other value as it is."""
     if isinstance(value, c.CData):
         return _Content(c.typeof(value).item.cname, content(value))
     return value
 
 
-def _restored(value: Any) -> Any:
+def _in_c(value: Any) -> Any:
+    """Return a new C structure of a content, and any other value as it is."""
     if not isinstance(value, _Content):
         return value
     structure = c.new(f"{value.type_name} *")

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dahl.binding import checks
-from dahl.binding.checks import INT32_MAX, INT32_MIN, UINT32_MAX
+from dahl.binding.checks import INT32_MAX, INT32_MIN, ONE_Q30, UINT32_MAX
 from dahl.binding.copies import Copied, content
 from dahl.binding.library import c
 from dahl.errors import Error
@@ -36,7 +36,7 @@ def to_units(ratio_q30: int, Fc_units: int) -> int:  # noqa: N803
     dahl.Error for any other.
     """
     ratio_q30 = checks.whole("ratio_q30", ratio_q30, INT32_MIN, INT32_MAX)
-    return int(c.dahl_to_units(ratio_q30, checks.whole("Fc_units", Fc_units, 0, 2**30)))
+    return int(c.dahl_to_units(ratio_q30, checks.whole("Fc_units", Fc_units, 0, ONE_Q30)))
 
 
 @checks.calls_checked
@@ -73,20 +73,20 @@ class Encoder(Copied):
         backward); 0 for the first one and for a jump. A reading is a whole number from 0 to
         modulus-1; dahl.Error for any other.
         """
-        return int(c.dahl_encoder_move(self._encoder, self._checked(reading)))
+        return int(c.dahl_encoder_move(self._encoder, self._check_reading(reading)))
 
     def home(self, reading: int) -> None:
         """The counter was set to `reading`, in counts as in move(), without motion; the next move
         starts there. The same errors as move().
         """
-        c.dahl_encoder_home(self._encoder, self._checked(reading))
+        c.dahl_encoder_home(self._encoder, self._check_reading(reading))
 
     @property
     def jumps(self) -> int:
         """Moves refused since the beginning: longer than largest_step."""
         return int(self._encoder.jumps)
 
-    def _checked(self, reading: int) -> int:
+    def _check_reading(self, reading: int) -> int:
         modulus = self._encoder.modulus
         return checks.whole("reading", reading, 0, modulus - 1 if modulus else UINT32_MAX)
 

@@ -39,14 +39,14 @@ def load() -> tuple[Any, Any]:
     path = paths.library()
     try:
         ctypes.CDLL(str(path), ctypes.RTLD_GLOBAL)  # the module finds its functions in it
-        ffi, functions = _compiled() or _parsed(path)
+        ffi, functions = _load_compiled() or _load_parsed(path)
         getattr(functions, "dahl_prepare")  # noqa: B009  (another library lacks it)
         return ffi, functions
     except (OSError, AttributeError) as error:
         raise RunError(f"{path}: not the shared library of dahl ({error})") from None
 
 
-def _compiled() -> tuple[Any, Any] | None:
+def _load_compiled() -> tuple[Any, Any] | None:
     """Return FFI and functions of the module, or None if this interpreter cannot load it."""
     path = paths.binding("_dahl.abi3.so")
     loader = ExtensionFileLoader("_dahl", str(path))
@@ -57,7 +57,7 @@ def _compiled() -> tuple[Any, Any] | None:
     return module.ffi, module.lib
 
 
-def _parsed(library: Path) -> tuple[Any, Any]:
+def _load_parsed(library: Path) -> tuple[Any, Any]:
     from cffi import FFI
 
     path = paths.binding("dahl_declarations.h")

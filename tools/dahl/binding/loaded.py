@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dahl.binding import arrays, checks
+from dahl.binding.checks import ONE_Q30
 from dahl.binding.copies import Copied
 from dahl.binding.friction import Plan
 from dahl.binding.library import c
 from dahl.errors import Error
-
-LOAD_ONE = 2**30  # a load of 1 in C
 
 
 @checks.calls_checked
@@ -62,13 +61,13 @@ class Loaded(Copied):
 
     @property
     def load(self) -> float:
-        """Of the last tick; 0 at first."""
-        return float(self._state.load_q30 / LOAD_ONE)
+        """Load of the last tick, 0 <= load < 2; 0 at first."""
+        return float(self._state.load_q30 / ONE_Q30)
 
     @property
     def torque(self) -> float:
         """F in N m at the last load, without motion."""
-        step = self._clamped if self._fixed_stiffness else self._step
+        step = self._clamped_step if self._fixed_stiffness else self._step
         return step(0, self._state.load_q30)
 
     def step_counts(self, dcounts: int, load: float) -> float:
@@ -86,7 +85,7 @@ class Loaded(Copied):
         """
         self._need_rule(True, "step")
         angle = checks.real("dtheta", dtheta, "an angle in rad")
-        return self._clamped(angle, _load_q30(load))
+        return self._clamped_step(angle, _load_q30(load))
 
     def run(
         self, moves: ArrayLike, loads: ArrayLike, out: NDArray[np.float32] | None = None
@@ -100,7 +99,7 @@ class Loaded(Copied):
         array = arrays.moves(moves, np.float32)
         given, result = arrays.loads(loads, array), arrays.output(out, array)
         for k, (angle, load) in enumerate(zip(array.tolist(), given.tolist(), strict=True)):
-            result[k] = self._clamped(angle, load)
+            result[k] = self._clamped_step(angle, load)
         return result
 
     def step_counts_q30(self, dcounts: int, load: float) -> int:
@@ -122,14 +121,14 @@ class Loaded(Copied):
         """
         self._need_rule(False, "run_counts")
         array = arrays.moves(moves, np.int32)
-        arguments = self._plan._prepared, self._state
-        return arrays.run(c.dahl_batch_loaded_counts, arguments, array, out, loads)
+        given, arguments = arrays.loads(loads, array), (self._plan._prepared, self._state)
+        return arrays.run(c.dahl_batch_loaded_counts, arguments, array, out, given)
 
     def _step(self, dcounts: int, load_q30: int) -> float:
         step = c.dahl_loaded_step_counts
         return float(step(self._plan._prepared, self._state, dcounts, load_q30))
 
-    def _clamped(self, dtheta: float, load_q30: int) -> float:
+    def _clamped_step(self, dtheta: float, load_q30: int) -> float:
         """The rule of fixed_stiffness, whose state in C has no load: F/Fc in Q62 alone."""
         self._state.load_q30 = load_q30
         bristle = c.addressof(self._state, "bristle")
@@ -145,9 +144,9 @@ class Loaded(Copied):
         if not isinstance(other, Loaded):
             return NotImplemented
         same = self._plan == other._plan and self._fixed_stiffness == other._fixed_stiffness
-        return same and self._compared() == other._compared()
+        return same and self._comparable() == other._comparable()
 
-    def _compared(self) -> tuple[int, int]:
+    def _comparable(self) -> tuple[int, int]:
         return self._state.bristle.w, self._state.load_q30
 
     __hash__ = None  # type: ignore[assignment]  # it changes with each step
@@ -161,4 +160,4 @@ def _load_q30(load: float) -> int:
     number = checks.real("load", load, "0 <= load < 2")
     if not 0 <= number < 2:
         raise Error(f"load = {number!r} is outside 0 <= load < 2")
-    return min(round(number * LOAD_ONE), 2 * LOAD_ONE - 1)
+    return min(round(number * ONE_Q30), 2 * ONE_Q30 - 1)

@@ -76,7 +76,7 @@ def parameter(name: str, value: float, limit: str) -> float:
 
 
 def digits(value: float) -> str:
-    """The fewest digits that make this float again: 0.3, not 0.30000001192092896."""
+    """Return the fewest digits that make this float again: 0.3, not 0.30000001192092896."""
     return str(np.float32(value))
 
 
@@ -88,7 +88,7 @@ def need_counted(theta_per_count: float) -> None:
 
 
 def refusal(sigma0: float, Fc: float, theta_per_count: float) -> str:  # noqa: N803
-    """Name the parameter that the library refused, and its limit."""
+    """Return the name and the limit of the parameter that the library refused."""
     for (name, limit), value in zip(LIMITS.items(), (sigma0, Fc, theta_per_count), strict=True):
         if not TORQUE_MIN <= value < TORQUE_MAX and (name != "theta_per_count" or value != 0):
             return f"{name} = {_shown(value, TORQUE_MIN, TORQUE_MAX)} is outside {limit}"
@@ -101,6 +101,6 @@ def refusal(sigma0: float, Fc: float, theta_per_count: float) -> str:  # noqa: N
 
 
 def _shown(value: float, low: float, high: float) -> str:
-    """Six digits, or all if six would look as if they were within the limits."""
+    """Return six digits, or all if six would look as if they were within the limits."""
     short = f"{value:g}"
     return repr(value) if low <= float(short) < high else short

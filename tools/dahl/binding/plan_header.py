@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """A prepared plan as a header for C99 and C++11, ready for flash, of Dahl's model or of one of
-dahl_parts.h. dahl_prepare() and its like make the words; the field names come from the public
+dahl_parts.h. dahl_prepare() and its like make the values. The field names come from the public
 headers.
 """
 
@@ -28,7 +28,7 @@ HEAD = re.compile(
 )
 
 
-def _kind(plan: type) -> tuple[str, str, tuple[str, ...]]:
+def _c_names(plan: type) -> tuple[str, str, tuple[str, ...]]:
     """Return the prefix of the C names of a plan, its header, and the names of its parameters."""
     parameters = tuple(inspect.signature(plan).parameters)
     for row in models.table().values():
@@ -38,7 +38,7 @@ def _kind(plan: type) -> tuple[str, str, tuple[str, ...]]:
 
 
 def identifier(name: str) -> str:
-    """A name that C takes."""
+    """Return a name as a part of C identifiers. Raises dahl.Error if it has no letter or digit."""
     plain_name = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_").lower()
     if not plain_name:
         raise Error(f"--name {name}: letters, digits and _ were expected")
@@ -46,7 +46,7 @@ def identifier(name: str) -> str:
 
 
 def is_plan(path: Path) -> bool:
-    """Whether a file is a header that was made here."""
+    """Return whether this module wrote a file."""
     try:
         return HEAD.match(path.read_text(encoding="utf-8")) is not None
     except UnicodeDecodeError:
@@ -66,7 +66,7 @@ def _fields(value: Any, kind: Any) -> list[tuple[str, str]]:
 
 
 def _parameters(plan: AnyPlan, names: tuple[str, ...]) -> str:
-    """Name = value, of several elements as many values."""
+    """Return `name = value` of each parameter; several elements have as many values."""
     values = ((name, getattr(plan, name)) for name in names)
     return ", ".join(
         f"{name} = "
@@ -76,17 +76,17 @@ def _parameters(plan: AnyPlan, names: tuple[str, ...]) -> str:
 
 
 def text(name: str, plan: AnyPlan | dict[str, AnyPlan], comment: list[str]) -> str:
-    """The header: `static const dahl_plan_t dahl_plan_NAME` (or dahl_slip_plan_t, ...), the words
-    of dahl_prepare() (dahl_slip_prepare(), ...) in the order of the struct, since C++ has had
-    designated initialisers only since C++20; of several plans each with an ending of its own.
-    Another version of the library may order them otherwise, and is refused when the header is
-    compiled.
+    """Return the header: `static const dahl_plan_t dahl_plan_NAME`, or dahl_slip_plan_t and so on.
+
+    Several plans are given by the endings of their names. The values of dahl_prepare() stand in the
+    order of the structure, since C++ has designated initialisers only from C++20 on. Another
+    version of the library may have another order, so the header does not compile with it.
     """
     plans = plan if isinstance(plan, dict) else {"": plan}
-    kinds = [_kind(type(one)) for one in plans.values()]
+    kinds = [_c_names(type(one)) for one in plans.values()]
     guard = f"DAHL_PLAN_{name.upper()}_H"
     major, minor, _ = __version__.split(".")
-    said = [
+    notes = [
         f"{prefix}prepare() of {_parameters(one, names)}; keep it const."
         for one, (prefix, _, names) in zip(plans.values(), kinds, strict=True)
     ]
@@ -94,7 +94,7 @@ def text(name: str, plan: AnyPlan | dict[str, AnyPlan], comment: list[str]) -> s
         "/*",
         *(f" * {line}".rstrip() for line in comment),
         *([" *"] if comment else []),
-        *(f" * {line}" for line in said),
+        *(f" * {line}" for line in notes),
         " */",
         f"#ifndef {guard}",
         f"#define {guard}",
@@ -105,15 +105,15 @@ def text(name: str, plan: AnyPlan | dict[str, AnyPlan], comment: list[str]) -> s
         f'#error "this plan was made for dahl {major}.{minor}: make it again with this version"',
         "#endif",
         "",
-        *(line for ending, one in plans.items() for line in _words(f"{name}{ending}", one)),
+        *(line for ending, one in plans.items() for line in _definition(f"{name}{ending}", one)),
         f"#endif /* {guard} */",
     ]
     return "\n".join(lines) + "\n"
 
 
 def with_load(header: str, name: str, at_zero: float, per_unit: float) -> str:
-    """A header of a plan for dahl_loaded_step_counts() with a function for its load_q30 from a
-    measured load: load_q30 = 2^30 (at_zero + per_unit load), 0 .. 2^31 - 1, 0 for NaN.
+    """Return the header of a plan with a function that converts a measured load to the load_q30 of
+    dahl_loaded_step_counts(): 2^30 (at_zero + per_unit load), 0 .. 2^31 - 1; 0 for NaN.
     """
     header = header.replace('#include "dahl.h"', '#include "dahl_parts.h"')
     end = header.rindex("#endif /* ")
@@ -131,25 +131,25 @@ def with_load(header: str, name: str, at_zero: float, per_unit: float) -> str:
 
 
 def _float(value: float) -> str:
-    """A literal of C."""
+    """Return a float literal of C."""
     text = f"{value:.9g}"
     return f"{text}f" if re.search(r"[.e]", text) else f"{text}.0f"
 
 
-def _words(name: str, plan: AnyPlan) -> list[str]:
-    """One plan."""
-    prefix = _kind(type(plan))[0]
+def _definition(name: str, plan: AnyPlan) -> list[str]:
+    """Return the lines that define one plan."""
+    prefix = _c_names(type(plan))[0]
     words = _fields(plan._prepared, c.typeof(f"{prefix}plan_t"))
     return [
         f"static const {prefix}plan_t dahl_plan_{name} = {{",
-        *(line for field, value in words for line in _folded(f"/* {field} */ {value},")),
+        *(line for field, value in words for line in _fold(f"/* {field} */ {value},")),
         "};",
         "",
     ]
 
 
-def _folded(field: str) -> list[str]:
-    """A long initialiser in lines of at most LINE characters, cut after a comma."""
+def _fold(field: str) -> list[str]:
+    """Return a long initialiser in lines of at most LINE characters, cut after a comma."""
     lines, indent = [], "    "
     while len(indent + field) > LINE:
         cut = field.rfind(", ", 0, LINE - len(indent)) + 1

@@ -14,17 +14,17 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-FORGOTTEN = 45.0  # presliding lengths: exp(-45) is less than the last bit of a state in Q62
-PART_LEAST = 1 << 18  # ticks of a part for which a thread is worth its start
-BLOCK = 512  # ticks that the C computes together: a part begins at a multiple of them
-LOOK = 8 * BLOCK  # ticks of the first sum of travel; each next sum has twice as many
-LOOK_MOST = 128 * BLOCK  # at most, so that they stay in a cache
+FORGETTING_LENGTHS = 45.0  # exp(-45) is less than the last bit of a state in Q62
+MIN_PART_TICKS = 1 << 18  # for which a thread is worth its start
+BLOCK_TICKS = 512  # that the C computes together: a part begins at a multiple of them
+FIRST_SUM_TICKS = 8 * BLOCK_TICKS  # of the first sum of travel; each next sum has twice as many
+MAX_SUM_TICKS = 128 * BLOCK_TICKS  # so that they stay in a cache
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """move(first, last, w) computes these ticks from the state w in Q62 and returns the state after
-    them; travel(first, last) is theirs in presliding lengths.
+    """move(first, last, w) computes the ticks first .. last - 1 from the state w in Q62 and returns
+    the state after them. travel(first, last) returns their travel in presliding lengths.
     """
 
     ticks: int
@@ -38,13 +38,13 @@ class _Part:
     last: int
     end: int = 0  # state in Q62, from rest
     settled: int = 0  # the tick from which on the state at the start is forgotten, or `last`
-    left: float = 0.0  # of the state at the start, at the end
+    left: float = 0.0  # fraction of the state at the start that remains at the end
 
 
 def run(whole: Trajectory, w: int, threads: int) -> None:
-    """Compute all ticks from the state w in Q62, on as many threads as are worth while."""
-    count = max(1, min(threads, whole.ticks // PART_LEAST))
-    edges = [k * whole.ticks // count // BLOCK * BLOCK for k in range(count)]
+    """Compute all ticks from the state w in Q62, on as many threads as pay."""
+    count = max(1, min(threads, whole.ticks // MIN_PART_TICKS))
+    edges = [k * whole.ticks // count // BLOCK_TICKS * BLOCK_TICKS for k in range(count)]
     edges.append(whole.ticks)
     if count == 1:
         whole.move(0, whole.ticks, w)
@@ -54,27 +54,25 @@ def run(whole: Trajectory, w: int, threads: int) -> None:
         spans = zip(edges[1:-1], edges[2:], strict=True)
         parts = list(pool.map(lambda span: _from_rest(whole, *span), spans))
         starts = _starts(parts, head.result())
-        list(pool.map(lambda part, start: _put_right(whole, part, start), parts, starts))
+        list(pool.map(lambda part, w: whole.move(part.first, part.settled, w), parts, starts))
 
 
 def _from_rest(whole: Trajectory, first: int, last: int) -> _Part:
+    """Compute a part from rest, and find the tick at which its start is forgotten."""
     end = whole.move(first, last, 0)
-    travel, settled, look = 0.0, first, LOOK
-    while settled < last and travel < FORGOTTEN:
-        further = min(settled + look, last)
+    travel, settled, ticks = 0.0, first, FIRST_SUM_TICKS
+    while settled < last and travel < FORGETTING_LENGTHS:
+        further = min(settled + ticks, last)
         travel += whole.travel(settled, further)
-        settled, look = further, min(2 * look, LOOK_MOST)
-    return _Part(first, last, end, settled, math.exp(-travel) if travel < FORGOTTEN else 0.0)
+        settled, ticks = further, min(2 * ticks, MAX_SUM_TICKS)
+    left = math.exp(-travel) if travel < FORGETTING_LENGTHS else 0.0
+    return _Part(first, last, end, settled, left)
 
 
 def _starts(parts: list[_Part], w: int) -> list[int]:
-    """The state at the start of each part, in Q62, w that of the first."""
+    """Return the state at the start of each part, in Q62; w is that of the first."""
     starts = []
     for part in parts:
         starts.append(w)
         w = max(-(2**62), min(2**62, part.end + round(part.left * w)))
     return starts
-
-
-def _put_right(whole: Trajectory, part: _Part, start: int) -> None:
-    whole.move(part.first, part.settled, start)

@@ -19,8 +19,8 @@ class Work(Element):
     overflow for 2^63 ticks.
 
     A step costs about 1 us from Python, a tick in run_counts() about 10 ns. Relaxed at first. Two
-    are equal if plan, state and sums are; picklable; a copy goes its own way. Raises dahl.Error
-    for anything that is no Plan, and for a plan without theta_per_count.
+    are equal if plan, state and sums are; picklable; a copy has a state of its own. Raises
+    dahl.Error for anything that is no Plan, and for a plan without theta_per_count.
 
     >>> bearing = dahl.Work(dahl.Plan(100.0, 0.5, 1e-3))
     >>> torques = bearing.run_counts([10**6, -(10**6)])

@@ -21,8 +21,9 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from dahl import dependencies
 from dahl.binding import checks
+from dahl.binding.checks import ONE_Q30
 from dahl.binding.library import c
-from dahl.can.frame import ONE_Q30, Frame
+from dahl.can.frame import Frame
 from dahl.can.frames import (
     KINDS,
     OFF_AT_0,
@@ -81,31 +82,35 @@ F = TypeVar("F", bound="Frame")
 
 @checks.names_checked
 def to_bytes(frame: Frame) -> bytes:
-    """The 8 bytes of a frame, CRC and counter included."""
-    return _packed(frame, 0).data()
+    """Return the 8 bytes of a frame, with CRC and counter. Raises dahl.Error if it is no Frame."""
+    return _pack_raw(frame, 0).data()
 
 
 @checks.names_checked
 def from_bytes(identifier: int, data: bytes | bytearray) -> Frame:
-    """The frame of an 11-bit id and its bytes. Raises dahl.Error unless it is whole."""
+    """Return the frame of an 11-bit id and 8 bytes. Raises dahl.Error for another id or length, for
+    a wrong CRC, and for a value out of its range.
+    """
     identifier = checks.whole("identifier", identifier, 0, STANDARD_MAX)
     if not isinstance(data, (bytes, bytearray)):
         raise Error(f"data = {checks.shown(data)} is neither bytes nor a bytearray")
     if len(data) != 8:
-        raise Error(f"{_named(identifier)}: {len(data)} bytes, 8 were expected")
+        raise Error(f"{_name_of(identifier)}: {len(data)} bytes, 8 were expected")
     raw = RawFrame()
     raw.c.id, raw.c.length, raw.c.data = identifier, 8, list(data)
-    return _unpacked(raw)
+    return _unpack_raw(raw)
 
 
 @checks.names_checked
 def pack(frame: Frame, node: int = 0) -> can.Message:
-    """A message of python-can, of the node's id."""
-    return _packed(frame, number_of(node)).message()
+    """Return a message of python-can with the id of a node, 0 .. 15. Raises dahl.Error if frame is
+    no Frame or node is out of range.
+    """
+    return _pack_raw(frame, number_of(node)).message()
 
 
 def number_of(node: int, name: str = "node") -> int:
-    """The number of a node, 0 .. 15. Raises dahl.Error."""
+    """Return the number of a node. Raises dahl.Error unless it is 0 .. 15."""
     return checks.whole(name, node, 0, NODES - 1)
 
 
@@ -115,8 +120,9 @@ def unpack(message: can.Message) -> Frame: ...
 def unpack(message: can.Message, kind: type[F]) -> F: ...
 @checks.names_checked
 def unpack(message: can.Message, kind: type[Frame] = Frame) -> Frame:
-    """The frame in a message of python-can, whose node is arbitration_id & 15. Raises dahl.Error
-    unless it is a whole one, and of this kind if one is given, such as FrictionTorque.
+    """Return the frame in a message of python-can; its node is arbitration_id & 15. Raises
+    dahl.Error as from_bytes() does, for a message that is no classic data frame, and for a frame
+    that is not of the given kind, such as FrictionTorque.
     """
     raw = RawFrame()
     raw.read(message)
@@ -124,17 +130,17 @@ def unpack(message: can.Message, kind: type[Frame] = Frame) -> Frame:
     if flags:
         names = ("an extended id", "a remote frame", "an error frame", "a CAN FD frame")
         what = next(name for bit, name in enumerate(names) if flags & 1 << bit)
-        raise Error(f"{_named(identifier)}: {what}; a classic data frame was expected")
+        raise Error(f"{_name_of(identifier)}: {what}; a classic data frame was expected")
     if not any(kind is known for known in (Frame, *KINDS.values())):
         raise Error(f"kind = {checks.shown(kind)} is no kind of frame, such as FrictionTorque")
     frame = from_bytes(identifier, bytes(message.data[: max(message.dlc, 0)]))
     if not isinstance(frame, kind):
-        raise Error(f"{_named(identifier)}: {kind.__name__} was expected")
+        raise Error(f"{_name_of(identifier)}: {kind.__name__} was expected")
     return frame
 
 
 def python_can() -> ModuleType:
-    """The package `can`. Raises dahl.RunError if it is missing."""
+    """Return the package `can`. Raises dahl.RunError if it is missing."""
     try:
         return import_module("can")
     except ImportError:
@@ -142,12 +148,12 @@ def python_can() -> ModuleType:
 
 
 class RawFrame:
-    """A dahl_can_frame_t, and the way from and to messages of python-can. Quick: once a tick."""
+    """A dahl_can_frame_t that converts from and to messages of python-can. Quick: once a tick."""
 
     def __init__(self) -> None:
         self.c = c.new("dahl_can_frame_t *")
         self._data = c.buffer(self.c.data)
-        self._make: Any = None  # can.Message, imported with the first
+        self._make: Any = None  # can.Message, imported when it is first used
 
     def read(self, message: can.Message) -> None:
         """Copy a message of python-can: of CAN FD the first 8 bytes. Raises dahl.Error."""
@@ -186,7 +192,7 @@ def _flags(message: can.Message) -> int:
 
 
 def is_whole(identifier: int, data: bytes | bytearray) -> bool:
-    """True for 8 bytes of one of a node's frames, with the CRC that they need."""
+    """Return whether these are the 8 bytes of a frame of a node, with the right CRC."""
     kind = KINDS.get(identifier & ~15)
     return kind is not None and len(data) == 8 and _crc(data, kind) == data[0]
 
@@ -195,12 +201,12 @@ def _crc(data: bytes | bytearray, kind: type[Frame]) -> int:
     return int(c.dahl_frames_crc(bytes(data), kind._kind))
 
 
-def _named(identifier: int) -> str:
+def _name_of(identifier: int) -> str:
     kind = KINDS.get(identifier & ~15)
     return f"{kind.__name__} {identifier:#05x}" if kind else f"id {identifier:#05x}"
 
 
-def _packed(frame: Frame, node: int) -> RawFrame:
+def _pack_raw(frame: Frame, node: int) -> RawFrame:
     if not isinstance(frame, Frame):
         raise Error(f"frame = {checks.shown(frame)} is no frame of a node")
     values = {name: int(getattr(frame, name)) for name in frame._limits}
@@ -209,16 +215,16 @@ def _packed(frame: Frame, node: int) -> RawFrame:
     return raw
 
 
-def _unpacked(raw: RawFrame) -> Frame:
+def _unpack_raw(raw: RawFrame) -> Frame:
     identifier, data = raw.c.id, raw.data()
     kind = KINDS.get(identifier & ~15)
     if kind is None:
-        raise Error(f"{_named(identifier)}: no frame of a node; those have ids 0x100 to 0x15f")
+        raise Error(f"{_name_of(identifier)}: no frame of a node; those have ids 0x100 to 0x15f")
     values = c.new(f"{kind._structure} *")
     if getattr(c, f"dahl_frames_unpack_{kind._calls}")(raw.c, values) != 0:
         due = _crc(data, kind)
-        raise Error(f"{_named(identifier)}: CRC {data[0]:#04x}, {due:#04x} was expected")
+        raise Error(f"{_name_of(identifier)}: CRC {data[0]:#04x}, {due:#04x} was expected")
     try:
         return kind(**{name: getattr(values, name) for name in kind._limits})
     except Error as error:
-        raise Error(f"{_named(identifier)}: {error}") from None
+        raise Error(f"{_name_of(identifier)}: {error}") from None

@@ -6,10 +6,8 @@ from __future__ import annotations
 from typing import Any, ClassVar, Self
 
 from dahl.binding import checks
-from dahl.binding.checks import UINT32_MAX
+from dahl.binding.checks import ONE_Q30, UINT32_MAX
 from dahl.errors import Error
-
-ONE_Q30 = 2**30
 
 
 class Frame:
@@ -23,11 +21,11 @@ class Frame:
 
     def __post_init__(self) -> None:
         for name, limit in self._limits.items():
-            object.__setattr__(self, name, checked(name, getattr(self, name), limit))
+            object.__setattr__(self, name, check_field(name, getattr(self, name), limit))
 
 
-def checked(name: str, value: object, limit: Any) -> Any:
-    """A field in its range; a number of an enumeration becomes its member."""
+def check_field(name: str, value: object, limit: Any) -> Any:
+    """Return a field if it is in its range; a number of an enumeration becomes its member."""
     if isinstance(limit, tuple):
         return checks.whole(name, value, *limit)
     if limit is bool:
@@ -75,7 +73,7 @@ class ParamFrame(Frame):
 
     @property
     def si(self) -> float:
-        """The value in the unit of its parameter: N m/rad, N m, rad per count, s, or a part."""
+        """The value in the unit of its parameter: N m/rad, N m, rad per count, s, or a fraction."""
         return self.value * self._units.get(self.param, 1.0)
 
 
@@ -85,10 +83,11 @@ class ParamWriteFrame(ParamFrame):
 
     @classmethod
     def of_si(cls, param: int, value: float, write: int = 1, counter: int = 0) -> Self:
-        """A value in N m/rad, N m, rad per count, s, or a part, to the nearest step. It is written,
-        unless `write` is READ or HOLD.
+        """Return the frame that writes a value in N m/rad, N m, rad per count, s, or a fraction,
+        rounded to the nearest step. `write` may also be READ or HOLD. Raises dahl.Error for a value
+        out of range, and for one that rounding would make a 0 that means "off".
         """
-        known = checked("param", param, cls._limits["param"])
+        known = check_field("param", param, cls._limits["param"])
         unit = cls._units.get(known, 1.0)
         steps = checks.finite("value", value, "the parameter's unit") / unit
         shown = f"value = {value:g} of parameter {getattr(known, 'name', known)}"

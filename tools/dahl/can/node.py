@@ -19,7 +19,6 @@ from __future__ import annotations
 import asyncio
 import copy
 import functools
-import math
 import threading
 import time
 from collections.abc import Callable
@@ -44,19 +43,20 @@ if TYPE_CHECKING:
 
 __all__ = ["Counts", "Listener", "Node", "Traffic", "ask", "expect_silence", "run", "serve"]
 
-PERIOD = 0.005  # s at most between two calls of tick()
+TICK_PERIOD_S = 0.005  # at most, between two calls of tick()
 ONE = 65536  # DAHL_NODE_ONE: gain and limit of 1
 BUS_OFF = 0x40  # DAHL_CAN_ERROR_BUS_OFF
 ANSWERS = (codec.FrictionTorque.base, codec.Status.base, codec.ParamReply.base)
-LONG = 60.0  # s, the longest time that a parameter on the bus can hold
-LEAP = 1000.0  # s without a call: longer than any timeout, shorter than 2^31 us
+MAX_PARAM_S = 60.0  # the longest time that a parameter on the bus can hold
+MAX_TIME_S = 1e300  # before and after 0; in us it is still a float
+MAX_PAUSE_S = 1000.0  # without a call: longer than any timeout, shorter than 2^31 us
 
 Model: TypeAlias = Plan | Slip | Parallel | Bristle | Loaded
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Frames since the node was made, by their treatment; a lost frame did not come in time."""
+    """Frames since the node was made, by result; dahl_node_counts_t explains each."""
 
     ok: int
     repeated: int
@@ -85,15 +85,15 @@ class Node(Copied):
                    its parameters, not its state. Parameter Load sets the load of a Loaded, 0 .. 1;
                    1 at first
     number         0 .. 15, the low 4 bits of its ids
-    gain           part of the torque that is answered, 0 .. 1
-    limit          part of Fc that the answer is clamped to, 0 .. 1
+    gain           fraction of the torque that is answered, 0 .. 1
+    limit          fraction of Fc that the answer is clamped to, 0 .. 1
     ramp           s that the gain needs from 0 to 1, 0 .. 60
     timeout        s without a good EncoderState after which it is stale, 0.001 .. 60
     max_step       counts per ms; a faster count is a jump. 0: no limit
     status_period  s from one Status to the next, 0 .. 60; 0: only after an event
 
     It has no clock: the caller gives `now` in s, on any clock. A call without it uses the last
-    `now`, 0 at first. It accepts any frame; a table in docs/loop.md has the treatment of each.
+    `now`, 0 at first. It accepts any frame; a table in docs/loop.md shows what it does with each.
     Comparable, picklable; a copy has a state of its own. One thread at a time. About 2 us a frame.
     Raises dahl.Error with the argument, its value and its limit.
     """
@@ -117,10 +117,10 @@ class Node(Copied):
         self._begin(codec.number_of(number, "number"))
         self._node.gain = round(_within("gain", gain, 0, 1, "") * ONE)
         self._node.limit = round(_within("limit", limit, 0, 1, "") * ONE)
-        self._node.ramp_us = _us(_within("ramp", ramp, 0, LONG, "s"))
-        self._node.timeout_us = _us(_within("timeout", timeout, 0.001, LONG, "s"))
+        self._node.ramp_us = _us(_within("ramp", ramp, 0, MAX_PARAM_S, "s"))
+        self._node.timeout_us = _us(_within("timeout", timeout, 0.001, MAX_PARAM_S, "s"))
         self._node.max_step = checks.whole("max_step", max_step, 0, INT32_MAX)
-        self._node.status_us = _us(_within("status_period", status_period, 0, LONG, "s"))
+        self._node.status_us = _us(_within("status_period", status_period, 0, MAX_PARAM_S, "s"))
         self._node.gain_now = 0 if self._node.ramp_us else self._node.gain
 
     def _begin(self, number: int) -> None:
@@ -162,13 +162,13 @@ class Node(Copied):
 
     @property
     def counts(self) -> Counts:
-        """Frames by their treatment."""
+        """Frames by result."""
         return Counts(*(getattr(self._node.counts, name) for name in COUNTS))
 
     def receive(self, message: can.Message, now: float | None = None) -> can.Message | None:
         """Process one frame of any kind. Returns the answer to send at once, if there is one: a
         FrictionTorque to an EncoderState, a ParamReply to a ParamWrite, a Status to a Reset. `now`
-        in s. Raises dahl.Error if message is no can.Message or `now` is no finite number.
+        in s. Raises dahl.Error if message is no can.Message, or `now` no number within +-1e300.
         """
         moment = self._us if now is None else self._at(now)
         self._in.read(message)
@@ -180,16 +180,17 @@ class Node(Copied):
 
     def tick(self, now: float | None = None) -> can.Message | None:
         """Check the clock; call it every few ms. Returns a Status to send if one is due. The first
-        call returns one at once. `now` in s. Raises dahl.Error if `now` is no finite number.
+        call returns one at once. `now` in s. Raises dahl.Error if `now` is no number within
+        +-1e300.
         """
         moment = self._us if now is None else self._at(now)
         return self._out.message() if c.dahl_node_tick(self._node, moment, self._out.c) else None
 
     def _at(self, now: float) -> int:
-        """The clock of the C at a new `now`."""
-        if type(now) is not float or not math.isfinite(now):
-            now = checks.finite("now", now, "s")
-        if now - self._now > LEAP:
+        """Set the time to a new `now`, and return it on the clock of the C."""
+        if type(now) is not float or not abs(now) <= MAX_TIME_S:
+            now = _within("now", now, -MAX_TIME_S, MAX_TIME_S, "s")
+        if now - self._now > MAX_PAUSE_S:
             self._age(now)
         self._now, self._us = now, round(now * 1e6) & UINT32_MAX
         return self._us
@@ -199,9 +200,9 @@ class Node(Copied):
         it as a short one: ages end at its beginning, and a Status is due at its end.
         """
         counter = self._node.status_counter
-        if c.dahl_node_tick(self._node, _clock(self._now + LEAP), self._out.c):
+        if c.dahl_node_tick(self._node, _clock(self._now + MAX_PAUSE_S), self._out.c):
             self._node.status_counter, self._node.urgent = counter, 1
-        self._node.bus_off_us = _clock(moment - LEAP)
+        self._node.bus_off_us = _clock(moment - MAX_PAUSE_S)
 
     def __getstate__(self) -> dict[str, Any]:
         """All fields without addresses."""
@@ -222,9 +223,9 @@ class Node(Copied):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Node):
             return NotImplemented
-        return self._compared() == other._compared()
+        return self._comparable() == other._comparable()
 
-    def _compared(self) -> tuple[Any, ...]:
+    def _comparable(self) -> tuple[Any, ...]:
         """All but addresses, and padding that C leaves as it is."""
         first, last = (c.offsetof("dahl_node_t", name) for name in ("params", "urgent"))
         state = self.__getstate__()
@@ -251,7 +252,7 @@ def _us(seconds: float) -> int:
 
 
 def _clock(seconds: float) -> int:
-    """The clock of the C at this time: us, modulo 2^32."""
+    """Return this time on the clock of the C: us, modulo 2^32."""
     return _us(seconds) & UINT32_MAX
 
 
@@ -312,7 +313,7 @@ USES: dict[type, Callable[[Any], Use]] = {
 
 
 def _use_of(friction: object) -> Callable[[Any], Use] | None:
-    """The entry of its class or of a base class."""
+    """Return the entry of its class or of a base class; None if there is none."""
     return next((USES[kind] for kind in type(friction).__mro__ if kind in USES), None)
 
 
@@ -349,11 +350,11 @@ class Listener:
 
     def on_message_received(self, msg: can.Message) -> None:
         """Answer one frame."""
-        self._link.take(msg)
+        self._link.receive(msg)
 
     def __call__(self, msg: can.Message) -> None:
-        """The same."""
-        self._link.take(msg)
+        """Answer one frame: a Notifier calls its listeners."""
+        self._link.receive(msg)
 
     def on_error(self, exc: Exception) -> None:
         """The Notifier keeps it as its `exception`."""
@@ -367,7 +368,7 @@ class Listener:
     def _tick(self) -> None:
         while not self._ended.is_set():
             self._link.tick()
-            self._ended.wait(PERIOD)
+            self._ended.wait(TICK_PERIOD_S)
 
 
 @checks.names_checked
@@ -381,16 +382,16 @@ def run(
     `seconds`; without either for ever. Returns the counts of frames. Raises dahl.RunError if the
     bus fails.
     """
-    _checked_bus(bus, "send", "recv")
+    _check_bus(bus, "send", "recv")
     link = _Link(bus, nodes)
     end = time.monotonic() + (float("inf") if seconds is None else _span("seconds", seconds))
     if not callable(ended):
         raise Error(f"ended = {checks.shown(ended)} cannot be called")
     while not ended() and time.monotonic() < end:
         link.tick()
-        message = receive(bus, PERIOD)
+        message = receive(bus, TICK_PERIOD_S)
         if message is not None:
-            link.take(message)
+            link.receive(message)
     return link.traffic
 
 
@@ -412,7 +413,7 @@ async def serve(bus: can.BusABC, *nodes: Node) -> None:
 
 
 def _span(name: str, value: float) -> float:
-    """A time in s, also an infinite one."""
+    """Return a time in s, 0 to infinity. Raises dahl.Error."""
     number = checks.real(name, value, "a number of s, 0 or above,")
     if not number >= 0:
         raise Error(f"{name} = {number:g} is not a number of s, 0 or above")
@@ -439,11 +440,11 @@ def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0
     If that is STALE, send a Reset(What.RESTART) first. Raises dahl.RunError if the bus refuses the
     frame.
     """
-    kind = ASKED.get(type(frame))
+    kind = ANSWER_KINDS.get(type(frame))
     if kind is None:
         raise Error(f"frame = {checks.shown(frame)} is none that a node answers")
-    _checked_bus(bus, "send", "recv")
-    timeout, node = _within("timeout", timeout, 0, LONG, "s"), codec.number_of(node)
+    _check_bus(bus, "send", "recv")
+    timeout, node = _within("timeout", timeout, 0, MAX_PARAM_S, "s"), codec.number_of(node)
     until, why = time.monotonic() + timeout, ""
     _drop_waiting(bus, until)
     _send(bus, codec.pack(frame, node), frame)
@@ -469,8 +470,8 @@ def expect_silence(
     first. Raises dahl.RunError for a FrictionTorque or ParamReply of the node within `seconds`;
     Status does not count, since a node sends it unasked.
     """
-    _checked_bus(bus, "send", "recv")
-    seconds, node = _within("seconds", seconds, 0, LONG, "s"), codec.number_of(node)
+    _check_bus(bus, "send", "recv")
+    seconds, node = _within("seconds", seconds, 0, MAX_PARAM_S, "s"), codec.number_of(node)
     message = codec.pack(frame, node) if isinstance(frame, codec.Frame) else frame
     if message is not None:
         codec.RawFrame().read(message)  # raises dahl.Error if it is no can.Message
@@ -499,7 +500,7 @@ def _send(bus: can.BusABC, message: can.Message, frame: object) -> None:
         raise RunError(f"the bus does not take {frame}: {error}") from None
 
 
-ASKED: dict[type[codec.Frame], type[codec.Frame]] = {
+ANSWER_KINDS: dict[type[codec.Frame], type[codec.Frame]] = {
     codec.EncoderState: codec.FrictionTorque,
     codec.ParamWrite: codec.ParamReply,
     codec.Reset: codec.Status,
@@ -507,7 +508,7 @@ ASKED: dict[type[codec.Frame], type[codec.Frame]] = {
 
 
 def _answer_in(message: can.Message | None, identifier: int) -> codec.Frame | None:
-    """The frame in a message, if it has this id and is whole."""
+    """Return the frame in a message, or None if it has another id or is damaged."""
     if message is None or message.arbitration_id != identifier:
         return None
     try:
@@ -517,19 +518,19 @@ def _answer_in(message: can.Message | None, identifier: int) -> codec.Frame | No
 
 
 def _why_silent(status: codec.Frame, frame: codec.Frame) -> str:
-    """Explain from its Status why a node did not answer, if that shows it."""
+    """Return the reason why a node did not answer, "" if its Status does not show one."""
     if not isinstance(status, codec.Status) or status.state == codec.State.OK:
         return ""
-    said = f"; its Status says {status.state.name}"
+    reason = f"; its Status says {status.state.name}"
     if status.state in (codec.State.STALE, codec.State.WRONG_SEQUENCE):
-        said += "; after a Reset with What.RESTART it answers"
+        reason += "; after a Reset with What.RESTART it answers"
     if isinstance(frame, codec.EncoderState) and codec.Errors.REPEATED in status.errors:
-        said += "; REPEATED is among its errors: each EncoderState has a counter one higher"
-    return said
+        reason += "; REPEATED is among its errors: each EncoderState has a counter one higher"
+    return reason
 
 
 def _answers(answer: codec.Frame, frame: codec.Frame) -> bool:
-    """True if it repeats the counter, and the parameter, of the question. Status has neither."""
+    """Return whether an answer repeats counter and parameter of the frame. Status has neither."""
     if isinstance(answer, codec.FrictionTorque) and isinstance(frame, codec.EncoderState):
         return answer.echo == frame.counter
     if isinstance(answer, codec.ParamReply) and isinstance(frame, codec.ParamWrite):
@@ -538,7 +539,7 @@ def _answers(answer: codec.Frame, frame: codec.Frame) -> bool:
     return True
 
 
-def _checked_bus(bus: can.BusABC, *calls: str) -> None:
+def _check_bus(bus: can.BusABC, *calls: str) -> None:
     if not all(callable(getattr(bus, name, None)) for name in calls):
         raise Error(f"bus = {checks.shown(bus)} is not a bus of python-can")
 
@@ -547,7 +548,7 @@ class _Link:
     """Nodes and the bus that they answer on, from any thread."""
 
     def __init__(self, bus: can.BusABC, nodes: tuple[Node, ...]) -> None:
-        _checked_bus(bus, "send")
+        _check_bus(bus, "send")
         if not nodes:
             raise Error("no node to serve")
         self._nodes = [checks.instance(f"nodes[{k}]", node, Node) for k, node in enumerate(nodes)]
@@ -556,7 +557,7 @@ class _Link:
         self._bus, self._lock, self.traffic = bus, threading.Lock(), Traffic()
         self._refusals = (codec.python_can().CanError, OSError)
 
-    def take(self, message: can.Message) -> None:
+    def receive(self, message: can.Message) -> None:
         with self._lock:
             self.traffic.received += 1
             for node in self._nodes:

@@ -19,12 +19,12 @@ from typing import Any
 from dahl.errors import Error, RunError
 from dahl.identify import estimate, report
 from dahl.identify.estimate import Options
-from dahl.io import readers
+from dahl.io import can_logs, readers
 from dahl.io.files import one_line, write_atomic
 from dahl.io.readers import Source
 from dahl.version import __version__
 
-ENDINGS = {".csv", ".tsv", ".txt", ".json", ".mat", ".parquet"} | readers.CAN_LOGS
+ENDINGS = {".csv", ".tsv", ".txt", ".json", ".mat", ".parquet"} | {*can_logs.CAN_LOGS}
 CLUSTER_TIMEOUT_S = 10.0
 COLUMNS = ("sigma0", "Fc", "r2", "r2_coulomb", "reversals", "verdict")
 

@@ -19,7 +19,7 @@ from dahl.identify.samples import MIN_TURN_LENGTHS, Samples
 
 SURE = 2.0  # standard errors of the gain on cycles left out
 MIN_RESIDUAL_GAIN = 0.02  # of the residual, that a row must explain
-BEYOND = 0.5  # of what a row moves: columns are one of many ways to describe what is there
+EXTRA_MOVE = 0.5  # of the move by a row: its columns are one of many descriptions of an effect
 ENCODER_PERIODS = (8, 16, 32, 64, 128, 256, 512, 1024)  # counts
 SHAPE_KNOTS = (0.15, 0.5, 1.2, 2.5, 5.0, 10.0)  # presliding lengths since the last turn
 ENCODER_ERROR = 0.5  # counts, at which the effect of an encoder error is linearised
@@ -118,10 +118,10 @@ class _Judge:
         self.fitter, self.fit, self.own = fitter, fit, list(range(own))
         self.grams = fitter.samples.grams(columns)
         self.whole = self.grams.sum(axis=0)
-        self.before, _, c = self._scored(self.own)
+        self.before, _, c = self._score(self.own)
         self.value = self._parameters(c)
 
-    def _scored(self, columns: list[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _score(self, columns: list[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         left = solve(self.whole - self.grams, columns)
         return cost_of(self.grams, columns, left), left, solve(self.whole, columns)
 
@@ -132,7 +132,7 @@ class _Judge:
         self, row: Row, columns: list[int], unit: np.ndarray, quantile: float, known: bool
     ) -> Lack | None:
         """Score one row; None if the cycles do not ask for it."""
-        after, left, c = self._scored(self.own + columns)
+        after, left, c = self._score(self.own + columns)
         gain, error = excess(self.before, after)
         asked = gain > SURE * error and gain > row.min_gain * after.sum()
         own = len(self.own)
@@ -149,11 +149,11 @@ class _Judge:
             return Lack(row.name, 0.0, moved, low, high, coefficients=x)
         if row.ends is not None:
             low, high = _at_ends(row.ends, x, each_x, value, each, quantile)
-        beyond = BEYOND * np.abs(value - self.value)
+        extra = EXTRA_MOVE * np.abs(value - self.value)
         ratio, part = float(gain / after.sum()), 100 * gain / self.before.sum()
         text = f"{row.name} would explain {part:.0f} % of the residual"
         withdraws = _withdraws(row, moved, ratio)
-        return Lack(row.name, ratio, moved, low - beyond, high + beyond, withdraws, text, x)
+        return Lack(row.name, ratio, moved, low - extra, high + extra, withdraws, text, x)
 
 
 def _withdraws(row: Row, moved: np.ndarray, gain: float) -> tuple[bool, bool]:
@@ -186,7 +186,7 @@ def _at_ends(
 
 
 def table(x: Context) -> list[Row]:
-    """All rows that make sense for a log."""
+    """Return all rows that a log can support."""
     makers = (_laws, _elements, _turns_and_lags, _speed, _drift, _angle, _encoder, _between_logs)
     return [row for make in makers for row in make(x)]
 
@@ -323,8 +323,7 @@ def _between_logs(x: Context) -> list[Row]:
     logs = np.unique(x.samples.log_of)
     if len(logs) < 2:
         return []
-    pieces = zip(x.samples.pieces, x.samples.log_of, strict=True)
-    owner = np.concatenate([np.full(rows.stop - rows.start, k) for rows, k in pieces])
+    owner = x.samples.log_of_rows
     share = 1 / len(logs)
     masks = [np.where(owner == k, 1 - share, -share) for k in logs[1:]]
     each = np.array([[float(k == j) - share for j in logs[1:]] for k in logs])

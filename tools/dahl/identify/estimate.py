@@ -28,7 +28,7 @@ CONFIDENCE = 0.99  # of the t quantile: a 95 % interval, and room for what no hy
 SIMULATED_CONFIDENCE = 0.975  # of the quantile of the simulated errors: two-sided 95 %
 MIN_ENCODER_GAIN = 0.1  # of the residual, from which an encoder error is taken out of the angle
 MAX_CORRECTIONS = 2
-ROUNDING_SEEN = 0.3  # of the variance of a torque's rounding: it repeats in each cycle
+HIDDEN_ROUNDING = 0.3  # of the variance of a torque's rounding: it repeats in each cycle
 COARSE_ERROR = 2.0  # times the variance of rounding, below which a torque sensor is coarse here
 MORE_ELEMENTS, OTHER_LAW = 1.4, 0.5  # see _beyond_one_element()
 
@@ -37,18 +37,19 @@ MORE_ELEMENTS, OTHER_LAW = 1.4, 0.5  # see _beyond_one_element()
 class Options:
     """Choices of the user."""
 
-    terms: tuple[str, ...] | None = None  # with friction; None: those that pay
+    terms: tuple[str, ...] | None = None  # TERMS to fit; None: those that improve the score
     delay: bool = True  # whether the torque may be late
     median: int = 0  # rows of a running median of the angle; 0: choose, 1: none
-    trust_units: bool = False
+    trust_units: bool = False  # do not check whether the units are plausible
     target_counts: float = 0.0  # per turn (millimetre) of the plan's encoder; 0: the log's
     model: str = ""  # law of header and scene; "": the one that the log asks for
 
 
 def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
-    """Identify sigma0 and Fc from one or more logs.
+    """Identify sigma0 and Fc from one or more logs of one bearing.
 
-    Raises dahl.Error for a log that no fit can use.
+    Returns their values in N m/rad and N m (N/m and N), intervals and verdict. Raises dahl.Error
+    for a log that no fit can use.
     """
     trust, median = options.trust_units, options.median
     pieces = [piece for log in logs for piece in preprocess.preprocess(log, trust, median)]
@@ -68,7 +69,7 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
 
 
 def _start(pieces: Sequence[Log]) -> tuple[Fitter, float, float, float]:
-    """Samples with cycles and weights, and rough start values: a, delay in samples, sign."""
+    """Return samples with cycles and weights, and rough start values: a, delay in samples, sign."""
     fitter = Fitter(samples_of(pieces))
     a, delay, sign = coarse_start(fitter)
     block = block_for(pieces, fitter.samples.block, a)
@@ -126,7 +127,7 @@ def _correct_encoder(
 
 
 def _encoder_error(fitter: Fitter, fits: list[Fit], corrected: list[str]) -> Lack | None:
-    """The largest periodic error that both a simple Dahl law and the best law leave."""
+    """Return the largest periodic error that both a simple Dahl law and the best law leave."""
     plain = [f for f in fits if f.hypothesis.law == "dahl" and f.hypothesis.size < 4]
     found = diagnose.lack_of_fit(fitter, select.best_of(plain or fits), diagnose.SURE)
     errors = [
@@ -146,7 +147,7 @@ def _encoder_error(fitter: Fitter, fits: list[Fit], corrected: list[str]) -> Lac
 def _judge(
     fitter: Fitter, fits: list[Fit], corrected: list[str]
 ) -> tuple[Plausible, list[Lack], Intervals]:
-    """The plausible hypotheses, the lack of fit and the intervals."""
+    """Return the plausible hypotheses, the lack of fit and the intervals."""
     samples = fitter.samples
     hidden = _hidden_by_rounding(samples, select.best_of(fits))
     seen = select.plausible(fitter, fits, hidden)
@@ -173,16 +174,16 @@ def _judge(
 
 
 def _hidden_by_rounding(samples: Samples, best: Fit) -> float:
-    """Cost of the rounding of a coarse torque sensor, which cycles left out cannot see."""
+    """Return the cost of the rounding of a coarse torque sensor, which repeats in each cycle."""
     step = simulate.torque_step(samples.torque)
     weight = float(samples.used.sum())
     rounding = step**2 / 12
     coarse = bool(step) and best.total / weight < COARSE_ERROR * rounding
-    return ROUNDING_SEEN * rounding * weight if coarse else 0.0
+    return HIDDEN_ROUNDING * rounding * weight if coarse else 0.0
 
 
 def _over_hypotheses(seen: Plausible, quantile: float) -> tuple[np.ndarray, np.ndarray]:
-    """Least and largest sigma0 and Fc over all plausible hypotheses, with their errors."""
+    """Return the least and largest sigma0 and Fc over all plausible hypotheses and their errors."""
     reach = [quantile * select.reach(f, seen.near) for f in seen.fits]
     low = np.min([f.value - r for f, r in zip(seen.fits, reach, strict=True)], axis=0)
     high = np.max([f.value + r for f, r in zip(seen.fits, reach, strict=True)], axis=0)
@@ -192,11 +193,12 @@ def _over_hypotheses(seen: Plausible, quantile: float) -> tuple[np.ndarray, np.n
 def _beyond_one_element(
     seen: Plausible, fits: list[Fit], lacks: list[Lack], low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Widen if one Dahl element is not enough.
+    """Return wider intervals if one Dahl element is not enough.
 
-    Then the fitted law is one of many that bend so. The distance from the best Dahl fit to it says
-    how much the law matters, and the truth may lie half as far on. It may lie 1.4 times as far on
-    if there are several elements and the residual asks for more: small stiff ones may be missed.
+    The fitted law is then one of many with such a curve. Its distance from the best Dahl fit shows
+    how much the choice of the law matters. The truth may lie further on by half of this distance,
+    or by 1.4 times if the law has several elements and the residual shows a lack of fit: it may
+    then lack small stiff elements.
     """
     plain = [f for f in fits if f.hypothesis.law == "dahl"]
     laws = {f.hypothesis.law for f in seen.fits}
@@ -210,7 +212,7 @@ def _beyond_one_element(
 
 
 def _simulated_reach(fitter: Fitter, chosen: Fit) -> np.ndarray:
-    """Half width by counts, rounding and angle noise, as parts: (2,)."""
+    """Return the relative half widths by counts, rounding and angle noise: (2,)."""
     errors = simulate.refit_errors(fitter, chosen)
     if len(errors) < 2:
         return np.full(2, np.inf)
@@ -223,7 +225,7 @@ def _simulated_reach(fitter: Fitter, chosen: Fit) -> np.ndarray:
 
 
 def check(result: Result, log: Log) -> float:
-    """R2 of a result on a log that was not fitted, without the travel that forgets its start.
+    """Return R2 of a result on a log that was not fitted, after the unknown start is forgotten.
 
     Raises dahl.Error if the log cannot be used.
     """

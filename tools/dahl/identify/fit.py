@@ -23,7 +23,7 @@ from dahl.identify.samples import Samples, delayed
 
 LAGS = ("none", "damping", "delay", "low pass", "play", "delay+filter")
 DELAYED = ("delay", "low pass", "delay+filter")  # the last parameter is a number of samples
-ROUNDS = 8
+ROUNDS = 8  # Gauss-Newton steps of a fit, at most
 MAX_STEP, MAX_DELAY_STEP = 0.4, 6.0  # of a Gauss-Newton step: in ln a and shapes, in samples
 MIN_GAIN, SETTLED_STEP = 1e-4, 1e-3  # of the cost and of ln a, below which the fit has converged
 MIN_LOW_PASS = 0.3  # samples; a shorter time constant has no effect

@@ -191,7 +191,7 @@ def mark_torque_readings(log: Log) -> Log:
     weight = np.zeros(log.rows)
     weight[readings] = 1.0
     torque = np.interp(np.arange(log.rows), readings, log.torque[readings])
-    note = f"{words}: the {log.rows - len(readings)} rows between have weight 0"
+    note = f"{words}: the {log.rows - len(readings)} rows between have no weight"
     return replace(log, torque=torque, weight=weight, notes=[*log.notes, note])
 
 

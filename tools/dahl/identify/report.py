@@ -24,7 +24,7 @@ from dahl.identify.fit import Fit, cost_of, jackknife, solve
 from dahl.identify.models import LAWS, turning_points
 from dahl.identify.result import NAMES, Parameter, Result, terms_of
 from dahl.identify.samples import MIN_TURN_LENGTHS
-from dahl.identify.select import penalised
+from dahl.identify.select import penalised_cost
 from dahl.io.files import write_atomic
 from dahl.version import __version__
 
@@ -57,7 +57,9 @@ def instructions(law: str) -> int | None:
 
 def best_by_law(result: Result) -> dict[str, Fit]:
     """Return the best fit of each law, simple laws first; for the chosen law the chosen fit."""
-    found = {f.hypothesis.law: f for f in sorted(result.fits, key=lambda f: -penalised(f).sum())}
+    found = {
+        f.hypothesis.law: f for f in sorted(result.fits, key=lambda f: -penalised_cost(f).sum())
+    }
     found[result.hypothesis.law] = result.chosen
     return dict(sorted(found.items(), key=lambda item: LAWS[item[0]].size))
 

@@ -95,6 +95,7 @@ class Result:
 
     @property
     def hypothesis(self) -> Hypothesis:
+        """Law, lag, treatment of the angle and terms of the chosen hypothesis."""
         return self.chosen.hypothesis
 
     @property
@@ -126,6 +127,7 @@ class Result:
         return self.r2_of(self.chosen)
 
     def r2_of(self, fit: Fit) -> float:
+        """R2 of a fit, on cycles that were left out."""
         return 1 - fit.total / self.spread
 
     @cached_property
@@ -165,16 +167,18 @@ class Result:
         return residual
 
     def to_dataframe(self) -> pd.DataFrame:
-        """One line for each sample of the fit: log, time, angle, torque, predicted, residual."""
+        """Return one row for each sample of the fit.
+
+        Columns: log, time [s], angle [rad (m)], speed [rad/s (m/s)], torque, predicted and residual
+        [N m (N)], weight in the fit.
+        """
         import pandas as pd
 
         s = self.samples
         names = list(dict.fromkeys(log.name for log in self.logs))
-        pieces = zip(s.pieces, s.log_of, strict=True)
-        owner = np.concatenate([np.full(rows.stop - rows.start, k) for rows, k in pieces])
         return pd.DataFrame(
             {
-                "log": [names[k] for k in owner],
+                "log": [names[k] for k in s.log_of_rows],
                 "time": s.time,
                 "angle": s.angles[self.hypothesis.angle],
                 "speed": s.speed,

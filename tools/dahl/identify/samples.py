@@ -79,6 +79,11 @@ class Samples:
     def logs(self) -> int:
         return len(np.unique(self.log_of))
 
+    @property
+    def log_of_rows(self) -> np.ndarray:
+        """Number of the log of each sample: (n,)."""
+        return np.repeat(self.log_of, [rows.stop - rows.start for rows in self.pieces])
+
     def moves(self, angle: np.ndarray) -> np.ndarray:
         """From sample to sample, 0 at the start of each piece."""
         moves = np.diff(angle, prepend=angle[:1])
@@ -177,7 +182,7 @@ def samples_of(
     reference: Reference | None = None,
     angles: Sequence[str] = TREATMENTS,
 ) -> Samples:
-    """The samples of preprocessed logs.
+    """Return the samples of preprocessed logs.
 
     `block` is the number of rows of a sample (0: choose); `reference` is that of another fit;
     `angles` are the treatments to compute besides "between counts".
@@ -191,13 +196,9 @@ def samples_of(
     noise = noise if noise > MIN_NOISE_COUNTS * count else 0.0
     timed = all(log.time is not None for log in logs)
     tables = [_columns_of(log, noise, timed, angles) for log in logs]
-    thinned = [_in_blocks(table, block) for table in tables]
-    lengths = [len(table["torque"]) for table in thinned]
-    ends = np.cumsum([0, *lengths]).tolist()
-    common = [key for key in thinned[0] if all(key in table for table in thinned)]
-    joined = {key: np.concatenate([table[key] for table in thinned]) for key in common}
+    joined, pieces = _join([_in_blocks(table, block) for table in tables])
     samples = Samples(
-        pieces=[slice(i, j) for i, j in zip(ends, ends[1:], strict=False)],
+        pieces=pieces,
         log_of=np.array([names.index(log.name) for log in logs]),
         theta=joined["theta"],
         torque=joined["torque"],
@@ -215,6 +216,14 @@ def samples_of(
     )
     _add_terms(samples)
     return samples
+
+
+def _join(tables: list[dict[str, np.ndarray]]) -> tuple[dict[str, np.ndarray], list[slice]]:
+    """Return the columns that all tables have, one table after the other, and the rows of each."""
+    ends = np.cumsum([0, *(len(table["torque"]) for table in tables)]).tolist()
+    common = [key for key in tables[0] if all(key in table for table in tables)]
+    joined = {key: np.concatenate([table[key] for table in tables]) for key in common}
+    return joined, [slice(i, j) for i, j in zip(ends, ends[1:], strict=False)]
 
 
 def _reference_of(table: dict[str, np.ndarray]) -> Reference:

@@ -28,7 +28,7 @@ MAX_SKEWED = 3  # hypotheses that are fitted with a skew
 MAX_LOGS_WITH_DELAYS = 4  # logs that may each have a delay of their own
 FAR_STEP = 0.1  # of ln a: a plausible subset whose linearisation went further is fitted again
 MAX_REFITS = 8  # until the best one is at its optimum
-HOPELESS = 1.5  # times the best cost of its law and lag: not kept
+MAX_COST_RATIO = 1.5  # to the best cost of its law and lag; costlier sets of terms are dropped
 OTHER_ANGLES = 5  # laws that are fitted again with the other angles
 
 
@@ -36,7 +36,7 @@ OTHER_ANGLES = 5  # laws that are fitted again with the other angles
 class SearchSpace:
     """The hypotheses to fit."""
 
-    terms: tuple[str, ...] | None = None  # exactly these with friction; None: those that pay
+    terms: tuple[str, ...] | None = None  # exactly these; None: those that improve the score
     lags: tuple[str, ...] = LAGS
     laws: tuple[str, ...] = tuple(LAWS)
     wanted: str = ""  # a law that is fitted in any case
@@ -54,18 +54,19 @@ def few_cycles(space: SearchSpace) -> SearchSpace:
     return replace(space, lags=lags, laws=laws, shapes=False)
 
 
-def penalised(fit: Fit) -> np.ndarray:
-    """Cost by cycle with a small charge for each parameter: (cycles,)."""
+def penalised_cost(fit: Fit) -> np.ndarray:
+    """Return the cost by cycle with a small charge for each parameter: (cycles,)."""
     cost: np.ndarray = fit.cost * (1 + PENALTY * fit.hypothesis.size)
     return cost
 
 
 def best_of(fits: Sequence[Fit]) -> Fit:
-    return min(fits, key=lambda fit: float(penalised(fit).sum()))
+    """Return the fit with the least cost."""
+    return min(fits, key=lambda fit: float(penalised_cost(fit).sum()))
 
 
 def fit_all(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[Fit]:
-    """Every hypothesis worth a fit, from a stiffness and a delay that are roughly known."""
+    """Return fits of all hypotheses, from rough values of a [1/rad (1/m)] and delay [samples]."""
     fits = _dahl_with_all_choices(fitter, a, delay, space)
     if not fits:
         return fits
@@ -118,13 +119,13 @@ def _smooths_counts(h: Hypothesis) -> bool:
 
 
 def _subsets(fitter: Fitter, h: Hypothesis, p: np.ndarray, space: SearchSpace) -> list[Fit]:
-    """All sets of terms that come near the best one of this law and lag."""
+    """Return all sets of terms that come near the best one of this law and lag."""
     if space.terms is not None:
         one = fitter.fit(replace(h, terms=space.pool), p)
         return [one] if one is not None else []
     pool = [name for name in space.pool if fitter.samples.timed or name in ("offset", "spring")]
     fits = sorted(fitter.fit_subsets(h, p, pool, space.shapes), key=lambda f: f.total)
-    return [f for k, f in enumerate(fits) if k < 3 or f.total < HOPELESS * fits[0].total]
+    return [f for k, f in enumerate(fits) if k < 3 or f.total < MAX_COST_RATIO * fits[0].total]
 
 
 def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit]:
@@ -170,7 +171,7 @@ def _with_other_angles(fitter: Fitter, fits: list[Fit], angle: str) -> list[Fit]
     found: list[Fit] = []
     seen: set[tuple[str, str]] = set()
     others = [name for name in fitter.samples.angles if name != angle]
-    for one in sorted(fits, key=lambda f: float(penalised(f).sum())):
+    for one in sorted(fits, key=lambda f: float(penalised_cost(f).sum())):
         h = one.hypothesis
         if (h.law, h.lag) in seen or len(seen) >= OTHER_ANGLES:
             continue
@@ -198,15 +199,17 @@ def plausible(fitter: Fitter, fits: list[Fit], hidden: float) -> Plausible:
     that is the same in each cycle.
     """
     best = best_of(fits)
-    limit = penalised(best)
+    limit = penalised_cost(best)
     free = hidden + model_error(fitter, best)
-    near = [f for f in fits if is_near(penalised(f), limit, free)]
+    near = [f for f in fits if is_near(penalised_cost(f), limit, free)]
     chosen = min(near, key=lambda f: (f.hypothesis.size, f.total))
     chosen = fitter.fit(chosen.hypothesis, chosen.p) or chosen  # without a step of linearisation
-    kept = [_converged(fitter, f) for f in near if not _dominated(f, near)]
-    kept = [f for f in kept if is_near(penalised(f), limit, free) and (f.error < f.value).all()]
+    kept = [_converge(fitter, f) for f in near if not _is_dominated(f, near)]
+    kept = [
+        f for f in kept if is_near(penalised_cost(f), limit, free) and (f.error < f.value).all()
+    ]
     kept = kept or [chosen]
-    kept += _skewed(fitter, kept, limit, free)
+    kept += _with_skew(fitter, kept, limit, free)
     if hidden:  # more parameters than the chosen one only fit the rounding
         kept = [f for f in kept if f.hypothesis.size <= chosen.hypothesis.size + 1]
     return Plausible(chosen, best, kept, near)
@@ -229,15 +232,15 @@ def is_near(cost: np.ndarray, best: np.ndarray, hidden: float = 0.0) -> bool:
     return more <= PLAUSIBLE_ERRORS * error + hidden and near_ratio
 
 
-def _converged(fitter: Fitter, fit: Fit) -> Fit:
-    """The fit itself or, if its linearisation went far, one from where it stopped."""
+def _converge(fitter: Fitter, fit: Fit) -> Fit:
+    """Return the fit or, if its linearisation went far, a new fit that starts there."""
     if fit.step < FAR_STEP:
         return fit
     return fitter.fit(fit.hypothesis, fit.p) or fit
 
 
-def _dominated(fit: Fit, others: list[Fit]) -> bool:
-    """Whether a special case scores as well."""
+def _is_dominated(fit: Fit, others: list[Fit]) -> bool:
+    """Return whether a special case scores as well."""
     return any(
         other.hypothesis.size < fit.hypothesis.size
         and other.total <= fit.total
@@ -246,14 +249,14 @@ def _dominated(fit: Fit, others: list[Fit]) -> bool:
     )
 
 
-def _skewed(fitter: Fitter, kept: list[Fit], limit: np.ndarray, free: float) -> list[Fit]:
+def _with_skew(fitter: Fitter, kept: list[Fit], limit: np.ndarray, free: float) -> list[Fit]:
     """The best ones with torque and angle read half a row apart, if that is as plausible."""
     found = []
     without = [f for f in kept if "delay" not in f.hypothesis.lag]
     for one in sorted(without, key=lambda f: f.total)[:MAX_SKEWED]:
         for skew in (-SKEW_SAMPLES, SKEW_SAMPLES):
             other = fitter.fit(replace(one.hypothesis, skew=skew), one.p)
-            if other is not None and is_near(penalised(other), limit, free):
+            if other is not None and is_near(penalised_cost(other), limit, free):
                 found.append(other)
     return found
 

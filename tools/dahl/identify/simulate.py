@@ -21,7 +21,7 @@ DRAWS = 8  # in mirrored pairs, so that a log and its mirror image agree
 HIDDEN_COUNTS = 0.2  # standard error of the travel at a turn that is extrapolated from edges
 MIN_HIDDEN = 0.5  # standard errors, however well the torque fits
 FINE_STEPS = 4  # of the true motion between two samples
-REFIT_ROUNDS = 5
+REFIT_ROUNDS = 5  # a refit starts at the truth
 MAX_LEVELS = 400  # a torque sensor of more levels is not coarse
 GOLDEN, SILVER = 0.618, 0.414  # steps of a sequence that fills an interval evenly
 
@@ -32,7 +32,7 @@ def torque_step(torque: np.ndarray) -> float:
 
 
 def refit_errors(fitter: Fitter, fit: Fit, draws: int = DRAWS, seed: int = 0) -> np.ndarray:
-    """Refits of simulated logs over their truth, less 1: (draws, 2). The worst one is left out."""
+    """Return the relative errors of refits of simulated logs: (draws, 2), without the worst one."""
     random = np.random.default_rng(seed)
     refits = [_refit(fitter, fit, k, random) for k in range(draws)]
     errors = np.array([one.value / fit.value - 1 for one in refits if one is not None])
@@ -47,7 +47,7 @@ def _refit(fitter: Fitter, fit: Fit, draw: int, random: np.random.Generator) -> 
     """Simulate one log and fit the same hypothesis to it."""
     samples, h = fitter.samples, fit.hypothesis
     true = _other_phase(samples, h, draw)
-    torque = _measured(fitter, fit, _torque_on(fitter, fit, true), random)
+    torque = _measure(fitter, fit, _torque_on(fitter, fit, true), random)
     theta = true + (random.normal(size=samples.rows) * samples.noise if samples.noise else 0.0)
     if samples.count:
         theta = np.round(theta / samples.count) * samples.count
@@ -100,7 +100,7 @@ def _friction(fitter: Fitter, fit: Fit, true: np.ndarray, steps: int) -> np.ndar
     return np.concatenate(parts)
 
 
-def _measured(
+def _measure(
     fitter: Fitter, fit: Fit, torque: np.ndarray, random: np.random.Generator
 ) -> np.ndarray:
     """The torque as a coarse sensor reads it. White noise is left to the jackknife."""
@@ -116,7 +116,7 @@ def _measured(
 
 
 def hidden_travel(fitter: Fitter, fit: Fit) -> np.ndarray:
-    """Half width of sigma0 and Fc by the travel that a count hides at each turn, as parts: (2,).
+    """Return the relative half widths by the travel that a count hides at each turn: (2,).
 
     The angle within the last count is extrapolated, with an error of HIDDEN_COUNTS. The torque
     shows a part of this error, so that only the rest is unknown: half a standard error at least.
@@ -138,7 +138,7 @@ def hidden_travel(fitter: Fitter, fit: Fit) -> np.ndarray:
 
 
 def _amplitude(fitter: Fitter, fit: Fit, change: np.ndarray) -> tuple[float, float]:
-    """How much of a change of the torque the log shows after the fit, and its standard error."""
+    """Return how much of a change of the torque the log shows, and its standard error."""
     h = fit.hypothesis
     base, _ = fitter.columns(h, fit.p, fit.limits, h.terms)
     grams = fitter.samples.grams(np.column_stack((base, change)))
@@ -148,7 +148,10 @@ def _amplitude(fitter: Fitter, fit: Fit, change: np.ndarray) -> tuple[float, flo
 
 
 def _bump_at_turns(angle: np.ndarray, count: float, a: float) -> np.ndarray:
-    """HIDDEN_COUNTS further at each turn, and less up to two counts away from it."""
+    """Return the change of an angle that goes HIDDEN_COUNTS further at each turn.
+
+    It fades over two counts before and after the turn.
+    """
     turns = models.turning_points(angle, MIN_TURN_LENGTHS / a)
     if len(turns) == 0:
         return np.zeros(len(angle))

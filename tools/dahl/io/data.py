@@ -52,7 +52,7 @@ def cut_tribometer(text: bytes) -> bytes:
     return ("\n".join([header, *kept]) + "\n").encode("ascii")
 
 
-def _unchanged(folder: str, names: dict[str, str], prefix: str = "") -> tuple[File, ...]:
+def _as_upstream(folder: str, names: dict[str, str], prefix: str = "") -> tuple[File, ...]:
     """Files that are used byte by byte as they are upstream."""
     return tuple(File(prefix + name, sha256, f"{folder}/{name}") for name, sha256 in names.items())
 
@@ -82,21 +82,21 @@ SETS = {
         "CC BY-SA 4.0",
         "ARTS-Laboratory/Dataset-Friction-Damper-with-Backlash",
         "0e09aa9d950760277e31c08cd93fd01f39a5af09",
-        _unchanged(
+        _as_upstream(
             "data/dataset-1/characterization datasets",
             {
                 "0.5Hz80lbtension.json": "746d23b401d606e408d5833568dfd61039675729a226f57864b3620815397dca",
             },
             "dataset-1_",
         )
-        + _unchanged(
+        + _as_upstream(
             "data/dataset-3/characterization tests",
             {
                 "0.5Hz30lbtension0.5amplitude.json": "5c5d33664239122c251a3f5a66f65f56ce5a02b00649126341d3ffe114bba0d0",
             },
             "dataset-3_",
         )
-        + _unchanged(
+        + _as_upstream(
             "data/dataset-4",
             {
                 "harmonic0.015forward.json": "7e61d7553139ff14e61ddc619c16864bc59c5f2f761dab1fe0ab03b006ff05ab",
@@ -109,7 +109,7 @@ SETS = {
         "CC0 1.0",
         "EvaZillen/3D-printed-pneumatic-actuator",
         "6e0bcb4633bd53b2a8544cdbd497c4c06539afc7",
-        _unchanged(
+        _as_upstream(
             "results_pneumatic-actuator/data/friction",
             {
                 "Circle_1bar.csv": "b795d01ad801c0a4222ca0bd4fa561dbbb7a3c87546b0e2cbdc13efc2c9c874b",
@@ -123,7 +123,7 @@ SETS = {
         "Apache-2.0",
         "Rhoban/bam",
         "af2260462471ff45ac18af159b1327ea51d8db15",
-        _unchanged(
+        _as_upstream(
             "bam/data.bak/raw",
             {
                 "2026-01-15_10h28m10.json": "e58f3c2a08a5e0e37a2c5e930d0830a438bc102b8d21482767124f495b92f2ce",

@@ -9,7 +9,7 @@ import numpy as np
 
 BY_ROW = ("theta", "torque", "time", "weight", "load")  # arrays of a Log, one entry for each row
 TERMS = ("offset", "spring", "viscous", "inertia")  # that --terms may name
-SMALL = 1.0  # m: a linear motion of less is shown in mm
+MIN_SPAN_IN_M = 1.0  # m: a shorter linear motion is shown in mm
 
 
 @dataclass
@@ -43,22 +43,23 @@ class Log:
 
     @property
     def unit(self) -> str:
-        """Of the torque."""
+        """Unit of the torque."""
         return "N" if self.linear else "N m"
 
     @property
     def slope_unit(self) -> str:
-        """Of sigma0."""
+        """Unit of sigma0."""
         return "N/m" if self.linear else "N m/rad"
 
     @property
     def angle_unit(self) -> str:
+        """Unit of the angle."""
         return "m" if self.linear else "rad"
 
     @property
     def shown_in(self) -> tuple[float, str]:
         """The unit of the angle in pictures: its size in rad (m), and its name."""
-        small = self.linear and float(np.ptp(self.theta)) < SMALL
+        small = self.linear and float(np.ptp(self.theta)) < MIN_SPAN_IN_M
         return (1e-3, "mm") if small else (1.0, self.angle_unit)
 
 

@@ -34,7 +34,6 @@ from dahl.io.text_tables import Table
 if TYPE_CHECKING:
     import pandas
 
-CAN_LOGS = set(can_logs.CAN_LOGS)
 MAX_ROW_PERIOD_S = 1.0  # from here on the time is probably in ms
 MIN_WRAP_TURNS = 0.9  # between two rows: the angle starts anew
 DATE, TIME_OF_DAY = re.compile(r"\d{4}-\d\d-\d\d"), re.compile(r"\d+:\d\d:\d\d")
@@ -84,7 +83,7 @@ def read(path: Path, source: Source) -> Log:
     """Read one log. Raises dahl.Error."""
     _check_file(path)
     notes: list[str] = []
-    if path.suffix.lower() not in CAN_LOGS:
+    if path.suffix.lower() not in can_logs.CAN_LOGS:
         columns = _read_table(
             path, lambda table: _find_in_table(table, source, notes), source.skip_gaps
         )

@@ -78,12 +78,7 @@ def draw(
         part.set_title("a part of it, enlarged", loc="left", fontsize=10, color="#555555")
         for axes, panel in zip(panels[3:], more, strict=True):
             panel(axes)
-        _draw_header(
-            figure,
-            loop,
-            escape(scene.title),
-            escape(_caption(scene, trace, numbers)),
-        )
+        _draw_header(figure, loop, escape(scene.title), escape(_caption(scene, trace, numbers)))
         save(figure, path)
 
 

@@ -23,12 +23,9 @@ from dahl.io import files, readers, units
 from dahl.sim import scene_keys
 
 MAX_TEXT_BYTES = scene_keys.text_size()
-
 SHOWN_UNITS = ("deg", "rad", "mm")  # of angles in the picture of a user's own log
 
-
 NODE_KEYS = scene_keys.node_settings()
-
 OWN_KEYS = {row.key: name for name, row in models.table().items() if row.key}  # of one model only
 KNOWN_KEYS = {  # of the sections that a node is made of
     section: scene_keys.names(section) for section in ("friction", "status")
@@ -76,9 +73,7 @@ class Scene:
     parts: tuple[str, ...] = ()  # sections in the file
     kinds: tuple[str, ...] = ()  # dahl or slip for each element
     breakaway: float = 0.0  # fraction of Fc
-    compensates: bool = (
-        False  # the node answers with a part of the torque: gain, limit or ramp_ms is set
-    )
+    compensates: bool = False  # gain, limit or ramp_ms is set: a part of the torque is answered
     friction: dict[str, float] = field(default_factory=dict)  # NODE_KEYS in the file
     status_ms: float = 0.0  # period of Status; 0: only after an event
     node: int = 0  # number of the node on the bus
@@ -164,6 +159,7 @@ def read(path: Path) -> Scene:
     scene.model = parser.get("friction", "model", fallback="dahl")
     sigma0, torques = (_numbers(path, parser, "friction", key) for key in ("sigma0", "Fc"))
     scene.refusal = _refusal(parser, scene.model, len(sigma0), len(torques))
+    scene.refusal = scene.refusal or _beyond_limits(path, parser)
     if scene.has_directions:
         sigma0 = sigma0 * len(torques)
     scene.elements = tuple(zip(sigma0, torques, strict=False))
@@ -213,6 +209,18 @@ def _unknown_key(parser: configparser.ConfigParser, model: str) -> str:
                 return f"[{section}] has no key '{key}' (known: {', '.join(known)})"
             if OWN_KEYS.get(key, model) != model:
                 return f"[friction] {key} has no meaning for model = {model}"
+    return ""
+
+
+def _beyond_limits(path: Path, parser: configparser.ConfigParser) -> str:
+    """Return why dahl-loop would refuse a setting of the node, "" if it would not."""
+    for section, name in (*(("friction", name) for name in NODE_KEYS), ("status", "period_ms")):
+        key = scene_keys.keys()[section, name]
+        value = _number(path, parser, section, name, key.high)
+        if not key.low <= value <= key.high:
+            return f"[{section}] {name} = {value:g} is outside {key.low:g} to {key.high:g}"
+        if key.type == "WHOLE" and not value.is_integer():
+            return f"[{section}] {name} = {value:g} is not a whole number"
     return ""
 
 
@@ -272,7 +280,7 @@ class Recorded:
 
 
 def read_log(scene: Scene, log: Path) -> Recorded:
-    """Read torque and time of each row of the scene's log.
+    """Read torque and time of each row of the scene's log. Raises dahl.Error.
 
     The angle is read too, so that an error in any column is found before anything starts.
     """
@@ -331,6 +339,7 @@ def write_own(own: OwnLog, path: Path) -> tuple[Scene, str]:
     """Write the scene of a user's own log to `path`, and next to it a table for dahl-loop.
 
     Returns the scene and the unit of the angle. The columns are read as `dahl identify` does.
+    Raises dahl.Error.
     """
     if not (own.counts_per_turn > 0 and math.isfinite(own.counts_per_turn)):
         raise Error(f"--counts-per-turn {own.counts_per_turn:g}: a number above 0 was expected")
