@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 SECONDS = 60
-DEBIAN_MB, PYTHON_MB = 350, 300
+DEBIAN_MB, PYTHON_MB = 375, 300
 FOREIGN = ("chromium", "cbmc", "qemu-system-arm", "arm-none-eabi-gcc", "clang", "g++", "git")
 
 
