@@ -67,7 +67,7 @@ static inline void check_symmetry(subject_t *s, move_t move, float F)
 /* Each direction ends at its Fc, or at the float nearest to the sum of several. */
 static inline void check_ends(subject_t *s)
 {
-    const int is_asymmetric = s->model->prepare == asymmetric_prepare;
+    const int is_asymmetric = s->model->more == MORE_IS_RATIO;
     const long double whole = whole_of(s->model, s->set), backward = is_asymmetric ? asymmetric_params(s->set).Fc_backward : whole;
     const long double forward = is_asymmetric ? s->set->p.Fc : whole, slack = is_asymmetric ? 0x1p-23L * whole : 0.51L * ulp_of_sum(whole);
     float F = 0, G = 0;

@@ -389,7 +389,7 @@ static inline long double whole_of(const model_t *model, const set_t *set)
         const dahl_slip_params_t params = slip_params(set);
         return slip_reference_Fc(&params) + (model->step == mix_step ? set->p.Fc : 0);
     }
-    return model->step == asymmetric_step ? fmaxf(set->p.Fc, asymmetric_params(set).Fc_backward) : set->p.Fc;
+    return model->more == MORE_IS_RATIO ? fmaxf(set->p.Fc, asymmetric_params(set).Fc_backward) : set->p.Fc;
 }
 
 /* One ulp of the torque that the bound is relative to. */

@@ -33,7 +33,7 @@ static run_t run_of(const model_t *model, size_t motion, size_t i, size_t k)
     static const float elements[] = {1, 8, 2, 4}, breakaways[] = {0.5f, 0.9f, 1e-6f, 0.25f, 0.999f};
     static const float ratios[] = {1.31f / 1.99f, 24.0f, 0.91f, 0.00125f};
     run_t run = {model, {params_for(travels[i], k % 2 ? 3.99f : 0.0371f), elements[k % 4]}, travels[i], motion, k % LOADS};
-    if (model->prepare == asymmetric_prepare) { /* travels[i] is relative to the larger Fc */
+    if (model->more == MORE_IS_RATIO) { /* travels[i] is relative to the larger Fc */
         run.set.more = ratios[k % 4];
         run.set.p.sigma0 *= fmaxf(run.set.more, 1.0f);
     } else if (model->more == MORE_IS_BREAKAWAY) {

@@ -32,11 +32,11 @@ static float random_mantissa(void)
 static void begin_any(const model_t *model)
 {
     const float Fc = random_mantissa();
-    const double least = model->step == asymmetric_step ? -22 : -29.9;
+    const double least = model->more == MORE_IS_RATIO ? -22 : -29.9;
     set.p.Fc = Fc;
     set.p.sigma0 = (float)ldexp((double)Fc * pow(2.0, motion_random(&m) * -0x1p-32 * least + least), 20);
     set.p.theta_per_count = 0x1p-20f;
-    set.more = model->step == asymmetric_step ? (float)pow(10.0, (int)(motion_random(&m) % 5u) - 2)
+    set.more = model->more == MORE_IS_RATIO ? (float)pow(10.0, (int)(motion_random(&m) % 5u) - 2)
         : motion_random(&m) % 2               ? (float)pow(10.0, motion_random(&m) * 0x1p-32 * 9 - 9)
                                               : (float)(motion_random(&m) % 1000u + 1) / 1001.0f;
     TEST_ASSERT_TRUE_MESSAGE(subject_begin(&subject, model, &set), model->name);
@@ -61,7 +61,7 @@ static energy_t energy_of(const model_t *model, move_t move, long double w0, lon
     const int s = theta < 0 ? -1 : 1;
     const long double u = fabsl(theta) * set.p.sigma0 / whole, stored = (w1 - w0) * (w1 + w0) / 2, rise = s * (w1 - w0);
     energy_t energy = {u - rise - stored, u};
-    if (model->step == asymmetric_step) {
+    if (model->more == MORE_IS_RATIO) {
         const dahl_asymmetric_params_t p = asymmetric_params(&set);
         energy.loss = (s > 0 ? p.Fc_forward : p.Fc_backward) / whole * (u - rise) - stored;
     } else if (model->step == loaded_step) { /* w is F/(c Fc), and sigma0 follows c */

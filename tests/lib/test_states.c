@@ -112,7 +112,7 @@ static void check_limits(const element_t *e, move_t move, float F)
     const long double c = e->model->has_load ? load_in_range(move) * 0x1p-30L : 1;
     const long double slack = e->model->ulps * ulp_now(e->model, &e->set, move);
     long double forward = c * whole_of(e->model, &e->set), backward = forward;
-    if (e->model->step == asymmetric_step) {
+    if (e->model->more == MORE_IS_RATIO) {
         forward = e->set.p.Fc;
         backward = asymmetric_params(&e->set).Fc_backward;
     }
