@@ -122,7 +122,7 @@ def test_silence_makes_it_stale_while_status_goes_on(bus) -> None:
     assert heard(bus, STATUS, 10.0)
     start = time.monotonic()
     counters = [heard(bus, STATUS, 10.0).counter for _ in range(8)]
-    assert time.monotonic() - start > 0.5  # every 0.1 s; a busy host slows the emulation down
+    assert 0.5 < time.monotonic() - start < 1.4  # every 0.1 s
     steps = [(b - a) % 16 for a, b in zip(counters, counters[1:], strict=False)]
     assert steps == [1] * 7
     for counter in (2, 3):

@@ -11,8 +11,7 @@ import math
 import numpy as np
 
 from dahl.errors import Error
-from dahl.identify.limits import HEAD_ROWS
-from dahl.io.log import Log, resolution_of
+from dahl.io.log import HEAD_ROWS, Log, resolution_of
 
 AGREEMENT = 0.01  # of a count
 PRINTED_ERROR = 0.1  # of a count

@@ -16,9 +16,8 @@ from scipy.signal import savgol_filter
 from dahl.errors import Error
 from dahl.identify import encoder_grid
 from dahl.identify.angle import white_noise
-from dahl.identify.limits import HEAD_ROWS
 from dahl.identify.models import turning_points
-from dahl.io.log import Log, resolution_of
+from dahl.io.log import HEAD_ROWS, Log, resolution_of
 
 MIN_ROWS = 30  # of a log or a piece
 MIN_CLIPPED_PART = 0.02  # of all rows, at one extreme torque

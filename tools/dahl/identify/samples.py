@@ -15,8 +15,7 @@ from scipy.ndimage import median_filter
 
 from dahl.identify import angle as treatments
 from dahl.identify import models
-from dahl.identify.limits import HEAD_ROWS
-from dahl.io.log import Log
+from dahl.io.log import HEAD_ROWS, Log
 
 TREATMENTS = ("between counts", "sharp turns", "as read")
 MAX_SAMPLES = 8000  # a fit of more costs seconds and knows little more

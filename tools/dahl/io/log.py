@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 BY_ROW = ("theta", "torque", "time", "weight", "load")  # arrays of a Log, one entry for each row
+HEAD_ROWS = 100_000  # first rows of a log: enough to see its grid, readings and strokes
 TERMS = ("offset", "spring", "viscous", "inertia")  # that --terms may name
 MIN_SPAN_IN_M = 1.0  # m: a shorter linear motion is shown in mm
 
