@@ -96,6 +96,8 @@ def test_ticks_keep_1_ms_and_catch_up_a_third_faster_after_a_stall(tmp_path, clo
     assert gaps.min() > 0.73 * TICK and np.sort(gaps)[-2] < 1.02 * TICK
     assert summary["beat_late_us"]["max"] == pytest.approx(1e6 * late.max(), rel=0.01, abs=20)
     assert summary["beat_late_us"]["p50"] == pytest.approx(1e6 * np.median(late), rel=0.04, abs=20)
+    if 0 < stall < 1:  # each reading of the clock adds to the time that catching up needs
+        late = times - times[0] - TICK * np.arange(len(times))
     misses = np.count_nonzero(late > TICK)
     assert summary["deadline_misses"] == pytest.approx(misses, abs=3 if 0 < stall < 1 else 0)
     assert summary["realtime_factor"] == pytest.approx(seconds / (due[-1] + TICK), rel=0.01)
