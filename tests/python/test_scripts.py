@@ -9,7 +9,7 @@ import re
 from pathlib import Path
 
 import pytest
-from loop_tools import wait_until
+from loop_tools import is_running, wait_until
 from script_stage import Stage
 
 UNLOCKED = 'flock -n "$STAGE/build/build.lock" true'  # no build is running
@@ -133,8 +133,7 @@ def test_a_run_that_is_ended_ends_its_checks(stage):
     ended = '*tests/python*) until [ -s "$STAGE/beside" ]; do sleep 0.1; done; kill "$PPID" ;;'
     stage.does("python", f'case "$*" in {beside} {ended} esac')
     assert stage.run("test", "--checks").returncode != 0
-    process = Path("/proc") / stage.lines("beside")[0] / "cmdline"
-    wait_until(lambda: not process.exists() or b"sleep" not in process.read_bytes())
+    wait_until(lambda: not is_running(int(stage.lines("beside")[0])))
 
 
 TARGET, HOST, REPORT = (f"python tools/bench/{name}.py" for name in ("target", "host", "report"))

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT
-from loop_tools import wait_until
+from loop_tools import is_running, wait_until
 from script_stage import APT, PYTHON, UNITY, Debian, codename
 
 FAILS_IF = 'case "$*" in {} exit 1 ;; esac;'
@@ -250,8 +250,7 @@ def test_a_failure_of_apt_get_ends_pip_too(bare):
     begun = 'until [ -s "$STAGE/beside" ]; do /bin/sleep 0.1; done'
     bare.does("apt-get", f'case "$*" in *" install "*cmake*) {begun} ;; esac; {APT}')
     assert bare.set_up("demo")[0].returncode == 1
-    process = Path("/proc") / bare.lines("beside")[0] / "cmdline"
-    wait_until(lambda: not process.exists() or b"sleep" not in process.read_bytes())
+    wait_until(lambda: not is_running(int(bare.lines("beside")[0])))
 
 
 @pytest.mark.parametrize(

@@ -204,6 +204,15 @@ def raw_client(port: int, receive_buffer: int | None = None) -> socket.socket:
     return peer
 
 
+def is_running(pid: int) -> bool:
+    """False if the process has ended, also while /proc is read."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return False
+    return stat.rpartition(")")[2].split()[0] != "Z"
+
+
 def wait_until(what, seconds: float = 10) -> None:
     """Poll until what() is true."""
     end = time.monotonic() + seconds

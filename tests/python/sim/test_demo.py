@@ -33,7 +33,7 @@ from demo_tools import (
 )
 from identify_tools import caller, complaint
 from log_reading import drawing
-from loop_tools import SCENES, wait_until
+from loop_tools import SCENES, is_running, wait_until
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
@@ -266,13 +266,6 @@ def running(root, tmp_path):
 def children(process: subprocess.Popen) -> list[int]:
     found = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
     return [*map(int, found)]
-
-
-def is_running(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
 
 
 def test_one_run_a_folder_and_ctrl_c_leaves_whole_files(running, dahl_here, tmp_path):

@@ -16,6 +16,7 @@ from loop_tools import (
     SCENES,
     command,
     finished,
+    is_running,
     program,
     raw_client,
     read_log,
@@ -78,14 +79,6 @@ options = [*sys.argv[1:], "--with-parent", str(os.getpid())]
 print(subprocess.Popen(options, stdout=subprocess.DEVNULL, start_new_session=True).pid, flush=True)
 sys.stdin.read()
 """
-
-
-def is_running(pid: int) -> bool:
-    try:
-        with open(f"/proc/{pid}/stat") as file:
-            return file.read().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
 
 
 @pytest.mark.usefixtures("default_signals")
