@@ -65,7 +65,7 @@ def build(name: str, header: str, *parts: str) -> list[Path]:
     with_port = "ON" if "port" in parts else "OFF"
     options = [
         "-DCMAKE_C_COMPILER=clang-19",
-        f"-DCMAKE_C_COMPILER_LAUNCHER=sh;{HERE / 'coverage_compiler.sh'}",
+        f"-DCMAKE_C_COMPILER_LAUNCHER={HERE / 'coverage_compiler.sh'}",
         f"-DCMAKE_C_FLAGS=-include {HERE / header} {FLAGS} {FEW_TICKS}",
         "-DCMAKE_BUILD_TYPE=Debug",
         "-DDAHL_BUILD_TESTS=ON",

@@ -42,10 +42,10 @@ GCC = (
 
 # All warnings of clang except these.
 NOT_MEANT = {
-    "padded": "a struct's order follows its meaning; no struct goes over a wire as it lies",
-    "unsafe-buffer-usage": "speaks of C++: in C an array is reached by a pointer",
-    "declaration-after-statement": "C99 has it, and a name is best where its value is",
-    "switch-enum": "-Wswitch-default asks for the branch that stands for all other cases",
+    "padded": "members are ordered by meaning; no struct is sent as it lies in memory",
+    "unsafe-buffer-usage": "it is for C++; C reaches an array by a pointer",
+    "declaration-after-statement": "C99 has it; a name stands next to its value",
+    "switch-enum": "-Wswitch-default requires the branch for all other cases",
     "disabled-macro-expansion": "sa_handler of <signal.h> is such a macro",
 }
 CLANG = [*PLAIN, "-Werror", "-Weverything", *(f"-Wno-{word}" for word in NOT_MEANT)]
