@@ -51,7 +51,6 @@ def call(*command: object, **environment: str) -> str:
         check=False,
         capture_output=True,
         text=True,
-        timeout=280,
         env=os.environ | environment,
     )
     assert done.returncode == 0, f"{' '.join(words)}\n{done.stdout}\n{done.stderr}"

@@ -51,7 +51,7 @@ NOT_MEANT = {
 CLANG = [*PLAIN, "-Werror", "-Weverything", *(f"-Wno-{word}" for word in NOT_MEANT)]
 
 
-def call(*command: object, cwd: Path | None = None, timeout: float = 280) -> tuple[int, str]:
+def call(*command: object, cwd: Path | None = None) -> tuple[int, str]:
     """Return exit code and output of a command."""
     done = subprocess.run(
         [str(word) for word in command],
@@ -59,7 +59,6 @@ def call(*command: object, cwd: Path | None = None, timeout: float = 280) -> tup
         stderr=subprocess.STDOUT,
         text=True,
         cwd=cwd,
-        timeout=timeout,
         check=False,
     )
     return done.returncode, done.stdout
@@ -69,9 +68,3 @@ def clean(*command: object, cwd: Path | None = None) -> None:
     """Check that a command succeeds without output."""
     status, text = call(*command, cwd=cwd)
     assert (status, text) == (0, ""), text
-
-
-def name_of(path: str, root: Path = ROOT) -> str:
-    """Return the path of a file in the project, or the full path of another file."""
-    place = Path(path)
-    return str(place.relative_to(root)) if place.is_relative_to(root) else path
