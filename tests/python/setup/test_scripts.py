@@ -129,7 +129,7 @@ def test_each_mode_runs_and_counts_its_tests(stage, mode, labels):
 
 
 def test_a_run_that_is_ended_ends_its_checks(stage):
-    beside = '*tests/proof*) echo $$ >"$STAGE/beside"; exec sleep 50 ;;'
+    beside = '*tests/proof*) echo $$ >"$STAGE/beside"; exec sleep 600 ;;'
     ended = '*tests/python*) until [ -s "$STAGE/beside" ]; do sleep 0.1; done; kill "$PPID" ;;'
     stage.does("python", f'case "$*" in {beside} {ended} esac')
     assert stage.run("test", "--checks").returncode != 0

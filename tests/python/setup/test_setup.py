@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """tools/setup.sh: packages of each need, rights, failing sources, the Python environment. All
-programs that reach a network are stand-ins. (With a network: tests/quality.)
+programs that reach a network are stand-ins.
 """
 
 from __future__ import annotations
