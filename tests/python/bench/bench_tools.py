@@ -39,10 +39,8 @@ class Run:
 class Bench:
     """A folder with tools/bench and the pages."""
 
-    def __init__(self, folder: Path, new: bool = True) -> None:
+    def __init__(self, folder: Path) -> None:
         self.folder = folder
-        if not new:
-            return
         (folder / "tools/bench").mkdir(parents=True)
         (folder / "docs/pictures").mkdir(parents=True)
         (folder / "build/bench").mkdir(parents=True)
@@ -61,9 +59,7 @@ class Bench:
         return json.loads((self.folder / f"build/bench/{name}.json").read_text())
 
     def block(self, page: str, name: str) -> str:
-        """Return the text between two marks of a page."""
-        start, end = (f"<!-- {slash}bench:{name} -->\n" for slash in ("", "/"))
-        return (self.folder / page).read_text().partition(start)[2].partition(end)[0]
+        return block_of(self.folder / page, name)
 
     def run(self, command: str, *words: str, draw: bool = False) -> Run:
         """Run a command. Without `draw`, its pictures are empty files."""
@@ -89,6 +85,12 @@ class Bench:
                     sys.modules.pop(name, None)
         done.out, done.err = out.getvalue(), err.getvalue()
         return done
+
+
+def block_of(page: Path, name: str) -> str:
+    """Return the text between two marks of a page."""
+    start, end = (f"<!-- {slash}bench:{name} -->\n" for slash in ("", "/"))
+    return page.read_text().partition(start)[2].partition(end)[0]
 
 
 def rows_of(block: str) -> tuple[list[str], dict[str, list[str]]]:

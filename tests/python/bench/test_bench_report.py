@@ -20,6 +20,7 @@ from bench_tools import (
     RIVALS,
     SMALL,
     Bench,
+    block_of,
     made_host,
     made_target,
     rows_of,
@@ -229,7 +230,7 @@ def test_the_page_shows_the_fit_of_each_measured_log(bench):
     if "is not in reach" in done.out:
         pytest.skip(f"unproven: the page's R2: {done.out.splitlines()[-2]}")
     (head, now), (page_head, before) = (
-        rows_of(tree.block("docs/speed.md", "measured")) for tree in (bench, Bench(ROOT, new=False))
+        rows_of(block_of(folder / "docs/speed.md", "measured")) for folder in (bench.folder, ROOT)
     )
     assert (head, list(now)) == (page_head, list(before))
     costs, *scores = now.values()
