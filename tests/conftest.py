@@ -186,7 +186,7 @@ def dbc(root: Path) -> Path:
 def run_dahl(root: Path):
     """Run the command `dahl` in a process; return the finished process with its text."""
 
-    def run(*args: str, timeout: float = 120, **kwargs) -> subprocess.CompletedProcess:
+    def run(*args: str, timeout: float = 600, **kwargs) -> subprocess.CompletedProcess:
         command = [sys.executable, "-m", "dahl", *map(str, args)]
         return subprocess.run(
             command,
