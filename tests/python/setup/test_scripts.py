@@ -76,9 +76,11 @@ def test_the_demo_sets_up_builds_and_runs(stage, words, need):
     assert stage.lines("words") == ["demo", *words]
 
 
+@pytest.mark.parametrize("step", ["--preset", "--build"])
 @pytest.mark.parametrize("script", ["demo", "test"])
-def test_a_failed_set_up_or_build_ends_it_and_shows_the_log(stage, script):
-    stage.does("cmake", "for n in $(seq 40); do echo line $n; done; exit 1")
+def test_a_failed_set_up_or_build_ends_it_and_shows_the_log(stage, script, step):
+    fails = "for n in $(seq 40); do echo line $n; done; exit 1"
+    stage.does("cmake", f'case "$*" in *{step}*) {fails} ;; esac')
     done = stage.run(script)
     assert done.returncode == 1 and stage.calls()[-1].startswith("cmake")
     *shown, error = done.stderr.splitlines()
