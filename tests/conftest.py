@@ -22,8 +22,8 @@ EXAMPLES, MORE_EXAMPLES = 50, 200  # of each Hypothesis test, by default and wit
 ROOT = Path(__file__).resolve().parents[1]
 BUILD = Path(os.environ.get("DAHL_BUILD_DIR", ROOT / "build" / "host"))
 
-
 CHECKS = ("proof", "fuzz", "static", "quality")  # folders: all their tests are marked checks
+CHECK_SECONDS = 1800  # of one test in these folders, so that only a hang ends it
 MODES = ("--checks", "--long", "--full", "--soak")  # each runs some of these folders
 
 
@@ -41,6 +41,7 @@ def pytest_configure(config: pytest.Config) -> None:
         deadline=None,
         database=None,
         derandomize=True,
+        suppress_health_check=[hypothesis.HealthCheck.too_slow],
         max_examples=MORE_EXAMPLES if runs_checks(config) else EXAMPLES,
     )
     hypothesis.settings.load_profile("dahl")
@@ -88,6 +89,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if item.path.parent.name in CHECKS:
             item.add_marker("checks")
+            if item.get_closest_marker("timeout") is None:
+                item.add_marker(pytest.mark.timeout(CHECK_SECONDS))
     left_out = [item for item in items if not is_wanted(config, item)]
     items[:] = [item for item in items if is_wanted(config, item)]
     config.hook.pytest_deselected(items=left_out)
@@ -183,7 +186,7 @@ def dbc(root: Path) -> Path:
 def run_dahl(root: Path):
     """Run the command `dahl` in a process; return the finished process with its text."""
 
-    def run(*args: str, timeout: float = 120, **kwargs) -> subprocess.CompletedProcess:
+    def run(*args: str, timeout: float = 600, **kwargs) -> subprocess.CompletedProcess:
         command = [sys.executable, "-m", "dahl", *map(str, args)]
         return subprocess.run(
             command,

@@ -58,7 +58,7 @@ start_checks() {
     set -m # a process group for stop_checks
     {
         renice -n 10 -p "$BASHPID" >/dev/null
-        run_pytest checks "$ROOT"/tests/{proof,fuzz,static,quality}
+        run_pytest checks "$ROOT"/tests/{proof,fuzz,static,quality} -n "$(nproc)" --dist loadfile
     } >"$BUILD/checks.log" 2>&1 </dev/null &
     CHECKS=$!
     set +m

@@ -42,16 +42,16 @@ GCC = (
 
 # All warnings of clang except these.
 NOT_MEANT = {
-    "padded": "a struct's order follows its meaning; no struct goes over a wire as it lies",
-    "unsafe-buffer-usage": "speaks of C++: in C an array is reached by a pointer",
-    "declaration-after-statement": "C99 has it, and a name is best where its value is",
-    "switch-enum": "-Wswitch-default asks for the branch that stands for all other cases",
+    "padded": "members are ordered by meaning; no struct is sent as it lies in memory",
+    "unsafe-buffer-usage": "it is for C++; C reaches an array by a pointer",
+    "declaration-after-statement": "C99 has it; a name stands next to its value",
+    "switch-enum": "-Wswitch-default requires the branch for all other cases",
     "disabled-macro-expansion": "sa_handler of <signal.h> is such a macro",
 }
 CLANG = [*PLAIN, "-Werror", "-Weverything", *(f"-Wno-{word}" for word in NOT_MEANT)]
 
 
-def call(*command: object, cwd: Path | None = None, timeout: float = 280) -> tuple[int, str]:
+def call(*command: object, cwd: Path | None = None) -> tuple[int, str]:
     """Return exit code and output of a command."""
     done = subprocess.run(
         [str(word) for word in command],
@@ -59,7 +59,6 @@ def call(*command: object, cwd: Path | None = None, timeout: float = 280) -> tup
         stderr=subprocess.STDOUT,
         text=True,
         cwd=cwd,
-        timeout=timeout,
         check=False,
     )
     return done.returncode, done.stdout
@@ -69,9 +68,3 @@ def clean(*command: object, cwd: Path | None = None) -> None:
     """Check that a command succeeds without output."""
     status, text = call(*command, cwd=cwd)
     assert (status, text) == (0, ""), text
-
-
-def name_of(path: str, root: Path = ROOT) -> str:
-    """Return the path of a file in the project, or the full path of another file."""
-    place = Path(path)
-    return str(place.relative_to(root)) if place.is_relative_to(root) else path

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Each public header compiles alone in each supported language, twice in a file, and in two linked
-files, without a warning.
+"""Each header compiles alone, twice in a file, and in two linked files, without a warning: public
+headers in each supported language, private ones in C99.
 """
 
 from __future__ import annotations
@@ -11,58 +11,47 @@ import pytest
 import static_tools as static
 from conftest import need
 
-CLAIM = "each header compiles by itself, in C99 to C17 and in C++11 to C++20"
-WARNINGS = (
-    "-Wall -Wextra -Wpedantic -Werror -Wundef -Wshadow -Wconversion -Wsign-conversion".split()
-)
-C = ["c99", "c11", "c17"]
-CPP = ["c++11", "c++17", "c++20"]
+CLAIM = "each header compiles alone, in C99 to C17 and in C++11 to C++20"
+WARNINGS = "-Wall -Wextra -Wpedantic -Werror -Wundef -Wshadow -Wconversion -Wsign-conversion"
 # Public headers have extern "C". The others are private, for C only.
 PUBLIC = [path for path in static.HEADERS if 'extern "C"' in path.read_text()]
 # For one core and its compiler (test_static_warnings.py compiles them).
 OF_A_CORE = {"multiply_v6m.h", "cortex_m.h", "semihosting.h"}
 OWN = [path for path in static.HEADERS if path not in PUBLIC and path.name not in OF_A_CORE]
+USE = "int use_{0}(void);\nint use_{0}(void) {{ return 3; }}\n"
 
 
-def compilers(standard: str) -> list[str]:
-    names = ["g++", "clang++-19"] if "++" in standard else ["gcc", "clang-19"]
-    return [need(name, CLAIM) for name in names]
+def compile_all(standard: str, folder: Path, files: dict[str, str], *words: object) -> None:
+    """Compile texts by name, with both compilers, without a warning."""
+    is_cpp = "++" in standard
+    paths = [folder / f"{name}.{'cpp' if is_cpp else 'c'}" for name in files]
+    for path, text in zip(paths, files.values(), strict=True):
+        path.write_text(text)
+    for compiler in ("g++", "clang++-19") if is_cpp else ("gcc", "clang-19"):
+        options = [f"-std={standard}", "-D_POSIX_C_SOURCE=200809L", *WARNINGS.split()]
+        options += [*static.INCLUDES, *words]
+        static.clean(need(compiler, CLAIM), *options, *paths, cwd=folder)
 
 
-def alone(headers: list[Path], standard: str, folder: Path) -> str:
-    """Return the warnings for files that include one header twice and have no other code."""
-    said = ""
-    suffix = ".cpp" if "++" in standard else ".c"
-    files = []
-    for number, header in enumerate(headers):
-        files.append(folder / f"alone_{number}_{header.stem}{suffix}")
-        used = f"int dahl_use_{number}(void);\nint dahl_use_{number}(void) {{ return 0; }}\n"
-        files[-1].write_text(f'#include "{header}"\n#include "{header}"\n{used}')
-    for compiler in compilers(standard):
-        posix = "-D_POSIX_C_SOURCE=200809L"
-        words = [f"-std={standard}", posix, *WARNINGS, *static.INCLUDES, "-fsyntax-only"]
-        said += static.call(compiler, *words, *files, cwd=folder)[1]
-    return said
-
-
-@pytest.mark.parametrize("standard", [*C, *CPP])
-def test_public_header_alone(standard: str, tmp_path: Path) -> None:
-    assert alone(PUBLIC, standard, tmp_path) == ""
-
-
-def test_private_header_alone(tmp_path: Path) -> None:
-    assert alone(OWN, "c99", tmp_path) == ""
+@pytest.mark.parametrize(
+    ("standard", "headers"),
+    [
+        *((name, PUBLIC) for name in ("c99", "c11", "c17", "c++11", "c++17", "c++20")),
+        pytest.param("c99", OWN, id="private"),
+    ],
+)
+def test_a_header_compiles_alone(standard: str, headers: list[Path], tmp_path: Path) -> None:
+    files = {
+        f"{number}_{path.stem}": f'#include "{path}"\n' * 2 + USE.format(number)
+        for number, path in enumerate(headers)
+    }
+    compile_all(standard, tmp_path, files, "-fsyntax-only")
 
 
 @pytest.mark.parametrize("standard", ["c99", "c++11"])
-def test_headers_in_two_linked_files(standard: str, tmp_path: Path) -> None:
-    """No header has a definition that two linked files cannot both have."""
-    suffix = ".cpp" if "++" in standard else ".c"
+def test_two_linked_files_may_include_all_headers(standard: str, tmp_path: Path) -> None:
     lines = "".join(f'#include "{path}"\n' for path in PUBLIC)
-    other, main = tmp_path / f"other{suffix}", tmp_path / f"main{suffix}"
-    other.write_text(f"{lines}int other(void);\nint other(void) {{ return 3; }}\n")
-    main.write_text(f"{lines}int other(void);\nint main(void) {{ return other(); }}\n")
-    for compiler in compilers(standard):
-        words = [f"-std={standard}", *WARNINGS, *static.INCLUDES]
-        static.clean(compiler, *words, other, main, "-o", tmp_path / "program")
-        assert static.call(tmp_path / "program") == (3, "")
+    main = f"{lines}int use_0(void);\nint main(void) {{ return use_0(); }}\n"
+    files = {"other": lines + USE.format(0), "main": main}
+    compile_all(standard, tmp_path, files, "-o", tmp_path / "program")
+    assert static.call(tmp_path / "program") == (3, "")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """gcc and clang accept lib, port and host_sim with nearly all their warnings as errors, and the
-compilers of small cores the C of firmware. gcc -fanalyzer accepts lib. static_tools.py gives a
-reason for each warning of clang that is off.
+compilers of small cores the C of firmware. clang-tidy and gcc -fanalyzer find nothing.
+static_tools.py and clang-tidy.yaml give a reason for each warning and check that is off.
 """
 
 from __future__ import annotations
@@ -12,47 +12,54 @@ import pytest
 import static_tools as static
 from conftest import ROOT, need
 
-CLAIM = "no warning of {} at its strictest"
-# Name of a core, by the other words that its compiler is called with.
-ARM = "arm-none-eabi-gcc"
-CORES = {
-    "m0": [ARM, "-mthumb", "-mcpu=cortex-m0"],
-    "m3": [ARM, "-mthumb", "-mcpu=cortex-m3"],
-    "m33": [ARM, "-mthumb", "-mcpu=cortex-m33", "-mfloat-abi=hard", "-mfpu=fpv5-sp-d16"],
-    "rv32": ["riscv64-unknown-elf-gcc", "-march=rv32imac", "-mabi=ilp32", "--specs=picolibc.specs"],
+CLAIM = "no warning of {}"
+ARM = "arm-none-eabi-gcc -mthumb -Os -mcpu=cortex-"
+CORES = {  # name of a core: its compiler, its folder
+    "m0": (ARM + "m0", "cortex_m"),
+    "m3": (ARM + "m3", "cortex_m"),
+    "m33": (ARM + "m33 -mfloat-abi=hard -mfpu=fpv5-sp-d16", "cortex_m"),
+    "rv32": ("riscv64-unknown-elf-gcc -march=rv32imac -mabi=ilp32 --specs=picolibc.specs", "riscv"),
 }
 HOST = [*static.FIRMWARE, *static.DESK]
-
-
-def compile_all(folder: Path, files: list[Path], *words: object) -> None:
-    static.clean(*words, "-c", *files, cwd=folder)
+TIDY = ["--quiet", "--warnings-as-errors=*", f"--config-file={ROOT}/tests/static/clang-tidy.yaml"]
+LONG = pytest.mark.long
 
 
 @pytest.mark.parametrize(
-    "level",
-    ["-O2", *(pytest.param(x, marks=pytest.mark.long) for x in ("-O0", "-Og", "-Os", "-O3"))],
+    ("compiler", "words", "files"),
+    [
+        pytest.param("gcc", [*static.GCC, "-O2", "-c"], HOST, id="gcc"),
+        pytest.param("gcc", [*static.GCC, "-O3", "-c"], HOST, id="gcc -O3", marks=LONG),
+        pytest.param(
+            "gcc", [*static.GCC, "-fanalyzer", "-c"], static.LIB, id="analyzer", marks=LONG
+        ),
+        pytest.param("clang-19", [*static.CLANG, "-fsyntax-only"], HOST, id="clang"),
+    ],
 )
-def test_gcc_has_no_warning(level: str, tmp_path: Path) -> None:
-    compile_all(tmp_path, HOST, need("gcc", CLAIM.format("gcc")), *static.GCC, level)
+def test_a_compiler_has_no_warning(
+    compiler: str, words: list[str], files: list[Path], tmp_path: Path
+) -> None:
+    static.clean(need(compiler, CLAIM.format(compiler)), *words, *files, cwd=tmp_path)
 
 
-def test_clang_has_no_warning(tmp_path: Path) -> None:
-    tool = need("clang-19", CLAIM.format("clang-19"))
-    static.clean(tool, *static.CLANG, "-fsyntax-only", *HOST, cwd=tmp_path)
-
-
-@pytest.mark.long
+@LONG
 @pytest.mark.parametrize("core", CORES)
-def test_small_core_has_no_warning(core: str, tmp_path: Path) -> None:
-    compiler, *words = CORES[core]
-    own = ROOT / "port" / ("riscv" if core == "rv32" else "cortex_m")
-    files = [*static.FIRMWARE, *own.glob("*.c")]
+def test_the_compiler_of_a_small_core_has_no_warning(core: str, tmp_path: Path) -> None:
+    compiler, *words = CORES[core][0].split()
+    own = ROOT / "port" / CORES[core][1]
+    words += [*static.GCC, f"-I{own}", f"-I{ROOT}/port/slcan", "-c"]
     tool = need(compiler, CLAIM.format(compiler))
-    compile_all(
-        tmp_path, files, tool, *words, *static.GCC, f"-I{own}", f"-I{ROOT}/port/slcan", "-Os"
-    )
+    static.clean(tool, *words, *static.FIRMWARE, *own.glob("*.c"), cwd=tmp_path)
 
 
-@pytest.mark.long
-def test_analyzer_of_gcc_finds_nothing(tmp_path: Path) -> None:
-    compile_all(tmp_path, static.LIB, need("gcc", CLAIM.format("gcc")), *static.GCC, "-fanalyzer")
+@pytest.mark.parametrize(
+    "files",
+    [
+        pytest.param(static.FIRMWARE, id="firmware"),
+        pytest.param(static.DESK, id="host", marks=LONG),
+    ],
+)
+def test_clang_tidy_finds_nothing(files: list[Path]) -> None:
+    tool = need("clang-tidy-19", CLAIM.format("clang-tidy"))
+    status, text = static.call(tool, *TIDY, *files, "--", *static.PLAIN)
+    assert status == 0, text

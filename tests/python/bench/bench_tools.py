@@ -13,7 +13,7 @@ import re
 import runpy
 import shutil
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +29,11 @@ PAGES = ("README.md", "docs/microcontroller.md", "docs/speed.md")
 
 @dataclass
 class Run:
-    """Result of a command: exit code, output, and its pictures."""
+    """Result of a command."""
 
     code: int
     out: str
     err: str
-    pictures: dict[str, Figure] = field(default_factory=dict)
 
 
 class Bench:
@@ -60,23 +59,16 @@ class Bench:
         return json.loads((self.folder / f"build/bench/{name}.json").read_text())
 
     def block(self, page: str, name: str) -> str:
-        """Return the text between two marks of a page."""
-        start, end = (f"<!-- {slash}bench:{name} -->\n" for slash in ("", "/"))
-        return (self.folder / page).read_text().partition(start)[2].partition(end)[0]
+        return block_of(self.folder / page, name)
 
     def run(self, command: str, *words: str, draw: bool = False) -> Run:
-        """Run a command. With `draw`, pictures are also written."""
+        """Run a command. Without `draw`, its pictures are empty files."""
         script = self.folder / f"tools/bench/{command}.py"
         done, out, err = Run(0, "", ""), io.StringIO(), io.StringIO()
-        save = Figure.savefig
-
-        def keep(figure: Figure, path: Path, **options: Any) -> None:
-            done.pictures[re.sub(r"^\.\d+", "", path.name)] = figure
-            save(figure, path, **options) if draw else path.write_bytes(b"a picture")
-
         with pytest.MonkeyPatch.context() as patch, contextlib.ExitStack() as stack:
             patch.setattr(sys, "argv", [str(script), *words])
-            patch.setattr(Figure, "savefig", keep)
+            if not draw:
+                patch.setattr(Figure, "savefig", lambda _, path, **__: path.write_bytes(b""))
             patch.setenv("DAHL_DATA", str(self.folder / "data"))
             patch.syspath_prepend(str(script.parent))
             for name in MODULES:
@@ -93,6 +85,12 @@ class Bench:
                     sys.modules.pop(name, None)
         done.out, done.err = out.getvalue(), err.getvalue()
         return done
+
+
+def block_of(page: Path, name: str) -> str:
+    """Return the text between two marks of a page."""
+    start, end = (f"<!-- {slash}bench:{name} -->\n" for slash in ("", "/"))
+    return page.read_text().partition(start)[2].partition(end)[0]
 
 
 def rows_of(block: str) -> tuple[list[str], dict[str, list[str]]]:

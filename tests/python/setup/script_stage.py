@@ -60,7 +60,7 @@ class Stage:
             env={**os.environ, "STAGE": str(self.folder), "PATH": path, **variables},
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=250,
             check=False,
             stdin=subprocess.DEVNULL,
         )

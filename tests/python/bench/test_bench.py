@@ -12,8 +12,6 @@ import re
 import shutil
 import subprocess
 import sys
-import time
-from pathlib import Path
 
 import pytest
 from bench_tools import SMALL, Bench, rows_of
@@ -75,15 +73,6 @@ def of_core(cores: dict[str, dict], name: str) -> dict:
     return cores[name]
 
 
-def rows(*words: object) -> list[dict]:
-    """Run host_bench and return its lines."""
-    return [json.loads(line) for line in run(HOST_BENCH, *words).splitlines()]
-
-
-def rows_by(rows: list[dict], *keys: str) -> dict:
-    return {tuple(row[key] for key in keys): row for row in rows}
-
-
 # --- speed against error -------------------------------------------------------------------------
 
 
@@ -101,23 +90,6 @@ def test_ours_is_within_its_bound_on_every_motion(errors) -> None:
         assert ways["counts_q30"][0] <= 9.4e-10, motion
         for way in ("counts", "batch_counts", "throughput_counts", "throughput_angle"):
             assert ways[way][0] <= 0.52 * ulp, (motion, way)
-
-
-@pytest.mark.parametrize(
-    ("ways", "least", "most"),
-    [
-        (("euler", "backward_parts"), 1e-2, 1e-1),
-        (("trapezoid_parts",), 5e-4, 5e-3),
-        (("rk4",), 1e-6, 1e-5),
-        (("table",), 1e-3, 1e-2),
-        (("expm1f", "expf", "exp_double", "expm1_double", "anchored", "direct"), 2e-8, 1e-6),
-        (("double_state", "table_counts"), 1e-8, 1e-6),
-    ],
-)
-def test_other_methods_have_their_known_errors(errors, ways, least, most) -> None:
-    """On a slow sine: the order of a solver, the grid of a table, the rounding of a float."""
-    for way in ways:
-        assert least < errors["sine_16"][way][0] < most, way
 
 
 def test_the_pages_show_what_is_counted_now(bench, cores) -> None:
@@ -159,13 +131,6 @@ def test_a_core_is_within_its_budgets(cores, name: str) -> None:
     assert not least or core["newlib_expm1f"] >= least * core["one_count_q30"]
 
 
-def test_a_tick_costs_at_most_one_and_a_half_of_euler(cores) -> None:
-    motions = of_core(cores, "m4f")["motions"]["newlib"]
-    assert motions["two_one_24"]["counts_q30"] <= 1.5 * motions["two_one_24"]["euler"]
-    for ways in motions.values():  # each method needs a load, a multiplication and a store
-        assert 3 <= ways["floor"] < 0.5 * min(ways[way] for way in ways if way != "floor")
-
-
 # --- what host_bench prints ----------------------------------------------------------------------
 
 
@@ -181,82 +146,15 @@ def test_moves_come_with_the_exact_torque(bench) -> None:
         assert printed == pytest.approx([float(w) for w in exact], abs=1e-6), name
 
 
-def test_one_part_is_the_plain_solver(bench) -> None:
-    found = rows_by(rows("errors", 8192), "scenario", "way")
-    for solver in ("euler", "rk4"):
-        [parts] = rows("parts-error", f"{solver}_parts", 1, "sine_16", 8192)
-        plain = found["sine_16", solver]
-        assert (parts["worst"], parts["rms"]) == (plain["worst"], plain["rms"])
-        assert 0 < float(plain["rms"]) < float(plain["worst"])
-        [many] = rows("parts-error", f"{solver}_parts", 16, "sine_16", 8192)
-        assert float(many["worst"]) < float(plain["worst"]) / 10
-
-
-def test_growth_passes_through_the_errors_of_a_run(bench) -> None:
-    """1e5 ticks lie between 24 and 25 blocks of 4096."""
-    grown = rows_by(rows("growth", "walk_20", 10**5), "way", "ticks")
-    around = [rows_by(rows("errors", 4096 * n), "scenario", "way") for n in (24, 25)]
-    for way in dict.fromkeys(way for way, _ in grown):
-        least, most = (float(found["walk_20", way]["worst"]) for found in around)
-        worst = [float(grown[way, 10**n]["worst"]) for n in (2, 3, 4, 5)]
-        assert worst == sorted(worst)
-        assert 0.999 * least <= worst[-1] <= 1.001 * most
-
-
-def error_of_euler(rate: int, parts: int) -> float:
-    """Return the worst error on two turns of 0.1 rad at 1 Hz, by the closed form of Euler."""
-    travel = float(reference.travel_per_count(SIGMA0, FC, math.tau / 2**14))
-    w = exact = worst = last = 0.0
-    for k in range(1, 2 * rate + 1):
-        place = round(2**14 / math.tau * 0.1 * math.sin(math.tau * k / rate))
-        s, u = (1.0 if place > last else -1.0), travel * abs(place - last)
-        w, exact = s + (w - s) * (1 - u / parts) ** parts, s + (exact - s) * math.exp(-u)
-        worst, last = max(worst, abs(w - exact)), place
-    return worst
-
-
-def test_parts_by_rate_are_the_fewest_that_are_enough(bench) -> None:
-    """With half the parts, the error of RK4 is 16 times as large; the other factors are smaller."""
-    few, many = (rows_by(rows("parts", rate, 1e-3), "way") for rate in (3000, 100))
-    for row in (few["euler_parts",], many["euler_parts",]):
-        error = error_of_euler(row["rate"], row["parts"])
-        assert float(row["worst"]) == pytest.approx(error, rel=0.01)
-    assert {row["parts"] for row in rows("parts", 100, 1e-12)} == {0}  # too small for a float
-    for way, row in many.items():
-        assert row["rate"] == 100 and 1 <= few[way]["parts"] < row["parts"]
-        for found in (row, few[way]):
-            assert 1e-3 / 20 < float(found["worst"]) <= 1e-3 or found["parts"] == 1
-
-
-def test_speed_is_nanoseconds_a_tick(bench) -> None:
-    """The rounds of all methods need at least the time of the best rounds, and not much more."""
-    ticks, rounds = 20_000, 15
-    start = time.perf_counter()
-    speed = rows("speed", ticks)
-    elapsed = time.perf_counter() - start
-    least = sum(row["ns"] for row in speed) * ticks * rounds * 1e-9
-    assert 0.1 * elapsed < least < elapsed
-
-
-@pytest.mark.parametrize("words", [["nothing"], ["growth", "no_such_motion", "100"], []])
-def test_host_bench_refuses_unknown_words(bench, words) -> None:
-    done = subprocess.run([HOST_BENCH, *words], capture_output=True, text=True, check=False)
+def test_host_bench_refuses_an_unknown_motion(bench) -> None:
+    command = [HOST_BENCH, "growth", "no_such_motion", "100"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2 and done.stderr.startswith("error: ")
 
 
-def test_the_cost_of_an_identification_is_printed() -> None:
-    """Both fits find the parameters; the ratio is the time of solve_ivp over ours."""
-    script = Path(ROOT / "tools/bench/identify.py")
-    ours, theirs, long = run(
-        sys.executable, script, "--rows", "3000", "--short", "1000"
-    ).splitlines()
-    assert ours.startswith("1000 rows: ") and long.startswith("3000 rows: ")
-    found = [
-        [float(x) for x in re.search(r"sigma0 ([\d.]+), Fc ([\d.]+)", line).groups()]
-        for line in (ours, theirs)
-    ]
-    assert found[0] == pytest.approx([SIGMA0, FC], rel=0.1)
-    assert found[1] == pytest.approx(found[0], rel=2e-3)
-    seconds = [float(re.search(r" ([\d.]+) s,", line)[1]) for line in (ours, theirs)]
-    ratio = float(re.search(r"ratio (\d+)", theirs)[1])
-    assert ratio == pytest.approx(seconds[1] / seconds[0], rel=0.05, abs=0.6)
+def test_both_identifications_find_the_parameters() -> None:
+    script = ROOT / "tools/bench/identify.py"
+    printed = run(sys.executable, script, "--rows", "3000", "--short", "1000")
+    ours, theirs, _ = re.findall(r"sigma0 ([\d.]+), Fc ([\d.]+)", printed) + [None]
+    assert [*map(float, ours)] == pytest.approx([SIGMA0, FC], rel=0.1)
+    assert [*map(float, theirs)] == pytest.approx([*map(float, ours)], rel=2e-3)

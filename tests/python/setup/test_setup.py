@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """tools/setup.sh: packages of each need, rights, failing sources, the Python environment. All
-programs that reach a network are stand-ins. (With a network: tests/quality.)
+programs that reach a network are stand-ins.
 """
 
 from __future__ import annotations
@@ -17,10 +17,7 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT
-from loop_tools import is_running, wait_until
-from script_stage import APT, PYTHON, UNITY, Debian, codename
-
-FAILS_IF = 'case "$*" in {} exit 1 ;; esac;'
+from script_stage import APT, PYTHON, Debian, codename
 
 
 @pytest.fixture
@@ -44,32 +41,20 @@ def test_it_installs_missing_packages_once(bare):
     assert bare.set_up("demo")[1] == []
 
 
-NEEDS = {
-    "demo": "libc6-dev cmake ninja-build libinih-dev libcsv-dev libcjson-dev python3-venv",
-    "firmware": "gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm",
-    "identify": "",
-    "test": "gcc g++ git pkg-config valgrind",
-    "docs": "doxygen",
-    "vm": "can-utils qemu-system-x86 busybox-static kmod cpio iproute2",
-    "bench": "gcc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc",
-    "checks": "clang gcc-multilib qemu-user-static shellcheck cppcheck frama-c-base chromium",
-}
-
-
 def test_each_need_includes_smaller_needs(bare):
     """Debian packages and groups of Python packages."""
     has: dict[str, set[str]] = {}
-    for need, packages in NEEDS.items():
+    for need in ("demo", "firmware", "identify", "test", "docs", "vm", "bench", "checks"):
         bare.write("installed", "dpkg-dev")
         shutil.rmtree(bare.folder / "build", ignore_errors=True)
         done, _ = bare.set_up(need)
         assert done.returncode == 0, done.stderr
         python = re.search(r"installing Python packages: (.*) \(", done.stdout)[1].split()
         has[need] = {*bare.lines("installed"), *(f"group {name}" for name in python)}
-        assert set(packages.split()) <= has[need], need
     assert has["demo"] < has["identify"] < has["test"] < has["docs"] < has["checks"]
     assert has["demo"] < has["firmware"] < has["checks"] and has["demo"] < has["vm"]
     assert has["identify"] | has["firmware"] < has["bench"]
+    assert {"libinih-dev", "libcsv-dev", "libcjson-dev"} <= has["demo"]
     assert not {"gcc-arm-none-eabi", "chromium", "clang", "doxygen"} & has["test"]
 
 
@@ -126,9 +111,8 @@ def test_other_users_install_by_sudo_or_read_what_to_install(bare, has_sudo):
 def test_after_two_failures_it_uses_debians_own_sources_only(bare, failures):
     """With the present lists, with new lists, from Debian's own sources; then it is an error."""
     bare.write("list", f"deb http://debian {codename()} main", "deb http://others stable main")
-    bare.stand_in(
-        "bin/cat", 'case "$*" in */etc/apt/*) exec /bin/cat "$STAGE/list" ;; esac; /bin/cat "$@"'
-    )
+    own = 'case "$*" in */etc/apt/*) exec /bin/cat "$STAGE/list" ;; esac; /bin/cat "$@"'
+    bare.stand_in("bin/cat", own)
     bare.write("installed", "dpkg-dev", "python3", "python3-venv")
     bare.write("left", *["x"] * failures)
     count = 'if [ -s "$STAGE/left" ]; then sed -i 1d "$STAGE/left"; exit 100; fi'
@@ -138,12 +122,10 @@ def test_after_two_failures_it_uses_debians_own_sources_only(bare, failures):
     kinds = [re.search(r"install|update", call)[0] for call in calls]
     assert kinds == ["install", "update", "install", "update", "install"][: (1, 3, 5, 5)[failures]]
     assert ["sourceparts=" in call for call in calls] == [n > 2 for n in range(len(calls))]
-    assert done.returncode == (failures == 3)
-    if failures > 1:
-        own = bare.folder / "build/deps/apt-deb/debian.list"
-        assert {*own.read_text().splitlines()} == {f"deb http://debian {codename()} main"}
     if failures == 3:
-        assert re.search(r"^error: .*\bcmake\b", done.stderr, re.M)
+        assert done.returncode == 1 and re.search(r"^error: .*\bcmake\b", done.stderr, re.M)
+    else:
+        assert done.returncode == 0
 
 
 @pytest.mark.parametrize("is_required", [True, False])
@@ -160,29 +142,9 @@ def test_it_names_silent_sources_and_what_needs_them(bare, is_required):
     assert not any("apt-get" in call for call in started)
 
 
-def test_downloads_that_fail_skip_their_tests(bare):
-    bare.does("apt-get", f'case "$*" in *" download "*) exit 100 ;; esac; {APT}')
-    for name in ("python3", "cbmc"):  # no CAN in this kernel, no CBMC that runs
-        bare.stand_in(f"bin/{name}", "exit 1")
-    bare.stand_in("bin/uname", "echo x86_64")
-    done, _ = bare.set_up("vm")
-    assert done.returncode == 0, done.stderr
-    assert re.search(r"^setup: kernel .*skipped$", done.stdout, re.M)
-    assert not (bare.folder / "build/deps/kernel").exists()
-
-
-@pytest.mark.parametrize("lacking", UNITY)
-def test_a_given_unity_must_be_complete(bare, lacking):
-    (bare.folder / "unity" / lacking).write_text("")
-    done, started = bare.set_up("test")
-    assert done.returncode == 1 and not started
-    assert f"unity has no {lacking}\n" in done.stderr
-
-
 def test_unity_with_other_sums_is_not_used(bare):
     """There are no C tests without Unity, so it is an error."""
-    pack = 'tar -czf ntpsec_1.2.orig.tar.gz -C "$STAGE" --transform s,^,ntpsec/tests/unity/, unity'
-    pack = pack.replace("tests/unity/, unity", "tests/, unity")
+    pack = 'tar -czf ntpsec_1.2.orig.tar.gz -C "$STAGE" --transform s,^,ntpsec/tests/, unity'
     bare.does("apt-get", f'case "$*" in *" source "*) {pack} ;; esac; {APT}')
     done, _ = bare.set_up("test", DAHL_UNITY_DIR="")
     assert done.returncode == 1 and "sums of Unity 2.5.1" in done.stderr
@@ -200,7 +162,6 @@ def test_unity_with_other_sums_is_not_used(bare):
         ("4", True, True),  # files are damaged
         ("changed", False, True),  # pyproject.toml
         ("other Python", True, True),
-        ("moved", True, True),
     ],
 )
 def test_the_environment_is_repaired_as_far_as_needed(bare, state, is_new, installs):
@@ -212,9 +173,6 @@ def test_the_environment_is_repaired_as_far_as_needed(bare, state, is_new, insta
         project.write_text(project.read_text().replace("[project]", "[project]\n# new", 1))
     elif state == "other Python":
         bare.write("version", "3.12.0")
-    elif state == "moved":
-        stamp = bare.folder / "build/venv/.complete"
-        stamp.write_text("of another place\n" + stamp.read_text())
     else:
         bare.write("state", state)
     done, started = bare.set_up("demo")
@@ -236,21 +194,11 @@ def test_an_old_python_is_not_used(bare, version, is_used):
 @pytest.mark.parametrize("failing", ["pip", "python"])
 def test_an_environment_that_fails_is_an_error_each_time(bare, failing):
     name = {"pip": "python", "python": "python3.11"}[failing]
-    bare.does(name, FAILS_IF.format('*" install "*|*"-m venv"*)') + PYTHON)
+    bare.does(name, f'case "$*" in *" install "*|*"-m venv"*) exit 1 ;; esac; {PYTHON}')
     for _ in range(2):
         done, started = bare.set_up("demo")
         assert done.returncode == 1 and "error: " in done.stderr
     assert sum("--require-hashes" in call for call in started) == (3 if failing == "pip" else 0)
-
-
-def test_a_failure_of_apt_get_ends_pip_too(bare):
-    bare.without("cmake")
-    beside = 'echo $$ >"$STAGE/beside"; exec /bin/sleep 90'
-    bare.does("python", f'case "$*" in *" install "*) {beside} ;; esac; {PYTHON}')
-    begun = 'until [ -s "$STAGE/beside" ]; do /bin/sleep 0.1; done'
-    bare.does("apt-get", f'case "$*" in *" install "*cmake*) {begun} ;; esac; {APT}')
-    assert bare.set_up("demo")[0].returncode == 1
-    wait_until(lambda: not is_running(int(bare.lines("beside")[0])))
 
 
 @pytest.mark.parametrize(
@@ -278,43 +226,25 @@ def test_missing_and_changed_packages_are_found(tmp_path, pin, missing):
     assert compare(tmp_path, pins)[0] == [*missing, "dahl"]
 
 
-# --- the scripts as they are, on this machine ----------------------------------------------------
+# --- the files as they are -----------------------------------------------------------------------
 
 
-def timed(script: Path, **variables: str) -> tuple[subprocess.CompletedProcess, float]:
-    """Return the result and its processor time in s, which other programs hardly change."""
-    before = os.times()
-    done = subprocess.run(
-        [script, "test"],
-        env={**os.environ, **variables},
-        capture_output=True,
-        text=True,
-        timeout=200,
-        check=False,
-    )
-    after = os.times()
-    return done, sum(after[2:4]) - sum(before[2:4])
-
-
-def test_a_second_setup_is_fast():
-    stamp = ROOT / "build/venv/.complete"  # an incomplete environment would be created again
-    lock = ROOT / "tools/requirements.lock"
-    if not stamp.exists() or lock.stat().st_mtime > stamp.stat().st_mtime:
-        pytest.skip("build/venv is not of this checkout or not up to date (tools/setup.sh test)")
-    done, busy = timed(ROOT / "tools/setup.sh")
-    assert done.returncode == 0, done.stderr
-    assert busy < 2 and "in place (build/venv)" in done.stdout
-
-
-def test_without_a_network_it_soon_ends_with_one_line(tmp_path):
+def test_without_a_network_it_ends_with_one_line(tmp_path):
     shutil.copytree(ROOT / "tools", tmp_path / "tools")
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     nowhere = dict.fromkeys(("http_proxy", "https_proxy"), "http://127.0.0.1:9")
-    done, busy = timed(tmp_path / "tools/setup.sh", **nowhere)
-    assert busy < 20 and done.returncode == 1
+    script = [tmp_path / "tools/setup.sh", "test"]
+    variables = {**os.environ, **nowhere}
+    done = subprocess.run(script, env=variables, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
     [error] = done.stderr.splitlines()
     wanted = ["apt-get", "unity"] if shutil.which("apt-get") else []
     assert all(word in error for word in [*wanted, "(pip)", "build/venv", "build/setup.log"])
+
+
+def pins_of(text: str) -> set[tuple[str, str]]:
+    pins = re.findall(r"^([\w.-]+)(?:\[[^]]*\])?==([^\s;\\]+)", text.lower(), re.MULTILINE)
+    return {(re.sub("[-_.]+", "-", name), version) for name, version in pins}
 
 
 def test_the_lock_has_the_versions_of_the_groups():
@@ -327,8 +257,3 @@ def test_the_lock_has_the_versions_of_the_groups():
         listed = pins_of("\n".join(one for one in groups.pop(name) if isinstance(one, str)))
         assert listed and listed <= locked, "run tools/lock.sh"
     assert not groups
-
-
-def pins_of(text: str) -> set[tuple[str, str]]:
-    pins = re.findall(r"^([\w.-]+)(?:\[[^]]*\])?==([^\s;\\]+)", text.lower(), re.MULTILINE)
-    return {(re.sub("[-_.]+", "-", name), version) for name, version in pins}
