@@ -17,6 +17,8 @@ from crccheck.crc import Crc8Autosar
 from loop_tools import wait_until
 
 KINDS = {"EncoderState": 0x3, "FrictionTorque": 0xC, "Status": 0x5, "ParamReply": 0x9}
+ANGLE = {"Valid": 1, "Count": 0}  # signals of an EncoderState
+ERRORS = ("Format", "Repeated", "Lost", "Sequence", "Crc", "Stale", "Invalid", "Jump")
 _numbers = itertools.count()
 
 
@@ -63,3 +65,8 @@ def sending(
 
 def new_channel() -> str:
     return f"test-{next(_numbers)}"
+
+
+def bus_of(port: int) -> list[str]:
+    """Options of a command that name a served bus."""
+    return ["-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", str(port)]
