@@ -215,7 +215,7 @@ def test_answers_before_the_first_angle_are_counted_and_not_drawn(monitor, seen)
 
 
 def assert_axes_hold(lines: list[str], *spans: tuple[float, float]) -> None:
-    """The axes of the first panel cover each span with even round ticks, at most one tick beyond."""
+    """The axes of the first panel cover each span with even round ticks, at most one beyond."""
     end = next(n for n, line in enumerate(lines) if "└" in line)
     across = [float(word) for word in lines[end + 1].split()]
     up = [float(line.partition("┤")[0]) for line in lines[:end] if "┤" in line][::-1]

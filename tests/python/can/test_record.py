@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""`dahl record` writes logs that can be replayed and drawn, and keeps old files. test_record_gaps.py
-has its count of missing frames.
+"""`dahl record` writes logs that can be drawn and keeps old files. Missing frames:
+test_record_gaps.py.
 """
 
 from __future__ import annotations
@@ -46,9 +46,7 @@ def angles(log: Path) -> list[can.Message]:
         *(pytest.param(one, marks=pytest.mark.checks) for one in (".blf", ".LOG", ".mf4", ".trc")),
     ],
 )
-def test_a_record_of_each_format_has_the_frames_of_the_bus_and_can_be_drawn(
-    dahl, tmp_path, ending
-):
+def test_a_record_of_each_format_has_the_frames_of_the_bus_and_can_be_drawn(dahl, tmp_path, ending):
     """Each angle has the time of the bus."""
     log = f"run{ending}"
     limits = ("--wait-clients", "1", "--seconds", "20")

@@ -140,15 +140,15 @@ def test_pauses_and_repeated_counters_are_no_gap(recorded, change):
     assert recorded(ANGLES, change) is None
 
 
-@pytest.mark.parametrize("names", [("FrictionTorque", "Status"), ("EncoderState", "FrictionTorque")])
-def test_a_restart_of_node_and_encoder_is_no_gap(recorded, names):
+@pytest.mark.parametrize("other", ["EncoderState", "Status"])
+def test_a_restart_of_node_and_encoder_is_no_gap(recorded, other):
     """After 50 ticks."""
 
     def change(_: str, number: int) -> dict:
         new = {"Counter": (number - 50) % 16, "State": "Init" if number == 50 else "OK"}
         return new if number >= 50 else {}
 
-    assert recorded(ticks(range(100), *names), change) is None
+    assert recorded(ticks(range(100), other, "FrictionTorque"), change) is None
 
 
 def test_a_frame_with_a_wrong_crc_is_recorded(recorded):
