@@ -77,30 +77,6 @@ def test_platformio_packs_and_compiles_the_needed_files() -> None:
     assert set(manifest["build"]["srcFilter"]) == sources
 
 
-ADDRESS = re.compile(r"https://[\w./-]+")
-
-
-def test_all_manifests_name_one_author_and_one_address() -> None:
-    """Each format has its fields for them."""
-    pio = json.loads((ROOT / "library.json").read_text())
-    idf = yaml.safe_load((ROOT / "idf_component.yml").read_text())
-    lines = (ROOT / "port/arduino/library.properties").read_text().splitlines()
-    arduino = dict(line.split("=", 1) for line in lines)
-    home = {pio["homepage"], idf["url"], arduino["url"], *(one["url"] for one in pio["authors"])}
-    assert len(home) == 1 and ADDRESS.fullmatch(home.pop())
-    assert pio["repository"]["url"] == idf["repository"] and ADDRESS.fullmatch(idf["repository"])
-    (author,) = {one["name"] for one in pio["authors"]}
-    assert [author] == idf["maintainers"] and author == arduino["author"] == arduino["maintainer"]
-
-
-def test_zephyr_finds_the_module_and_its_options() -> None:
-    module = yaml.safe_load((ROOT / "zephyr/module.yml").read_text())
-    assert module["name"] == "dahl"
-    options = re.findall(r"^config (\w+)$", (ROOT / module["build"]["kconfig"]).read_text(), re.M)
-    assert options == ["DAHL", "DAHL_NODE"]
-    assert (ROOT / module["build"]["cmake"] / "CMakeLists.txt").exists()
-
-
 # Functions of the frameworks; replacements print their arguments.
 THEIRS = ("zephyr_library_named", "zephyr_library_sources", "zephyr_include_directories")
 THEIRS += ("zephyr_library_compile_definitions", "idf_component_register")
@@ -116,6 +92,10 @@ THEIRS += ("zephyr_library_compile_definitions", "idf_component_register")
     ],
 )
 def test_a_framework_compiles_the_chosen_files(tmp_path: Path, script, chosen, files) -> None:
+    """By the options of Zephyr, which module.yml names."""
+    module = yaml.safe_load((ROOT / "zephyr/module.yml").read_text())
+    options = re.findall(r"^config (\w+)$", (ROOT / module["build"]["kconfig"]).read_text(), re.M)
+    assert (options, module["build"]["cmake"]) == (["DAHL", "DAHL_NODE"], "zephyr")
     follow = tmp_path / "follow.cmake"
     calls = [f'function({call})\nmessage("${{ARGV}}")\nendfunction()' for call in THEIRS]
     include = f'include("{ROOT / script}/CMakeLists.txt")'
