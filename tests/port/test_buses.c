@@ -206,24 +206,6 @@ static void test_plain_frames_have_a_text_within_its_buffer(void)
     TEST_ASSERT_EQUAL_STRING_LEN(longest_send, text, sizeof longest_send - 1);
 }
 
-static void test_words_are_separated_by_blanks_and_must_fit(void)
-{
-    static const struct {
-        bool found;
-        const char *word; /* afterwards */
-    } wanted[] = {{true, "one"}, {true, "two"}, {false, "two"}, {true, "4"}, {false, "4"}}; /* "three" does not fit */
-    char word[4] = "old";
-    const char *cursor = "one  two three 4  ";
-    for (size_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++) {
-        TEST_ASSERT_EQUAL(wanted[i].found, text_word(&cursor, word, sizeof word));
-        TEST_ASSERT_EQUAL_STRING(wanted[i].word, word);
-    }
-    TEST_ASSERT_EQUAL('\0', *cursor);
-    cursor = "four 5"; /* does not fit with its terminator */
-    TEST_ASSERT_FALSE(text_word(&cursor, word, sizeof word));
-    TEST_ASSERT_EQUAL_STRING("4", word);
-}
-
 static dahl_can_frame_t taken;
 static const char *to_read; /* sent by the host, unread */
 static char written[200];

@@ -98,22 +98,15 @@ def all_calls(headers: set[str], table: str) -> str:
 
 @pytest.mark.parametrize(
     "way",
-    [
-        *("add_subdirectory", "find_package", "platformio"),
-        *(
-            pytest.param(way, marks=pytest.mark.checks)
-            for way in ("FetchContent", "esp_idf", "zephyr")
-        ),
-    ],
+    ["add_subdirectory", "find_package", pytest.param("FetchContent", marks=pytest.mark.checks)],
 )
 def test_a_project_builds_with_cmake(
     way: str, prefix: Path, own_headers: Path, tmp_path: Path
 ) -> None:
     options = [f"-DCMAKE_PREFIX_PATH={prefix}", f"-DDAHL_WANTED={WANTED}"]
     options += ["-DDAHL_COMPONENTS=node;float", *ASKED]
-    wanted = {"consumer": EXPECTED, "consumer_cxx": EXPECTED, "consumer_node": 2 * EXPECTED}
-    if way in ("add_subdirectory", "FetchContent", "find_package"):
-        wanted["consumer_components"] = EXPECTED
+    wanted = {"consumer": EXPECTED, "consumer_cxx": EXPECTED, "consumer_components": EXPECTED}
+    wanted["consumer_node"] = 2 * EXPECTED
     project(tmp_path, way, own_headers, *options)
     run("cmake", "--build", tmp_path)
     for program, torque in wanted.items():

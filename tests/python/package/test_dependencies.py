@@ -117,59 +117,47 @@ def test_the_extras_contain_the_imported_packages_in_the_tested_versions(extras,
 # --- in a checkout, whose build/venv is filled by need --------------------------------------------
 
 
-@pytest.fixture
-def checkout(monkeypatch, tmp_path):
-    """Return a checkout without scipy, whose setup.sh exits with the code in file `code`.
+class Restart(Exception):
+    """The program would start again with these words."""
 
-    It replaces private names: the folder of the checkout and the restart of the program.
+
+@pytest.mark.parametrize("case", ["it works", "it fails", "tried before", "another environment"])
+def test_a_checkout_sets_up_its_own_environment_once_and_restarts(
+    tmp_path, monkeypatch, capfd, case
+):
+    """It replaces private names: the folder of the checkout and the restart of the program. The
+    output of the set-up is not that of the command. A command with all packages starts at once.
     """
-    script = tmp_path / "tools/setup.sh"
+    script, asked = tmp_path / "tools/setup.sh", tmp_path / "asked"
     script.parent.mkdir()
-    asked = f'echo "$@" | tee -a {tmp_path}/asked'
-    script.write_text(f'#!/bin/sh\n{asked}\nexit "$(cat {tmp_path}/code)"\n')
+    code = int(case == "it fails")
+    script.write_text(f'#!/bin/sh\necho "$@" | tee -a {asked}\nexit {code}\n')
     script.chmod(0o755)
-    started: list[tuple[object, ...]] = []
 
     def start(*words: object) -> None:
-        started.append(words)
-        raise SystemExit(0)
+        raise Restart(*words)
 
     monkeypatch.setattr("dahl.paths.ROOT", tmp_path)
-    monkeypatch.setattr(sys, "prefix", str(tmp_path / "build/venv"))
     monkeypatch.setattr(os, "execve", start)
+    own = "/usr" if case == "another environment" else str(tmp_path / "build/venv")
+    monkeypatch.setattr(sys, "prefix", own)
     without(monkeypatch, "scipy")
-    monkeypatch.delenv("DAHL_SETUP_TRIED")
-    return tmp_path, started
-
-
-def test_a_command_sets_up_and_restarts_with_its_arguments(checkout, capfd):
-    """The output of the set-up is not its output. A command with all packages starts at once."""
-    (folder, started), given = checkout, ["identify", "log.csv", "--json", "-"]
-    dahl = caller(capfd)
-    (folder / "code").write_text("0")
-    assert dahl("dbc").returncode == 0 and not (folder / "asked").exists()
+    if case != "tried before":
+        monkeypatch.delenv("DAHL_SETUP_TRIED")
+    dahl, given = caller(capfd), ["identify", "log.csv", "--json", "-"]
+    assert dahl("dbc").returncode == 0 and not asked.exists()
+    if case == "it works":
+        with pytest.raises(Restart) as restart:
+            dahl(*given)
+        program, words, environment = restart.value.args
+        assert (program, words[1:]) == (sys.executable, ["-m", "dahl", *given])
+        assert len(environment.keys() - os.environ.keys()) == 1  # it prevents a third start
+        assert asked.read_text() == "identify\n" and not capfd.readouterr().out
+        return
     done = dahl(*given)
-    assert (folder / "asked").read_text() == "identify\n" and not done.stdout
-    [(program, words, environment)] = started
-    assert (program, words[1:]) == (sys.executable, ["-m", "dahl", *given])
-    monkeyed = environment.keys() - os.environ.keys()
-    assert len(monkeyed) == 1, "a variable that prevents a third start"
-
-
-@pytest.mark.parametrize("why", ["it fails", "tried before", "another environment"])
-def test_a_command_sets_up_only_once_and_only_its_own_environment(
-    checkout, capfd, monkeypatch, why
-):
-    folder, started = checkout
-    (folder / "code").write_text("1")
-    if why == "tried before":
-        monkeypatch.setenv("DAHL_SETUP_TRIED", "1")
-    if why == "another environment":
-        monkeypatch.setattr(sys, "prefix", "/usr")
-    done = caller(capfd)("excite", "--counts-per-turn", "1")
     said = done.stderr.splitlines()[-1]  # below the words of the set-up
-    assert done.returncode == 1 and said.startswith("error: ") and "scipy" in said and not started
-    assert ("tools/setup.sh" in said) == (why == "it fails") == (folder / "asked").exists()
+    assert done.returncode == 1 and said.startswith("error: ") and "scipy" in said
+    assert ("tools/setup.sh" in said) == (case == "it fails") == asked.exists()
 
 
 # --- slow imports ---------------------------------------------------------------------------------

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The manifests for PlatformIO, Zephyr and ESP-IDF name the files that a microcontroller compiles.
-test_consume.py builds a project with each of them.
-"""
+"""The manifests for PlatformIO, Zephyr and ESP-IDF name the files that firmware needs."""
 
 from __future__ import annotations
 
@@ -75,6 +73,7 @@ def test_platformio_packs_and_compiles_the_needed_files() -> None:
     assert len(shown) > 3
     sources = {f"+<{folder}/>" for folder in ("arith", "cores", "model", "node", "parts")}
     assert set(manifest["build"]["srcFilter"]) == sources
+    assert (manifest["build"]["srcDir"], manifest["build"]["includeDir"]) == ("lib", "lib/include")
 
 
 # Functions of the frameworks; replacements print their arguments.
