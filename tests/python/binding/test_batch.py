@@ -90,6 +90,16 @@ def test_threads_are_within_the_bound(kind):
     assert spread(by_angle, exact, 0.5) <= 2
 
 
+def test_threads_accept_angles_that_are_not_finite():
+    turns = np.full(LONG, 1e-9, np.float32)
+    turns[2**18 + 9] = np.nan
+    turns[2**19 + 9] = -np.inf
+    fast = dahl.Throughput(1, 1)
+    one, three = fast.run(turns, 0.7), fast.run(turns, 0.7, threads=3)
+    assert three[2**19 + 8] == one[2**19 + 8] > 0.69 and three[2**19 + 9] == -1
+    assert spread(three, one, 1) <= 1
+
+
 def test_threads_start_for_long_logs_only(monkeypatch):
     started = []
     start = threading.Thread.start

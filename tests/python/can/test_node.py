@@ -10,10 +10,11 @@ from pathlib import Path
 
 import can
 import dahl
+import numpy as np
 import pytest
 from dahl import codec
 from dahl.binding import models
-from dahl.codec import EncoderState
+from dahl.codec import EncoderState, Param, ParamWrite, Write
 from loop_tools import SCENES, read_log, run
 from strategies import COPIES
 from test_node_sequences import message_of
@@ -118,6 +119,23 @@ def move(node: dahl.Node, *counts: int) -> list[codec.FrictionTorque]:
     first = node.counts.ok
     messages = (codec.pack(EncoderState(c, (first + k) % 16)) for k, c in enumerate(counts))
     return [codec.unpack(node.receive(message)) for message in messages]
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_node_answers_with_the_torque_of_its_friction(model):
+    """To the bit; the C adds the elements of a mix in another order. Loads come by parameter."""
+    given = MODELS[model][1]
+    alone = dahl.Friction(given) if isinstance(given, dahl.Plan) else copy.deepcopy(given)
+    one, random, count, load = dahl.Node(given), np.random.default_rng(1), 0, ()
+    for k, move in enumerate([0, *random.integers(-200, 201, 1000).tolist(), 10**8]):
+        if model == "loaded" and k % 7 == 0:
+            raw = int(random.integers(0, 2**16 + 1))
+            one.receive(codec.pack(ParamWrite(Param.LOAD, raw, Write.WRITE)))
+            load = (raw / 2**16,)
+        count += move
+        answer = codec.unpack(one.receive(codec.pack(EncoderState(count, k % 16))))
+        wanted = alone.step_counts_q30(move, *load)
+        assert abs(answer.torque_q30 - wanted) <= (4 if model == "parallel" else 0), k
 
 
 @pytest.mark.parametrize("model", MODELS)
