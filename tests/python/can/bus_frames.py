@@ -50,7 +50,7 @@ def sending(
 
     def send() -> None:
         with can.Bus(interface="virtual", channel=channel, preserve_timestamps=True) as bus:
-            wait_until(ready or (lambda: is_joined(channel)))
+            wait_until(ready or (lambda: is_joined(channel)), 60)
             *first, last = messages
             for message in first:
                 bus.send(message)

@@ -33,7 +33,7 @@ Sent = tuple[str, float, dict[str, Any]]
 
 @pytest.fixture
 def served(tmp_path):
-    limits = ("--wait-clients", "1", "--seconds", "20")
+    limits = ("--wait-clients", "1", "--seconds", "120")
     with serving(tmp_path / "loop", SCENES / "steering.ini", *limits) as (_, port):
         yield bus_of(port)
 
@@ -45,7 +45,7 @@ def monitor(dahl, dbc):
     def run(sent: Iterable[can.Message | Sent], *words: object, before_last=lambda: None) -> str:
         messages = [one if isinstance(one, can.Message) else next(frames(dbc, one)) for one in sent]
         channel = new_channel()
-        bus = ("-i", "virtual", "-c", channel, "--frames", len(messages), "--seconds", 20)
+        bus = ("-i", "virtual", "-c", channel, "--frames", len(messages), "--seconds", 120)
         with sending(channel, messages, before_last=before_last):
             done = dahl("monitor", *bus, *words)
         assert (done.returncode, done.stderr) == (0, "")

@@ -49,20 +49,28 @@ def listening(bus: can.BusABC, *nodes: dahl.Node) -> Iterator[node.Listener]:
         notifier.stop()
 
 
+def new_node(number: int = 0) -> dahl.Node:
+    """A node that a busy machine does not make stale."""
+    return dahl.Node(PLAN, number, timeout=60)
+
+
 def converse(bus: can.BusABC, number: int = 0) -> None:
     """Check torques, parameters and resets as a client, and Status after a silence."""
+
+    def ask(frame: codec.Frame) -> codec.Frame:
+        return node.ask(bus, frame, number, timeout=60)
+
     alone = dahl.Friction(PLAN)
     for counter, count in enumerate((0, 30, 900, 850)):
-        answer = node.ask(bus, EncoderState(count, counter), number)
         moves = count - (0, 0, 30, 900)[counter]
-        assert answer.torque_q30 == alone.step_counts_q30(moves)
-    reply = node.ask(bus, ParamWrite(Param.FC), number)
+        assert ask(EncoderState(count, counter)).torque_q30 == alone.step_counts_q30(moves)
+    reply = ask(ParamWrite(Param.FC))
     assert (reply.result, reply.si) == (codec.Result.DONE, pytest.approx(PLAN.Fc))
-    status = node.ask(bus, Reset(What.ERRORS), number)
+    status = ask(Reset(What.ERRORS))
     assert status.state == State.OK
-    while status.state != State.STALE:  # after 100 ms
-        message = bus.recv(2)
-        assert message is not None
+    ask(ParamWrite.of_si(Param.TIMEOUT, 0.02))
+    while status.state != State.STALE:
+        message = bus.recv(60)
         if message.arbitration_id == 0x120 + int(number):
             status = codec.unpack(message)
 
@@ -72,29 +80,27 @@ def converse(bus: can.BusABC, number: int = 0) -> None:
 
 def test_a_notifier_serves_several_nodes(ends):
     """Each node receives the frames with its number, which may be a number of numpy."""
-    nodes = [dahl.Node(PLAN, number) for number in (0, np.uint8(3))]
+    nodes = [new_node(number) for number in (0, np.uint8(3))]
     with listening(ends[0], *nodes) as listener:
         assert isinstance(listener, can.Listener)
         for number in (0, np.int8(3)):
             converse(ends[1], number)
     assert [(one.counts.ok, one.counts.ignored) for one in nodes] == [(4, 0)] * 2
-    assert listener.traffic.received == 12 and listener.traffic.refused == 0
+    assert listener.traffic.received == 14 and listener.traffic.refused == 0
 
 
 def test_run_serves_until_its_condition_ends_it(ends):
     ended, traffic = threading.Event(), []
-    words = {"ended": ended.is_set, "seconds": 30}
-    server = threading.Thread(
-        target=lambda: traffic.append(node.run(ends[0], dahl.Node(PLAN), **words))
-    )
+    words = {"ended": ended.is_set, "seconds": 300}
+    server = threading.Thread(target=lambda: traffic.append(node.run(ends[0], new_node(), **words)))
     server.start()
     try:
         converse(ends[1])
     finally:
         ended.set()
-        server.join(10)
+        server.join(60)
     assert not server.is_alive()
-    assert traffic[0].received == 6 and traffic[0].sent >= 8
+    assert traffic[0].received == 7 and traffic[0].sent >= 8
 
 
 def test_asyncio_serves_more_buses_than_its_threads_until_each_task_is_cancelled():
@@ -107,7 +113,7 @@ def test_asyncio_serves_more_buses_than_its_threads_until_each_task_is_cancelled
                 [buses.enter_context(can.Bus(f"many{i}", interface="virtual")) for _ in range(2)]
                 for i in range(count)
             ]
-            servers = [asyncio.create_task(node.serve(here, dahl.Node(PLAN))) for here, _ in pairs]
+            servers = [asyncio.create_task(node.serve(here, new_node())) for here, _ in pairs]
             for _, there in pairs:
                 await asyncio.wait_for(asyncio.to_thread(converse, there), 60)
             for server in servers:
@@ -181,7 +187,7 @@ def test_a_bus_that_refuses_frames_is_counted(error):
     full = Waiting(refuses=error)
     assert node.run(full, dahl.Node(PLAN), seconds=0.03) == node.Traffic(0, 0, 1)
     listener = node.Listener(full, dahl.Node(PLAN))
-    wait_until(lambda: listener.traffic.refused == 1)
+    wait_until(lambda: listener.traffic.refused == 1, 60)
     listener.stop()
     with pytest.raises(dahl.RunError, match="Reset.*no buffer space"):
         node.ask(full, Reset(What.RESTART))
@@ -273,15 +279,15 @@ def test_expect_silence_raises_only_for_an_answer_of_that_node(asked, after, is_
 def test_the_error_of_a_missing_answer_names_state_and_remedy(ends, timeout, counter, words):
     """The remedy works."""
     theirs, ours = ends
-    with listening(theirs, dahl.Node(PLAN, timeout=timeout)):
-        node.ask(ours, EncoderState(0, 0))
+    with listening(theirs, dahl.Node(PLAN, timeout=timeout, status_period=0.02)):
+        node.ask(ours, EncoderState(0, 0), timeout=60)
         time.sleep(0.2)
         with pytest.raises(dahl.RunError) as caught:
-            node.ask(ours, EncoderState(0, counter), timeout=0.3)
+            node.ask(ours, EncoderState(0, counter), timeout=1)
         known = {"STALE", "WRONG_SEQUENCE", "RESTART", "REPEATED"}
         assert {word for word in known if word in str(caught.value)} == words
-        node.ask(ours, Reset(What.RESTART))
-        assert node.ask(ours, EncoderState(0, 0)).ratio == 0
+        node.ask(ours, Reset(What.RESTART), timeout=60)
+        assert node.ask(ours, EncoderState(0, 0), timeout=60).ratio == 0
 
 
 # --- refusals -------------------------------------------------------------------------------------

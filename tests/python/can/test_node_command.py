@@ -63,9 +63,9 @@ def asked(bus: can.BusABC, number: int = 0) -> None:
     """Check torques and a parameter of the node."""
     bearing = Friction(PLAN)
     for counter, (count, move) in enumerate([(0, 0), (9, 9), (40, 31), (-7, -47)]):
-        answer = node.ask(bus, EncoderState(count, counter), number, timeout=10)
+        answer = node.ask(bus, EncoderState(count, counter), number, timeout=60)
         assert answer.torque_q30 == bearing.step_counts_q30(move)
-    reply = node.ask(bus, ParamWrite(Param.FC), number, timeout=10)
+    reply = node.ask(bus, ParamWrite(Param.FC), number, timeout=60)
     assert reply.si == PLAN.Fc
 
 
@@ -86,7 +86,7 @@ def test_the_printed_line_opens_the_bus_of_the_node(root, tmp_path):
         assert "Fc 12.5 N m" in lines[0]
         with opened(lines) as bus:
             asked(bus, 3)
-            assert node.ask(bus, ParamWrite(Param.STATUS), 3, timeout=10).si == 0.1
+            assert node.ask(bus, ParamWrite(Param.STATUS), 3, timeout=60).si == 0.1
     counts = counted(last)
     assert (counts["ok"], counts["params"]) == (4, 2) and re.search(r" \d+\.\d s", last[-1])
 
@@ -152,7 +152,7 @@ def test_a_second_node_of_the_same_number_is_refused(tmp_path, dahl, status):
     (scene := tmp_path / "own.ini").write_text(OWN_SCENE)
     with serving(tmp_path / "loop", scene, *hub) as (_, port):
         with client(port) as bus:  # the Status after power-on is over
-            node.ask(bus, ParamWrite(Param.MODEL), 3, timeout=10)
+            node.ask(bus, ParamWrite(Param.MODEL), 3, timeout=60)
         done = dahl("node", *OWN, *bus_of(port), "--node", "3", "--seconds", "0.1")
         code, said = complaint(done)
         assert (code, done.stdout) == (1, "") and "3" in said and "--node" in said
@@ -188,7 +188,7 @@ def test_an_error_of_the_server_is_passed_on(dahl, monkeypatch, tmp_path):
     (program := tmp_path / "loop").write_text(f"#!/bin/sh\n{script}")
     program.chmod(0o755)
     monkeypatch.setenv("DAHL_LOOP", str(program))
-    done = dahl("node", *OWN, "--host", "127.0.0.1", "--seconds", "30")
+    done = dahl("node", *OWN, "--host", "127.0.0.1", "--seconds", "300")
     assert complaint(done) == (1, "no rig")
 
 

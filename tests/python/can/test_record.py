@@ -27,7 +27,7 @@ QUIET = ("-i", "virtual", "-c", "quiet")
 
 @pytest.fixture
 def served(tmp_path):
-    limits = ("--wait-clients", "1", "--seconds", "20")
+    limits = ("--wait-clients", "1", "--seconds", "120")
     with serving(tmp_path / "loop", SCENES / "steering.ini", *limits) as (_, port):
         yield bus_of(port)
 
@@ -49,7 +49,7 @@ def angles(log: Path) -> list[can.Message]:
 def test_a_record_of_each_format_has_the_frames_of_the_bus_and_can_be_drawn(dahl, tmp_path, ending):
     """Each angle has the time of the bus."""
     log = f"run{ending}"
-    limits = ("--wait-clients", "1", "--seconds", "20")
+    limits = ("--wait-clients", "1", "--seconds", "120")
     with serving(tmp_path / "loop", SCENES / "steering.ini", *limits) as (_, port):
         done = dahl("record", *bus_of(port), "-o", log, "--frames", "400")
     assert (done.returncode, done.stderr, done.stdout) == (0, "", f"400 frames in {log}\n")
@@ -69,7 +69,7 @@ def test_each_frame_is_written_at_once(dahl, dbc):
     sent = frames(dbc, *(("EncoderState", 1e9 + n, ANGLE | {"Counter": n}) for n in range(4)))
 
     def look() -> None:
-        wait_until(lambda: log.read_text().count("\n") == 3)
+        wait_until(lambda: log.read_text().count("\n") == 3, 60)
         lines.append(log.read_text())
 
     with sending(channel, sent, log.exists, look):
