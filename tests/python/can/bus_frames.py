@@ -54,8 +54,10 @@ def sending(
             *first, last = messages
             for message in first:
                 bus.send(message)
-            before_last()
-            bus.send(last)
+            try:
+                before_last()
+            finally:  # the client waits for it
+                bus.send(last)
 
     sender = threading.Thread(target=send)
     sender.start()

@@ -11,6 +11,7 @@ import re
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -42,6 +43,7 @@ class Peer:
             at = rng.randrange(1, 40)
             self.link.sendall(text[:at])
             text = text[at:]
+            time.sleep(0.002)  # so that the bridge reads some pieces alone
 
 
 def bridge(*ports: str) -> subprocess.Popen:
@@ -54,10 +56,12 @@ def connected() -> Iterator[tuple[Peer, Peer, subprocess.Popen]]:
     """Node, bus and the bridge, which has connected to both."""
     node, bus = Peer(), Peer()
     with bridge(node.port, bus.port) as work:
-        node.accept()
-        bus.accept()
-        yield node, bus, work
-        work.kill()
+        try:
+            node.accept()
+            bus.accept()
+            yield node, bus, work
+        finally:
+            work.kill()
     for peer in (node, bus):
         peer.link.close()
         peer.server.close()

@@ -69,7 +69,7 @@ def test_each_frame_is_written_at_once(dahl, dbc):
     sent = frames(dbc, *(("EncoderState", 1e9 + n, ANGLE | {"Counter": n}) for n in range(4)))
 
     def look() -> None:
-        wait_until(lambda: log.read_text().count("\n") == 3, 60)
+        wait_until(lambda: log.read_text().count("\n") == 3)
         lines.append(log.read_text())
 
     with sending(channel, sent, log.exists, look):
@@ -141,7 +141,7 @@ def test_a_trc_without_frames_keeps_the_old_file(dahl):
         done = dahl(*words)
     code, said = complaint(done)
     assert (code, done.stdout) == (1, "") and said.startswith("run.TRC: 3 frames")
-    code, said = complaint(dahl(*words, "--fd"))
+    code, said = complaint(dahl(*words, "--fd", "--seconds", 1))
     assert code == 2 and said.startswith("run.TRC: ") and "--fd" in said
     assert log.read_text() == "an old run"
 
