@@ -86,6 +86,7 @@ static const struct {
     REFUSED("T200000002AB12", wrong_length), REFUSED("b1002AB1234", wrong_length),
     REFUSED(X137 "xx", too_long), REFUSED(X137 "x", unknown), /* the longest line */
     REFUSED("t1x02AB12", not_hex), REFUSED("t1002AB1/", not_hex), REFUSED("t1002AB\0002", not_hex), REFUSED("t1002AB\3772", not_hex),
+    REFUSED("tgggggggggggg", not_hex), REFUSED("t1x02AB1", not_hex), /* and then a wrong length */
     REFUSED("q", unknown), REFUSED("OO", unknown), REFUSED("\000", unknown), REFUSED("o", unknown),
 };
 
