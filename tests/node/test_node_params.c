@@ -84,24 +84,6 @@ static void test_parameters_are_read_back_in_raw_units(void)
     TEST_ASSERT_EQUAL(2, node.counts.params);
 }
 
-static void test_written_parameters_change_the_torque(void)
-{
-    const dahl_plan_t plan = plan_of(params.sigma0, params.Fc), stiffer = plan_of(75.0f, 0.5f), stronger = plan_of(75.0f, 1.5f);
-    dahl_state_t reference = {0};
-    TEST_ASSERT_TRUE(feed(0, 0) && feed(1, 500));
-    (void)dahl_step_counts_q30(&plan, &reference, 500);
-    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_SIGMA0, 75u << 10));
-    dahl_change_plan(&plan, &stiffer, &reference);
-    TEST_ASSERT_TRUE(feed(2, 700));
-    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&stiffer, &reference, 200), answer.torque_q30);
-    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 3u << 19));
-    dahl_change_plan(&stiffer, &stronger, &reference);
-    TEST_ASSERT_TRUE(feed(3, 650));
-    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&stronger, &reference, -50), answer.torque_q30);
-    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_THETA, 1u << 20));
-    TEST_ASSERT_EQUAL_FLOAT(0x1p-18f, node.params.theta_per_count);
-}
-
 /* A held value acts with the next write. So sigma0 and Fc may change together, also if only both together are in range. */
 static void test_held_parameters_change_together(void)
 {

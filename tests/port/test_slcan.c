@@ -81,16 +81,13 @@ static const struct {
     size_t length;
     size_t count;
 } refused[] = {
-    REFUSED("t", cut), REFUSED("t100", cut), REFUSED("t1002AB1", cut), REFUSED("T1ABCDEF0", cut), REFUSED("r123", cut),
-    REFUSED("d1009000102030405060708090A", cut), REFUSED("b1002AB1234", wrong_length),
-    REFUSED("t10080000000000000000000000", wrong_length), REFUSED("T1ABCDEF080123456789ABCDEF0", wrong_length),
+    REFUSED("t", cut), REFUSED("t1002AB1", cut), REFUSED("d1009000102030405060708090A", cut),
+    REFUSED("t1000AB", wrong_length), REFUSED("r1002AB12", wrong_length), REFUSED("r1009", wrong_length), REFUSED("t8002AB12", wrong_length),
+    REFUSED("T200000002AB12", wrong_length), REFUSED("b1002AB1234", wrong_length),
     REFUSED(X137 "xx", too_long), REFUSED(X137 "x", unknown), /* the longest line */
-    REFUSED("d100zAB", not_hex), REFUSED("t1x02AB12", not_hex), REFUSED("t100gAB12", not_hex), REFUSED("t1002AB1/", not_hex),
-    REFUSED("t1002AB:2", not_hex), REFUSED("t1002AB@2", not_hex), REFUSED("t1002AB`2", not_hex), REFUSED("t1002AB\0002", not_hex),
-    REFUSED("t1002AB\3772", not_hex), REFUSED("tgggggggggggg", not_hex), REFUSED("t1002g", not_hex),
-    REFUSED("t10090000000000000000", wrong_length), REFUSED("r1009", wrong_length), REFUSED("t1000AB", wrong_length),
-    REFUSED("r1002AB12", wrong_length), REFUSED("t8002AB12", wrong_length), REFUSED("T200000002AB12", wrong_length),
-    REFUSED("q", unknown), REFUSED("OO", unknown), REFUSED("\000", unknown), REFUSED("V1", unknown), REFUSED("o", unknown),
+    REFUSED("t1x02AB12", not_hex), REFUSED("t1002AB1/", not_hex), REFUSED("t1002AB\0002", not_hex), REFUSED("t1002AB\3772", not_hex),
+    REFUSED("tgggggggggggg", not_hex), REFUSED("t1x02AB1", not_hex), /* and then a wrong length */
+    REFUSED("q", unknown), REFUSED("OO", unknown), REFUSED("\000", unknown), REFUSED("o", unknown),
 };
 
 static void test_each_refused_line_increases_one_count_and_writes_no_frame(void)

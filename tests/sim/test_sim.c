@@ -95,21 +95,6 @@ static void test_each_answer_is_matched_once(void)
     TEST_ASSERT_EQUAL(300, encoder.latency.max);
 }
 
-/* An answer within its period is in time, up to the last nanosecond; jitter is the change from one answer to the next. */
-static void test_deadlines_and_jitter(void)
-{
-    send(3);
-    answer(0, DAHL_FRAMES_OK, PERIOD_NS);
-    TEST_ASSERT_EQUAL(0, encoder.late);
-    TEST_ASSERT_EQUAL(0, encoder.jitter.count);
-    answer(1, DAHL_FRAMES_OK, 2 * PERIOD_NS + 1);
-    answer(2, DAHL_FRAMES_OK, 2 * PERIOD_NS + 900000);
-    TEST_ASSERT_EQUAL(1, encoder.late);
-    TEST_ASSERT_EQUAL(2, encoder.jitter.count);
-    TEST_ASSERT_EQUAL(100001, encoder.jitter.max);
-    TEST_ASSERT_EQUAL(PERIOD_NS + 1, encoder.latency.max);
-}
-
 /* If more than 16 frames wait, a node with a new start answers the newest with this counter, any other node the oldest. The
  * oldest of too many waiting frames are lost. */
 static void test_an_answer_after_a_gap_matches_the_right_frame(void)

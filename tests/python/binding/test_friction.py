@@ -225,18 +225,6 @@ def test_the_limits_of_a_travel_are_decided_exactly(sigma0_Fc, limit, side, kind
         assert is_accepted(made, sigma0, Fc, theta) == is_within
 
 
-def test_the_tips_of_a_loop_are_those_of_the_closed_form():
-    """Fc tanh(u/2): a shaft that moves to and fro ends there."""
-    plan = dahl.Plan(100.0, 0.5, 2e-4)
-    for stroke in (0, 1, 7, 50, 1000, 2**32 - 1):
-        wanted = plan.Fc * math.tanh(plan.travel_per_count * stroke / 2)
-        assert plan.tip_torque(stroke) == pytest.approx(wanted, rel=1e-7)
-        if stroke <= 1000:
-            bearing = dahl.Friction(plan)
-            bearing.run_counts(np.tile([stroke, -stroke], 3000))
-            assert -bearing.torque == pytest.approx(wanted, rel=1e-6)
-
-
 # --- readings, counts and units -------------------------------------------------------------------
 
 WORDS = st.integers(0, 2**32 - 1)
@@ -248,33 +236,3 @@ def test_counts_between_is_the_shortest_way(before, now, modulus):
     way = dahl.counts_between(before % size, now % size, modulus)
     assert -size <= 2 * way < size
     assert (before + way - now) % size == 0
-
-
-@given(st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**30))
-def test_whole_units_are_the_nearest(ratio, most):
-    wanted = math.floor(Fraction(ratio * most, 2**30) + Fraction(1, 2))
-    assert dahl.to_units(ratio, most) == wanted
-
-
-@given(
-    st.integers(3, 2**32) | st.just(2**16),
-    st.sampled_from([1, -1]),
-    st.floats(0, 0.499),
-    st.lists(st.floats(-0.499, 0.499) | st.just("home"), min_size=1, max_size=20),
-)
-def test_an_encoder_returns_each_move_and_counts_the_jumps(size, sign, reach, parts):
-    """Up to half a round. A longer move than largest_step is no motion; nor is homing."""
-    largest = int(reach * size)
-    encoder, angle, jumps = dahl.Encoder(size % 2**32, sign, largest), 0, 0
-    assert encoder.move(0) == 0
-    for part in parts:
-        if part == "home":
-            angle = size // 3
-            encoder.home(angle)
-            continue
-        move = int(part * size)
-        angle += sign * move
-        is_jump = 0 < largest < abs(move)
-        jumps += is_jump
-        assert encoder.move(angle % size) == (0 if is_jump else move)
-    assert encoder.jumps == jumps

@@ -10,7 +10,6 @@ import math
 from fractions import Fraction
 
 import dahl
-import mpmath
 import numpy as np
 import pytest
 from dahl.binding import models
@@ -108,23 +107,6 @@ def test_a_model_that_becomes_a_bearing_moves_like_one(moves, load_q30):
         assert np.abs(here - there).max(initial=0) <= 1.1 * ulp_of(most), name
 
 
-def test_asymmetric_returns_from_one_limit_to_the_other():
-    """Eq. 1 with the limit of the direction: the gap to it shrinks by exp(-sigma0 theta/limit)."""
-    part, F = dahl.Asymmetric(100.0, 0.5, 0.25, 2.0**-12), 0.0
-    for move in (40, -7, -20, 3, 900, -900, 11):
-        limit = 0.5 if move > 0 else -0.25
-        F = limit - (limit - F) * math.exp(-100.0 * abs(move) * 2.0**-12 / abs(limit))
-        assert abs(part.step_counts(move) - F) <= ULPS * ulp_of(0.5)
-
-
-def test_a_falling_load_reduces_the_torque_and_a_growing_load_leaves_it():
-    part = dahl.Loaded(PLAN)
-    full = part.step_counts(100, 1.5)
-    assert part.step_counts(0, 0.5) == pytest.approx(full / 3, abs=ulp_of(0.5))
-    assert part.step_counts(0, 1.9) == pytest.approx(full / 3, abs=ulp_of(0.5))
-    assert part.load == round(1.9 * 2**30) / 2**30
-
-
 # --- slip elements and mixes ----------------------------------------------------------------------
 
 
@@ -180,31 +162,6 @@ def test_the_fast_mix_equals_the_exact_mix_each_time():
 
 
 # --- other references -----------------------------------------------------------------------------
-
-
-def clamped(F: mpmath.mpf, angle: float, most: mpmath.mpf) -> mpmath.mpf:
-    """F' = sigma0 (1 - F/most) forward, after F is limited to most = load Fc."""
-    F = max(-most, min(most, F))
-    end = math.copysign(1, angle) * most
-    if not most or not angle:
-        return F
-    return end - (end - F) * mpmath.exp(-PLAN.sigma0 * abs(mpmath.mpf(angle)) / most)
-
-
-def test_a_load_that_leaves_the_stiffness_is_exact():
-    """Within 0.6 ulp of Fc, or of load Fc if that is more."""
-    angles, F = (MOVES[:1000] * THETA).astype(np.float32), mpmath.mpf(0)
-    loads = np.random.default_rng(6).integers(0, 2**11, angles.size) / 2**10
-    loads[-1] = math.nextafter(2, 0)  # it is rounded down
-    part = dahl.Loaded(PLAN, fixed_stiffness=True)
-    torques = part.run(angles, loads).tolist()
-    assert part.load == 2 - 2.0**-30
-    with mpmath.workdps(50):
-        for angle, load, torque in zip(angles.tolist(), loads.tolist(), torques, strict=True):
-            F = clamped(F, angle, mpmath.mpf(PLAN.Fc) * load)
-            assert abs(torque - F) <= 0.6 * ulp_of(PLAN.Fc * max(load, 1))
-    assert part.step(math.inf, 0.5) == 0.25 and part.step(math.nan, 1.0) == 0.25
-    assert part.step(1e300, 1.5) == 0.75
 
 
 @pytest.mark.parametrize("breakaway", [0.125, 0.75])

@@ -17,6 +17,8 @@ from crccheck.crc import Crc8Autosar
 from loop_tools import wait_until
 
 KINDS = {"EncoderState": 0x3, "FrictionTorque": 0xC, "Status": 0x5, "ParamReply": 0x9}
+ANGLE = {"Valid": 1, "Count": 0}  # signals of an EncoderState
+ERRORS = ("Format", "Repeated", "Lost", "Sequence", "Crc", "Stale", "Invalid", "Jump")
 _numbers = itertools.count()
 
 
@@ -48,12 +50,14 @@ def sending(
 
     def send() -> None:
         with can.Bus(interface="virtual", channel=channel, preserve_timestamps=True) as bus:
-            wait_until(ready or (lambda: is_joined(channel)))
+            wait_until(ready or (lambda: is_joined(channel)), 60)
             *first, last = messages
             for message in first:
                 bus.send(message)
-            before_last()
-            bus.send(last)
+            try:
+                before_last()
+            finally:  # the client waits for it
+                bus.send(last)
 
     sender = threading.Thread(target=send)
     sender.start()
@@ -63,3 +67,8 @@ def sending(
 
 def new_channel() -> str:
     return f"test-{next(_numbers)}"
+
+
+def bus_of(port: int) -> list[str]:
+    """Options of a command that name a served bus."""
+    return ["-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", str(port)]

@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import pickle
-import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -114,6 +114,19 @@ def test_frames_are_those_of_the_dbc_protected_by_autosar_e2e(database, kind, da
         codec.from_bytes(identifier, spoiled)
 
 
+def test_the_crc_detects_the_documented_bit_errors():
+    """Each single and double one. Of 41,664 triples it misses 48, all with bits of the counter."""
+    good = int.from_bytes(codec.to_bytes(codec.EncoderState(0x12345678, 9)), "little")
+    bits, counter = [1 << k for k in range(64)], 0xF00
+
+    def is_missed(mask: int) -> bool:
+        return codec.is_whole(0x100, (good ^ mask).to_bytes(8, "little"))
+
+    assert not any(is_missed(a | b) for a, b in itertools.product(bits, bits))
+    missed = [sum(triple) for triple in itertools.combinations(bits, 3) if is_missed(sum(triple))]
+    assert len(missed) == 48 and all(mask & counter for mask in missed)
+
+
 @pytest.mark.parametrize("kind", FIELDS)
 def test_a_field_accepts_its_limits_and_names_what_is_beyond(kind):
     fields = {name: limit[0] for name, limit in FIELDS[kind].items()}
@@ -193,13 +206,11 @@ of_si = codec.ParamWrite.of_si
 TORQUE = "FrictionTorque 0x110: "
 REFUSED = [
     (lambda: codec.from_bytes(0x100, GOOD[:7]), "EncoderState 0x100: 7 .*8"),
-    (lambda: codec.from_bytes(0x105, b""), "EncoderState 0x105: 0 .*8"),
     (lambda: codec.from_bytes(0x100, GOOD + b"1"), "EncoderState 0x100: 9 .*8"),
     (lambda: codec.unpack(shortened()), "EncoderState 0x100: 4 .*8"),
     (lambda: codec.from_bytes(0x110, GOOD), f"{TORQUE}CRC {GOOD[0]:#04x}, "),
     (lambda: codec.from_bytes(0x160, GOOD), "0x160.*0x100 to 0x15f"),
     (lambda: codec.from_bytes(0x800, GOOD), "identifier = 2048"),
-    (lambda: codec.from_bytes(0x100, 8), "data = 8"),
     (lambda: codec.from_bytes(0x100, "12345678"), "data = '12345678'"),
     (
         lambda: codec.from_bytes(0x110, protected("FrictionTorque", bytes([0, 0x90, *bytes(6)]))),
@@ -219,7 +230,6 @@ REFUSED = [
     (lambda: codec.pack(GOOD), "frame = b'"),
     (lambda: codec.pack(codec.EncoderState(1), 16), "node = 16"),
     (lambda: of_si(Param.FC, -1), "value = -1 of parameter FC .*0 .. 4096"),
-    (lambda: of_si(Param.FC, float("nan")), "value = nan"),
     (lambda: of_si(Param.STATUS, 4e-4), "value = 0.0004 of parameter STATUS .*0.001"),
     (lambda: of_si(Param.STEP, 0.4), "value = 0.4 of parameter STEP .* step of 1"),
 ]
@@ -248,60 +258,23 @@ def test_the_committed_files_are_those_that_the_dbc_gives(root):
     assert frames.missing_in_header() == []
 
 
-# --- the DBC --------------------------------------------------------------------------------------
-
-CYCLES = {  # of each message: ms from one to the next, send type, sender
-    "EncoderState": (1, "Cyclic", "Encoder"),
-    "FrictionTorque": (1, "OnReception", "FrictionNode"),
-    "Status": (100, "Cyclic", "FrictionNode"),
-    "ParamWrite": (None, "OnRequest", "Encoder"),
-    "ParamReply": (None, "OnReception", "FrictionNode"),
-    "Reset": (None, "OnRequest", "Encoder"),
-}
-CHOICES = [
-    ("EncoderState", "Valid", ["Invalid", "Valid"]),
-    ("FrictionTorque", "State", [state.name for state in State]),
-    ("Status", "State", [state.name for state in State]),
-    ("Status", "Error", ["None", "Seen"]),
-    ("ParamWrite", "Write", ["Read", "Write", "Hold"]),
-    ("ParamReply", "Result", ["Done", "OutOfRange", "Unknown"]),
-    ("Reset", "What", ["", "Errors", "Restart"]),
-]
-BOUNDED = ("TorqueRatio", "Write", *PARAMS[PARAMS.index("Gain") :], "Param")  # by their meaning
 SAME = ("multiplexer_ids", "start", "length", "is_signed", "scale", "minimum", "maximum", "unit")
 SAME += ("choices", "initial")
 
 
-def test_the_dbc_names_sender_and_period_of_each_frame(dbc, database):
-    """Each frame has 8 bytes without overlap and a standard id. There is no bit timing."""
-    found = {one.name: (one.cycle_time, one.send_type, *one.senders) for one in database.messages}
-    assert found == CYCLES
-    assert {one.name: one.frame_id for one in database.messages} == {
-        name: kind.base for name, kind in FRAMES.items()
-    }
+def test_the_dbc_has_whole_frames_with_one_sender_and_ranges_that_fit(database):
+    """Each frame has 8 bytes without overlap and a standard id."""
     for one in database.messages:
         (receiver,) = {"Encoder", "FrictionNode"} - {*one.senders}
         assert all(signal.receivers == [receiver] for signal in one.signals)
         assert (one.length, one.is_extended_frame) == (8, False)
+        assert one.frame_id == FRAMES[one.name].base
         one.refresh(strict=True)  # raises on overlap or signals past the end
-    assert re.search(r"^BS_:\s*$", dbc.read_text(encoding="utf-8"), re.M)
-
-
-def test_the_dbc_has_range_and_value_names_of_each_signal(database):
-    for one in database.messages:
         for signal in one.signals:
             top = (2 ** (signal.length - signal.is_signed) - 1) * signal.scale
             assert signal.maximum <= top or signal.name == "TorqueRatio", signal.name
-            if not signal.choices and signal.name not in BOUNDED:
-                assert signal.maximum == top, signal.name
     ratio = database.get_message_by_name("FrictionTorque").get_signal_by_name("TorqueRatio")
     assert (ratio.minimum, ratio.maximum, ratio.scale) == (-1, 1, 2.0**-30)
-    for kind, signals, names in CHOICES:
-        for signal in database.get_message_by_name(kind).signals:
-            if signal.name.startswith(signals):
-                listed = {int(code): str(name).upper() for code, name in signal.choices.items()}
-                wanted = {k: name.upper().replace("_", "") for k, name in enumerate(names) if name}
-                assert listed == wanted, signal.name
 
 
 def test_request_and_reply_of_a_parameter_have_one_number_unit_and_range(database):

@@ -49,20 +49,28 @@ def listening(bus: can.BusABC, *nodes: dahl.Node) -> Iterator[node.Listener]:
         notifier.stop()
 
 
+def new_node(number: int = 0) -> dahl.Node:
+    """A node that a busy machine does not make stale."""
+    return dahl.Node(PLAN, number, timeout=60)
+
+
 def converse(bus: can.BusABC, number: int = 0) -> None:
     """Check torques, parameters and resets as a client, and Status after a silence."""
+
+    def ask(frame: codec.Frame) -> codec.Frame:
+        return node.ask(bus, frame, number, timeout=60)
+
     alone = dahl.Friction(PLAN)
     for counter, count in enumerate((0, 30, 900, 850)):
-        answer = node.ask(bus, EncoderState(count, counter), number)
         moves = count - (0, 0, 30, 900)[counter]
-        assert answer.torque_q30 == alone.step_counts_q30(moves)
-    reply = node.ask(bus, ParamWrite(Param.FC), number)
+        assert ask(EncoderState(count, counter)).torque_q30 == alone.step_counts_q30(moves)
+    reply = ask(ParamWrite(Param.FC))
     assert (reply.result, reply.si) == (codec.Result.DONE, pytest.approx(PLAN.Fc))
-    status = node.ask(bus, Reset(What.ERRORS), number)
+    status = ask(Reset(What.ERRORS))
     assert status.state == State.OK
-    while status.state != State.STALE:  # after 100 ms
-        message = bus.recv(2)
-        assert message is not None
+    ask(ParamWrite.of_si(Param.TIMEOUT, 0.02))
+    while status.state != State.STALE:
+        message = bus.recv(60)
         if message.arbitration_id == 0x120 + int(number):
             status = codec.unpack(message)
 
@@ -72,48 +80,31 @@ def converse(bus: can.BusABC, number: int = 0) -> None:
 
 def test_a_notifier_serves_several_nodes(ends):
     """Each node receives the frames with its number, which may be a number of numpy."""
-    nodes = [dahl.Node(PLAN, number) for number in (0, np.uint8(3))]
+    nodes = [new_node(number) for number in (0, np.uint8(3))]
     with listening(ends[0], *nodes) as listener:
         assert isinstance(listener, can.Listener)
         for number in (0, np.int8(3)):
             converse(ends[1], number)
     assert [(one.counts.ok, one.counts.ignored) for one in nodes] == [(4, 0)] * 2
-    assert listener.traffic.received == 12 and listener.traffic.refused == 0
+    assert listener.traffic.received == 14 and listener.traffic.refused == 0
 
 
 def test_run_serves_until_its_condition_ends_it(ends):
     ended, traffic = threading.Event(), []
-    words = {"ended": ended.is_set, "seconds": 30}
-    server = threading.Thread(
-        target=lambda: traffic.append(node.run(ends[0], dahl.Node(PLAN), **words))
-    )
+    words = {"ended": ended.is_set, "seconds": 300}
+    server = threading.Thread(target=lambda: traffic.append(node.run(ends[0], new_node(), **words)))
     server.start()
     try:
         converse(ends[1])
     finally:
         ended.set()
-        server.join(10)
+        server.join(60)
     assert not server.is_alive()
-    assert traffic[0].received == 6 and traffic[0].sent >= 8
+    assert traffic[0].received == 7 and traffic[0].sent >= 8
 
 
-def test_asyncio_serves_until_the_task_is_cancelled(ends):
-    here, there = ends
-
-    async def both() -> None:
-        server = asyncio.create_task(node.serve(here, dahl.Node(PLAN)))
-        await asyncio.to_thread(converse, there)
-        server.cancel()
-        with pytest.raises(asyncio.CancelledError):
-            await server
-        there.send(codec.pack(EncoderState(0)))
-        assert here.recv(0.2) is not None, "it still receives"
-
-    asyncio.run(asyncio.wait_for(both(), 30))
-
-
-def test_asyncio_serves_more_buses_than_its_threads():
-    """asyncio's own threads stay free for the caller."""
+def test_asyncio_serves_more_buses_than_its_threads_until_each_task_is_cancelled():
+    """asyncio's own threads stay free for the caller, and a bus can be read afterwards."""
     count = len(os.sched_getaffinity(0)) + 6
 
     async def all_at_once() -> None:
@@ -122,14 +113,17 @@ def test_asyncio_serves_more_buses_than_its_threads():
                 [buses.enter_context(can.Bus(f"many{i}", interface="virtual")) for _ in range(2)]
                 for i in range(count)
             ]
-            servers = [asyncio.create_task(node.serve(here, dahl.Node(PLAN))) for here, _ in pairs]
+            servers = [asyncio.create_task(node.serve(here, new_node())) for here, _ in pairs]
             for _, there in pairs:
-                await asyncio.wait_for(asyncio.to_thread(converse, there), 20)
+                await asyncio.wait_for(asyncio.to_thread(converse, there), 60)
             for server in servers:
                 server.cancel()
-            assert len(await asyncio.gather(*servers, return_exceptions=True)) == count
+            ends = await asyncio.gather(*servers, return_exceptions=True)
+            assert [type(end) for end in ends] == [asyncio.CancelledError] * count
+            pairs[0][1].send(codec.pack(EncoderState(0)))
+            assert pairs[0][0].recv(10) is not None
 
-    asyncio.run(asyncio.wait_for(all_at_once(), 60))
+    asyncio.run(asyncio.wait_for(all_at_once(), 120))
 
 
 @pytest.mark.parametrize("numbers", [(0,), (0, 3)])
@@ -149,15 +143,26 @@ def test_a_listener_hands_over_frames_by_number_and_each_bus_off(ends, numbers):
 
 
 def test_run_and_listener_send_status_in_its_period(ends):
-    """It is due 15 times; a busy machine may skip some."""
-    one = dahl.Node(PLAN, status_period=0.02)
-    assert node.run(ends[0], one, seconds=0).sent == 0
-    assert 8 <= node.run(ends[0], one, seconds=0.3).sent <= 16
-    listener = node.Listener(ends[0], one)
+    """They wait at least so long from one to the next; a busy machine waits longer."""
+    here, there = ends
+    sent_s: list[float] = []
+    period, wanted = 0.02, 6
+
+    def is_enough() -> bool:
+        while there.recv(0):
+            sent_s.append(time.monotonic())
+        return len(sent_s) >= wanted
+
+    one = dahl.Node(PLAN, status_period=period)
+    assert node.run(here, one, seconds=0).sent == 0
+    assert node.run(here, one, ended=is_enough, seconds=60).sent >= wanted
+    assert sent_s[-1] - sent_s[0] > (wanted - 2) * period
+    sent_s.clear()
+    listener = node.Listener(here, one)
     assert all(thread.daemon for thread in threading.enumerate() if thread.name == "dahl.node")
-    time.sleep(0.3)
+    wait_until(is_enough, 60)
     listener.stop()
-    assert 8 <= listener.traffic.sent <= 16
+    assert sent_s[-1] - sent_s[0] > (wanted - 2) * period
 
 
 class Waiting:
@@ -182,7 +187,7 @@ def test_a_bus_that_refuses_frames_is_counted(error):
     full = Waiting(refuses=error)
     assert node.run(full, dahl.Node(PLAN), seconds=0.03) == node.Traffic(0, 0, 1)
     listener = node.Listener(full, dahl.Node(PLAN))
-    wait_until(lambda: listener.traffic.refused == 1)
+    wait_until(lambda: listener.traffic.refused == 1, 60)
     listener.stop()
     with pytest.raises(dahl.RunError, match="Reset.*no buffer space"):
         node.ask(full, Reset(What.RESTART))
@@ -268,22 +273,21 @@ def test_expect_silence_raises_only_for_an_answer_of_that_node(asked, after, is_
     [
         (0.05, 1, {"STALE", "RESTART"}),
         (60, 9, {"WRONG_SEQUENCE", "RESTART"}),
-        (0.25, 0, {"STALE", "RESTART", "REPEATED"}),
         (60, 0, {"REPEATED"}),
     ],
 )
 def test_the_error_of_a_missing_answer_names_state_and_remedy(ends, timeout, counter, words):
     """The remedy works."""
     theirs, ours = ends
-    with listening(theirs, dahl.Node(PLAN, timeout=timeout)):
-        node.ask(ours, EncoderState(0, 0))
+    with listening(theirs, dahl.Node(PLAN, timeout=timeout, status_period=0.02)):
+        node.ask(ours, EncoderState(0, 0), timeout=60)
         time.sleep(0.2)
         with pytest.raises(dahl.RunError) as caught:
-            node.ask(ours, EncoderState(0, counter), timeout=0.3)
+            node.ask(ours, EncoderState(0, counter), timeout=1)
         known = {"STALE", "WRONG_SEQUENCE", "RESTART", "REPEATED"}
         assert {word for word in known if word in str(caught.value)} == words
-        node.ask(ours, Reset(What.RESTART))
-        assert node.ask(ours, EncoderState(0, 0)).ratio == 0
+        node.ask(ours, Reset(What.RESTART), timeout=60)
+        assert node.ask(ours, EncoderState(0, 0), timeout=60).ratio == 0
 
 
 # --- refusals -------------------------------------------------------------------------------------
@@ -291,9 +295,8 @@ def test_the_error_of_a_missing_answer_names_state_and_remedy(ends, timeout, cou
 BUS = Waiting()
 REFUSED: list[tuple[Callable[[], object], str]] = [
     *((lambda v=v: node.run(BUS, dahl.Node(PLAN), seconds=v), f"seconds = {v!r}")
-      for v in (float("nan"), -1, "1", True)),
-    *((lambda v=v: node.ask(BUS, Reset(What.RESTART), timeout=v), "timeout = ")
-      for v in (-1, float("nan"), 1e9, "x")),
+      for v in (float("nan"), -1, True)),
+    (lambda: node.ask(BUS, Reset(What.RESTART), timeout=1e9), "timeout = "),
     (lambda: node.run(BUS, dahl.Node(PLAN), seconds=0, ended=None), "ended = None"),
     (lambda: node.run(BUS, dahl.Node(PLAN), second=0), "second = 0"),
     (lambda: node.run(BUS, seconds=0), "no node"),
@@ -305,9 +308,9 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: node.expect_silence(BUS, seconds=-1), "seconds = -1"),
     (lambda: node.expect_silence(BUS, node=16), "node = 16"),
     (lambda: node.expect_silence(Waiting(refuses=OSError), EncoderState(5)), "no buffer space"),
-    *((lambda b=b: node.run(b, dahl.Node(PLAN), seconds=0), f"bus = {b!r}") for b in (None, 5)),
-    *((lambda b=b: node.ask(b, EncoderState(0)), f"bus = {b!r}") for b in (None, 5)),
-    *((lambda b=b: node.Listener(b, dahl.Node(PLAN)), f"bus = {b!r}") for b in (None, 5)),
+    (lambda: node.run(None, dahl.Node(PLAN), seconds=0), "bus = None"),
+    (lambda: node.ask(5, EncoderState(0)), "bus = 5"),
+    (lambda: node.Listener(None, dahl.Node(PLAN)), "bus = None"),
 ]  # fmt: skip
 
 

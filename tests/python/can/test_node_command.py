@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import shlex
-import shutil
 import signal
 import socket
 import subprocess
@@ -17,10 +17,11 @@ from functools import partial
 
 import can
 import pytest
+from bus_frames import bus_of
 from dahl import Friction, Node, Plan, RunError, codec, node
-from dahl.codec import EncoderState, Param, ParamWrite, Result
+from dahl.codec import EncoderState, Param, ParamWrite
 from identify_tools import complaint
-from loop_tools import SCENES, client, finished, serving
+from loop_tools import SCENES, client, serving
 from test_node import MODELS, THETA
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
@@ -31,13 +32,9 @@ OWN_SCENE = "[friction]\nsigma0 = 100.0625\nFc = 12.500004768371582\ntheta_per_c
 TIMING = ("f_clock=8000000", "brp=2", "tseg1=5", "tseg2=2", "sjw=2", "nof_samples=1")
 
 
-def on_port(port: int) -> tuple[str, ...]:
-    return ("-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", str(port))
-
-
 @contextlib.contextmanager
-def started(root, *words: str, end: int = signal.SIGINT) -> Iterator[tuple[list[str], list[str]]]:
-    """Lines at the start, and lines at the end."""
+def started(root, *words: str) -> Iterator[tuple[list[str], list[str]]]:
+    """Lines at the start, and lines at the end, which is Ctrl-C."""
     command = [sys.executable, "-m", "dahl", "node", *words]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     process = subprocess.Popen(command, cwd=root, **pipes)
@@ -47,8 +44,8 @@ def started(root, *words: str, end: int = signal.SIGINT) -> Iterator[tuple[list[
         while not lines or lines[-1] not in ("Ctrl-C ends\n", ""):
             lines.append(process.stdout.readline())
         yield lines, last
-        process.send_signal(end)
-        out, err = process.communicate(timeout=20)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
         assert (process.returncode, err) == (0, "")
         last += out.splitlines()
     finally:
@@ -66,9 +63,9 @@ def asked(bus: can.BusABC, number: int = 0) -> None:
     """Check torques and a parameter of the node."""
     bearing = Friction(PLAN)
     for counter, (count, move) in enumerate([(0, 0), (9, 9), (40, 31), (-7, -47)]):
-        answer = node.ask(bus, EncoderState(count, counter), number, timeout=10)
+        answer = node.ask(bus, EncoderState(count, counter), number, timeout=60)
         assert answer.torque_q30 == bearing.step_counts_q30(move)
-    reply = node.ask(bus, ParamWrite(Param.FC), number, timeout=10)
+    reply = node.ask(bus, ParamWrite(Param.FC), number, timeout=60)
     assert reply.si == PLAN.Fc
 
 
@@ -79,140 +76,88 @@ def counted(last: list[str]) -> dict[str, int]:
 # --- as a program ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
-def test_the_printed_line_opens_the_bus_of_the_node(root, end):
-    """--node gives its number. The Status period is 100 ms."""
-    with started(root, *OWN, "--node", "3", end=end) as (lines, last):
-        assert "Fc 12.5 N m" in lines[0]
-        with opened(lines) as bus:
-            asked(bus, 3)
-            assert node.ask(bus, ParamWrite(Param.STATUS), 3, timeout=10).si == 0.1
-    assert counted(last) == {"ok": 4, "params": 2} and re.search(r" \d+\.\d s", last[-1])
-
-
-def test_the_number_of_a_served_node_is_that_of_the_scene(root, tmp_path):
-    (path := tmp_path / "own.ini").write_text(f"{OWN_SCENE}node = 3\n")
-    with started(root, "--scene", str(path)) as (lines, _), opened(lines) as bus:
-        asked(bus, 3)
-    assert lines[0].startswith("node    3 ") and lines[2].endswith(" --node 3\n")
-
-
-def test_option_node_0_overrides_the_number_of_the_scene(root, tmp_path):
-    """--port selects the port."""
-    (path := tmp_path / "own.ini").write_text(f"{OWN_SCENE}node = 3\n")
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = str(free.getsockname()[1])
-    words = ("--scene", str(path), "--node", "0", "--port", port)
-    with started(root, *words) as (lines, _), opened(lines) as bus:
-        asked(bus, 0)
-    assert lines[0].startswith("node    0 ") and f"port={port}" in lines[1]
-
-
-def test_a_node_in_python_joins_the_named_bus(root, tmp_path):
-    """Here another server, whose own node has another number."""
+def test_the_printed_line_opens_the_bus_of_the_node(root, tmp_path):
+    """Here another server, whose own node has another number. The Status period is 100 ms."""
     hub = ("--role", "node", "--set", "friction.node=9")
     with (
         serving(tmp_path, SCENES / "segments.ini", *hub) as (_, port),
-        started(root, *OWN, *on_port(port)) as (lines, last),
-        opened(lines) as bus,
+        started(root, *OWN, "--node", "3", *bus_of(port)) as (lines, last),
     ):
-        asked(bus)
-    assert (counted(last)["ok"], counted(last)["params"]) == (4, 1)
-
-
-@pytest.mark.checks
-def test_firmware_on_an_emulated_core(root, tmp_path):
-    """With all settings of the scene."""
-    for program in ("arm-none-eabi-gcc", "qemu-system-arm"):
-        if not shutil.which(program):
-            pytest.skip(f"{program} is not installed (tools/setup.sh installs it)")
-    keys = "max_step = 2000\ntimeout_ms = 9000\n[status]\nperiod_ms = 70\n"
-    (path := tmp_path / "own.ini").write_text(OWN_SCENE + keys)
-    with started(root, "--scene", str(path), "--target", "m4f", "--node", "15") as (lines, last):
-        assert "node_image on mps2-an386 in QEMU" in lines[0], lines
+        assert "Fc 12.5 N m" in lines[0]
         with opened(lines) as bus:
-            asked(bus, 15)
-            values = {Param.STEP: 2000, Param.TIMEOUT: 9, Param.STATUS: 0.07}
-            for param, value in values.items():
-                reply = node.ask(bus, ParamWrite(param), 15, timeout=10)
-                assert reply.si == pytest.approx(value)
-    assert counted(last)["answers"] == 4
+            asked(bus, 3)
+            assert node.ask(bus, ParamWrite(Param.STATUS), 3, timeout=60).si == 0.1
+    counts = counted(last)
+    assert (counts["ok"], counts["params"]) == (4, 2) and re.search(r" \d+\.\d s", last[-1])
+
+
+@pytest.mark.parametrize(("words", "number"), [((), 3), (("--node", "0"), 0)])
+def test_a_served_node_has_the_number_of_the_option_or_else_of_the_scene(
+    root, tmp_path, words, number
+):
+    """--port selects the port. A bound socket that does not listen reserves it."""
+    (path := tmp_path / "own.ini").write_text(f"{OWN_SCENE}node = 3\n")
+    with socket.socket() as reserved:
+        reserved.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        reserved.bind(("127.0.0.1", 0))
+        port = str(reserved.getsockname()[1])
+        words = ("--scene", str(path), "--port", port, *words)
+        with started(root, *words) as (lines, _), opened(lines) as bus:
+            asked(bus, number)
+    assert lines[0].startswith(f"node    {number} ") and f"port={port}" in lines[1]
+    assert lines[2].endswith(f" --node {number}\n") or number == 0
 
 
 # --- the node of a scene, in this process ---------------------------------------------------------
 
 
-def parameters_of(bus: can.BusABC) -> dict[Param, int]:
-    """Raw values of all parameters."""
-    params = [param for param in Param if param != Param.NONE]
-    return {param: node.ask(bus, ParamWrite(param), timeout=10).value for param in params}
-
-
-@contextlib.contextmanager
-def asking(channel: str, found: list[object]) -> Iterator[None]:
-    """A client in a thread asks the node after its first Status."""
-
-    def ask() -> None:
-        with can.Bus(interface="virtual", channel=channel) as bus:
-            while bus.recv(10).arbitration_id != codec.Status.base:
-                pass
-            found.append(parameters_of(bus))
-            found.append([node.ask(bus, EncoderState(n * n, n)).torque_q30 for n in range(9)])
-
-    client = threading.Thread(target=ask)
-    client.start()
-    yield
-    client.join()
-
-
 @pytest.mark.parametrize("model", MODELS)
 def test_the_node_has_the_model_and_settings_of_its_scene(dahl, tmp_path, model):
+    """A client asks it after its first Status, and ends it by Ctrl-C."""
     keys, friction = MODELS[model]
     words = f"[friction]\nmodel = {model}\n{keys}\ntheta_per_count = {THETA}\n"
     kept = "gain = 0.5\nlimit = 0.25\nramp_ms = 300\nmax_step = 700\ntimeout_ms = 9000\n"
     (tmp_path / "own.ini").write_text(f"{words}{kept}[status]\nperiod_ms = 40\n")
-    found: list[object] = []
-    with asking(model, found):
-        bus = ("-i", "virtual", "-c", model, "--seconds", "1.5")
-        done = dahl("node", "--scene", "own.ini", *bus)
+    found: dict[Param, codec.ParamReply] = {}
+
+    def ask() -> None:
+        with can.Bus(interface="virtual", channel=model) as bus:
+            while bus.recv(60).arbitration_id != codec.Status.base:
+                pass
+            for param in Param:
+                found[param] = node.ask(bus, ParamWrite(param), timeout=60)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    client = threading.Thread(target=ask)
+    client.start()
+    done = dahl("node", "--scene", "own.ini", "-i", "virtual", "-c", model, "--seconds", 120)
+    client.join()
     assert done.returncode == 0, done.stderr
     settings = {"gain": 0.5, "limit": 0.25, "ramp": 0.3, "max_step": 700, "timeout": 9}
     alike = Node(friction, **settings, status_period=0.04)
-    values, ratios = found
-    for param, value in values.items():
+    for param in Param:
         reply = codec.unpack(alike.receive(codec.pack(ParamWrite(param))))
-        assert (reply.value, reply.result) == (value, Result.DONE), param
-    assert len({*ratios}) > 5  # the ramp depends on time
+        assert found[param] == reply, param
 
 
 # --- the bus --------------------------------------------------------------------------------------
 
 
-def test_a_second_node_of_the_same_number_is_refused(tmp_path, dahl):
-    """Clients would get two answers with one identifier."""
-    hub = ("--role", "node", "--set", "friction.node=3", "--set", "status.period_ms=20")
-    with serving(tmp_path / "loop", SCENES / "segments.ini", *hub) as (_, port):
-        done = dahl("node", *OWN, *on_port(port), "--node", "3", "--seconds", "0.1")
-        code, said = complaint(done)
-        assert (code, done.stdout) == (1, "") and "3" in said and "--node" in said
-        other = dahl("node", *OWN, *on_port(port), "--node", "4", "--seconds", "0.1")
-        assert other.returncode == 0 and other.stdout.startswith("node    4 ")
-
-
 @pytest.mark.parametrize("status", [(), ("--set", "status.period_ms=1000")])
-def test_a_second_node_is_refused_if_the_first_sends_nothing(tmp_path, dahl, status):
-    """It sends no Status or rarely, and has had no angle, but it answers a read."""
+def test_a_second_node_of_the_same_number_is_refused(tmp_path, dahl, status):
+    """Clients would get two answers with one identifier. The first node sends no Status or rarely,
+    and has had no angle, but it answers a read.
+    """
     hub = ("--role", "node", "--set", "friction.node=3", *status)
     (scene := tmp_path / "own.ini").write_text(OWN_SCENE)
-    with serving(tmp_path / "loop", scene, *hub) as (process, port):
+    with serving(tmp_path / "loop", scene, *hub) as (_, port):
         with client(port) as bus:  # the Status after power-on is over
-            node.ask(bus, ParamWrite(Param.MODEL), 3, timeout=10)
-        done = dahl("node", *OWN, *on_port(port), "--node", "3", "--seconds", "0.1")
+            node.ask(bus, ParamWrite(Param.MODEL), 3, timeout=60)
+        done = dahl("node", *OWN, *bus_of(port), "--node", "3", "--seconds", "0.1")
         code, said = complaint(done)
         assert (code, done.stdout) == (1, "") and "3" in said and "--node" in said
-        process.send_signal(signal.SIGTERM)
-        summary = finished(tmp_path / "loop", process).summary
-    assert summary["node"]["params"] == 2
+        other = dahl("node", *OWN, *bus_of(port), "--node", "4", "--seconds", "0.1")
+        assert other.returncode == 0 and other.stdout.startswith("node    4 ")
 
 
 def test_the_printed_lines_name_the_same_bus(dahl):
@@ -238,26 +183,12 @@ def test_the_printed_lines_name_the_same_bus(dahl):
     assert silent.returncode == 1 and "a rig" in complaint(silent)[1]
 
 
-def test_frames_that_the_bus_refuses_are_counted(dahl, monkeypatch):
-    class Full:
-        def send(self, _: can.Message) -> None:
-            raise can.CanOperationError("full")
-
-        def recv(self, _: float) -> None:
-            return None
-
-    monkeypatch.setattr(can, "Bus", lambda **_: contextlib.nullcontext(Full()))
-    done = dahl("node", *OWN, "-i", "virtual", "-c", "a rig", "--seconds", "0.25")
-    assert done.returncode == 0
-    assert re.search(r"not sent [23]$", done.stdout.strip())
-
-
 def test_an_error_of_the_server_is_passed_on(dahl, monkeypatch, tmp_path):
     script = "echo 'socketcand 127.0.0.1:5 serves'\nsleep 0.3\necho error: no rig >&2\nexit 1\n"
     (program := tmp_path / "loop").write_text(f"#!/bin/sh\n{script}")
     program.chmod(0o755)
     monkeypatch.setenv("DAHL_LOOP", str(program))
-    done = dahl("node", *OWN, "--host", "127.0.0.1", "--seconds", "30")
+    done = dahl("node", *OWN, "--host", "127.0.0.1", "--seconds", "300")
     assert complaint(done) == (1, "no rig")
 
 
@@ -299,7 +230,7 @@ def test_firmware_gets_the_settings_of_its_scene(dahl, monkeypatch, tmp_path, nu
     monkeypatch.setattr("dahl.sim.firmware.attach_firmware", partial(attached, kept))
     more = "max_step = 2000\ntimeout_ms = 9000\n[status]\nperiod_ms = 70\n"
     (tmp_path / "own.ini").write_text(OWN_SCENE + more)
-    words = ("node", "--scene", "own.ini", "--target", "m4f", "--node", number, "--seconds", 0.4)
+    words = ("node", "--scene", "own.ini", "--target", "m4f", "--node", number, "--seconds", 1)
     done = dahl(*words)
     assert done.returncode == 0, done.stderr
     for param, value in {STEP: 2000, TIMEOUT: 9, STATUS: 0.07}.items():

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""`dahl record` writes logs that can be replayed and drawn, and keeps old files."""
+"""`dahl record` writes logs that can be drawn and keeps old files. Missing frames:
+test_record_gaps.py.
+"""
 
 from __future__ import annotations
 
 import itertools
-import os
-import re
 import resource
 import subprocess
 import sys
@@ -16,10 +16,9 @@ from types import SimpleNamespace
 import can
 import numpy as np
 import pytest
-from bus_frames import frames, new_channel, sending
+from bus_frames import ANGLE, bus_of, frames, new_channel, sending
 from identify_tools import complaint
 from loop_tools import SCENES, read_log, serving, wait_until
-from test_monitor import ANGLE, bus_of
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -28,7 +27,7 @@ QUIET = ("-i", "virtual", "-c", "quiet")
 
 @pytest.fixture
 def served(tmp_path):
-    limits = ("--wait-clients", "1", "--seconds", "20")
+    limits = ("--wait-clients", "1", "--seconds", "120")
     with serving(tmp_path / "loop", SCENES / "steering.ini", *limits) as (_, port):
         yield bus_of(port)
 
@@ -40,33 +39,23 @@ def angles(log: Path) -> list[can.Message]:
 # --- the log --------------------------------------------------------------------------------------
 
 
-def test_a_record_is_a_candump_log_without_gaps(served, dahl):
-    done = dahl("record", *served, "-o", "run.log", "--frames", "400")
-    assert (done.returncode, done.stderr, done.stdout) == (0, "", "400 frames in run.log\n")
-    lines = Path("run.log").read_text().splitlines()
-    form = r"\(\d{10}\.\d{6}\) vcan0 1[0-2]0#[0-9A-F]{16}( R)?"
-    assert len(lines) == 400 and all(re.fullmatch(form, line) for line in lines)
-    counters = np.array([frame.data[1] & 15 for frame in angles("run.log")])
-    assert len(counters) > 180 and set(np.diff(counters) % 16) == {1}
-
-
 @pytest.mark.parametrize(
     "ending",
     [
-        ".asc",
+        *(".log", ".asc"),
         *(pytest.param(one, marks=pytest.mark.checks) for one in (".blf", ".LOG", ".mf4", ".trc")),
     ],
 )
-def test_plot_draws_each_format_of_a_record(dahl, tmp_path, ending):
+def test_a_record_of_each_format_has_the_frames_of_the_bus_and_can_be_drawn(dahl, tmp_path, ending):
     """Each angle has the time of the bus."""
     log = f"run{ending}"
-    limits = ("--wait-clients", "1", "--seconds", "20")
+    limits = ("--wait-clients", "1", "--seconds", "120")
     with serving(tmp_path / "loop", SCENES / "steering.ini", *limits) as (_, port):
         done = dahl("record", *bus_of(port), "-o", log, "--frames", "400")
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, done.stderr, done.stdout) == (0, "", f"400 frames in {log}\n")
     held = angles(log)
     bus = [one for one in read_log(tmp_path / "loop" / "run.log") if one.id == 0x100][: len(held)]
-    assert len(held) >= 190 and [bytes(one.data) for one in held] == [one.data for one in bus]
+    assert len(held) >= 180 and [bytes(one.data) for one in held] == [one.data for one in bus]
     shifts = np.array([one.timestamp for one in held]) - [one.time for one in bus]
     assert np.ptp(shifts) < 2e-4  # what the coarsest format rounds to
     done = dahl("plot", log, "--scene", "segments", "-o", "loop.png")
@@ -88,17 +77,6 @@ def test_each_frame_is_written_at_once(dahl, dbc):
     assert (done.returncode, done.stdout) == (0, "4 frames in run.log\n")
     assert log.read_text().startswith(lines[0])
     assert [message.timestamp for message in can.LogReader(log)] == [1e9 + n for n in range(4)]
-
-
-def test_ctrl_c_is_a_normal_end_of_a_record(served, root, tmp_path):
-    log = tmp_path / "run.log"
-    command = [sys.executable, "-m", "dahl", "record", *served, "-o", str(log)]
-    process = subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True)
-    wait_until(lambda: log.exists() and log.stat().st_size > 5000, 30)
-    process.send_signal(2)
-    assert process.wait(10) == 0
-    assert log.read_text().endswith("\n") and len(angles(log)) > 50
-    assert process.stdout.read() == f"{len(log.read_text().splitlines())} frames in {log}\n"
 
 
 @pytest.mark.parametrize("ending", [".log", ".asc", ".trc"])
@@ -163,7 +141,7 @@ def test_a_trc_without_frames_keeps_the_old_file(dahl):
         done = dahl(*words)
     code, said = complaint(done)
     assert (code, done.stdout) == (1, "") and said.startswith("run.TRC: 3 frames")
-    code, said = complaint(dahl(*words, "--fd"))
+    code, said = complaint(dahl(*words, "--fd", "--seconds", 1))
     assert code == 2 and said.startswith("run.TRC: ") and "--fd" in said
     assert log.read_text() == "an old run"
 
@@ -183,29 +161,21 @@ def test_force_overwrites_a_log(served, dahl):
 
 
 @pytest.mark.parametrize("old", ["an old run", ""])
-def test_a_silent_bus_keeps_the_old_file(dahl, old):
+def test_a_silent_bus_is_announced_and_keeps_the_old_file(dahl, monkeypatch, old):
+    """The recorder announces that it waits, here at once."""
+    monkeypatch.setattr("dahl.commands.record.SILENCE_NOTICE_S", -1)
     Path("run.log").write_text(old)
     done = dahl("record", *QUIET, "--seconds", "0.3", "-o", "run.log", "--force")
     assert done.returncode == 1 and Path("run.log").read_text() == old
-
-
-def test_a_recorder_without_frames_says_that_it_waits(dahl):
-    done = dahl("record", *QUIET, "--seconds", "4", "-o", "run.blf")
     first, second = done.stderr.splitlines()
     assert "waiting" in first and "Ctrl-C" in first and second.startswith("error: ")
 
 
-def test_a_missing_bus_is_refused_in_one_line(dahl, monkeypatch, tmp_path, run_dahl):
+def test_a_missing_server_is_refused_in_one_line(dahl, monkeypatch, tmp_path):
     """python-can tries for ten seconds, which pass at once here."""
     quick = SimpleNamespace(time=itertools.count().__next__, sleep=time.sleep)
     monkeypatch.setattr("can.interfaces.socketcand.socketcand.time", quick)
     for verb in (("monitor",), ("record", "-o", "run.log")):
         code, said = complaint(dahl(*verb, *bus_of(1)))
         assert code == 1 and "interface=socketcand channel=vcan0" in said and "port=1" in said
-        code, said = complaint(dahl(*verb, "-i", "nothing", "-c", "x"))
-        assert code == 2 and "-i" in said and "'nothing'" in said
     assert list(tmp_path.iterdir()) == []
-    environment = {key: value for key, value in os.environ.items() if not key.startswith("CAN_")}
-    done = run_dahl("monitor", env={**environment, "HOME": str(tmp_path)})
-    code, said = complaint(done)
-    assert code == 2 and "-i" in said and "-c" in said

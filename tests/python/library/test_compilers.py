@@ -50,20 +50,18 @@ CALLS = [
     "dahl_encoder_init(&all->encoder, 65536, 1, 0)",
     "dahl_node_init(&all->node, params, 0)",
 ]
-COMPILERS = ("gcc -std=c99", "gcc -std=c2x", "clang -std=c99", "g++ -std=c++11 -x c++")
-COMPILERS += ("g++ -std=c++17 -x c++", "clang++ -std=c++17 -x c++")
+COMPILERS = ("gcc -std=c99", "gcc -std=c2x", "clang -std=c99", "g++ -std=c++17 -x c++")
 
 
 @pytest.mark.parametrize("compiler", with_compilers(*COMPILERS))
 def test_an_unused_result_of_prepare_warns(compiler: str, tmp_path: Path) -> None:
     source = tmp_path / "use.c"
-    source.write_text(USE.replace("STATEMENTS", "".join(f"{call};\n" for call in CALLS)))
-    done = compiled([*compiler.split(), "-pedantic"], source, tmp_path)
-    assert len(re.findall(r"warning: .*(?:unused.result|nodiscard)", done.stderr)) == len(CALLS)
     used = "".join(f"while ({call} != DAHL_OK) {{}}\n" for call in CALLS)
-    source.write_text(USE.replace("STATEMENTS", used))
-    done = compiled([*compiler.split(), "-Wall", "-pedantic", "-Werror"], source, tmp_path)
-    assert done.returncode == 0, done.stderr
+    for text, wanted in (("".join(f"{call};\n" for call in CALLS), len(CALLS)), (used, 0)):
+        source.write_text(USE.replace("STATEMENTS", text))
+        done = compiled([*compiler.split(), "-Wall", "-pedantic"], source, tmp_path)
+        assert done.stderr.count("warning: ") == wanted, done.stderr
+        assert len(re.findall(r"warning: .*(?:unused.result|nodiscard)", done.stderr)) == wanted
 
 
 # --- a core that lacks something -----------------------------------------------------------------

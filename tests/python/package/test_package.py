@@ -184,33 +184,6 @@ def test_types_of_the_installed_package_find_wrong_arguments(
     assert found == marked, done.stdout
 
 
-@pytest.mark.parametrize(
-    ("words", "packages", "extra"),
-    [
-        (["monitor", "-i", "virtual"], "python-can, cantools, rich, plotext, mpmath", "can"),
-        (["record", "-o", "x.log"], "python-can", "can"),
-        (["node"], "python-can, rich", "can"),
-        (["plot", "."], "matplotlib, python-can, cantools, mpmath, pandas", "plot"),
-        (
-            ["identify", "x.csv"],
-            "scipy, pandas, joblib, matplotlib, mpmath, rich, python-can",
-            "identify",
-        ),
-        (["report", "."], "jinja2, mpmath", "plot"),
-        (["demo"], "matplotlib, mpmath, pooch, pandas", "can,plot"),
-    ],
-)
-def test_a_verb_names_its_missing_extra(core: Environment, words, packages, extra) -> None:
-    [line] = core.dahl(*words, code=1).stderr.splitlines()
-    assert f"dahl {words[0]} " in line and packages in line and f"'.[{extra}]'" in line
-    brought = {
-        re.match(r"[\w-]+", one)[0]
-        for one in core.metadata().requires
-        if re.search("extra == .(" + extra.replace(",", "|") + ").$", one)
-    }
-    assert brought >= {name.lower() for name in packages.split(", ")}
-
-
 def test_the_installed_package_opens_no_file_of_the_tree(core: Environment, root: Path) -> None:
     """An audit hook of the interpreter records the files."""
     watched = f"""

@@ -68,9 +68,11 @@ def test_each_command_names_the_missing_package_and_its_extra(
 
 
 @pytest.mark.parametrize("verb", NEEDS)
-def test_an_unknown_option_is_reported_before_missing_packages(dahl, verb, monkeypatch):
-    """The options of python-can are known without it."""
-    for package in NEEDS[verb][1]:
+def test_options_are_checked_and_help_is_printed_before_packages_are_missed(
+    dahl, verb, monkeypatch
+):
+    """The options of python-can are known without it. A plan needs no extra."""
+    for package in {package for _, packages in NEEDS.values() for package in packages}:
         without(monkeypatch, package)
     words = [*WORDS.get(verb, []), "--nonsense", "7"]
     if verb in ("monitor", "record", "node", "identify"):
@@ -78,24 +80,10 @@ def test_an_unknown_option_is_reported_before_missing_packages(dahl, verb, monke
     code, said = complaint(dahl(verb, *words))
     assert code == 2 and "--nonsense" in said
     assert [word for word in ("socketcan", "500000", "--fd", "a=1", "pip") if word in said] == []
-
-
-@pytest.mark.parametrize("asked", ["--help", "-h"])
-def test_the_help_without_python_can_names_it(dahl, monkeypatch, asked):
-    without(monkeypatch, "can")
-    said = dahl("monitor", asked)
-    assert (said.returncode, said.stderr) == (0, "")
-    for words in ("--window TICKS", "dahl monitor -i socketcan", "--bitrate"):
-        assert words in said.stdout
-    (direct,), from_sources = brought_by(" ".join(said.stdout.split()))
-    assert direct.startswith("python-can") and from_sources == [".[can]"]
-
-
-def test_a_plan_and_completion_need_no_extra(dahl, monkeypatch):
-    for package in {package for _, packages in NEEDS.values() for package in packages}:
-        without(monkeypatch, package)
-    words = ("--sigma0", "1", "--fc", "1", "--theta-per-count", "1", "-o", "x.h")
-    assert dahl("plan", *words).returncode == 0 and dahl("complete").returncode == 0
+    shown = dahl(verb, "--help")
+    assert (shown.returncode, shown.stderr) == (0, "") and f"dahl {verb}" in shown.stdout
+    given = ("--sigma0", "1", "--fc", "1", "--theta-per-count", "1", "-o", "-")
+    assert dahl("plan", *given).returncode == 0 and dahl("complete").returncode == 0
 
 
 # --- the extras of the package --------------------------------------------------------------------
@@ -110,106 +98,80 @@ def extras(root) -> dict[str, list[Requirement]]:
     }
 
 
-def test_the_named_extras_contain_the_imported_packages(extras):
+def test_the_extras_contain_the_imported_packages_in_the_tested_versions(extras, root):
+    """plotext 6 lacks functions that the monitor calls; python-can before 4.6 has no can.cli."""
     brought = {name: {one.name.lower() for one in wanted} for name, wanted in extras.items()}
     for names, packages in NEEDS.values():
         together = set().union(*(brought[name] for name in names.split(",")))
         assert {CALLED.get(package, package) for package in packages} <= together, names
-    for package, name in (("asammdf", "identify"), ("dask", "cluster"), ("pyarrow", "identify")):
-        assert package in brought[name]
-
-
-def test_extras_allow_the_tested_versions_and_exclude_incompatible_ones(extras, root):
-    """plotext 6 lacks functions that the monitor calls; python-can before 4.6 has no can.cli."""
-    wanted = [one for some in extras.values() for one in some]
+    wanted = {one.name: one.specifier for some in extras.values() for one in some}
     lock = (root / "tools/requirements.lock").read_text()
     pins = dict(re.findall(r"^([\w-]+)(?:\[\w+\])?==(\S+)", lock, re.MULTILINE))
-    tested = [one for one in wanted if one.name in pins]
-    assert len(tested) > 10
-    assert [one for one in tested if not one.specifier.contains(pins[one.name])] == []
-    (plotext,) = {one.specifier for one in wanted if one.name == "plotext"}
-    assert not any(map(plotext.contains, ("6.0.0", "6.1.0", "7.0")))
-    (python_can,) = {one.specifier for one in wanted if one.name == "python-can"}
-    assert python_can.contains("4.6.0") and not python_can.contains("4.5.0")
+    tested = wanted.keys() & pins.keys()
+    assert len(tested) > 8
+    assert [name for name in tested if not wanted[name].contains(pins[name])] == []
+    assert not any(map(wanted["plotext"].contains, ("6.0.0", "6.1.0", "7.0")))
+    assert not wanted["python-can"].contains("4.5.0")
 
 
 # --- in a checkout, whose build/venv is filled by need --------------------------------------------
 
 
-@pytest.fixture
-def checkout(monkeypatch, tmp_path):
-    """Return a checkout without scipy, whose setup.sh exits with the code in file `code`.
+class Restart(Exception):
+    """The program would start again with these words."""
 
-    It replaces private names: the folder of the checkout and the restart of the program.
+
+@pytest.mark.parametrize("case", ["it works", "it fails", "tried before", "another environment"])
+def test_a_checkout_sets_up_its_own_environment_once_and_restarts(
+    tmp_path, monkeypatch, capfd, case
+):
+    """It replaces private names: the folder of the checkout and the restart of the program. The
+    output of the set-up is not that of the command. A command with all packages starts at once.
     """
-    script = tmp_path / "tools/setup.sh"
+    script, asked = tmp_path / "tools/setup.sh", tmp_path / "asked"
     script.parent.mkdir()
-    asked = f'echo "$@" | tee -a {tmp_path}/asked'
-    script.write_text(f'#!/bin/sh\n{asked}\nexit "$(cat {tmp_path}/code)"\n')
+    code = int(case == "it fails")
+    script.write_text(f'#!/bin/sh\necho "$@" | tee -a {asked}\nexit {code}\n')
     script.chmod(0o755)
-    started: list[tuple[object, ...]] = []
 
     def start(*words: object) -> None:
-        started.append(words)
-        raise SystemExit(0)
+        raise Restart(*words)
 
     monkeypatch.setattr("dahl.paths.ROOT", tmp_path)
-    monkeypatch.setattr(sys, "prefix", str(tmp_path / "build/venv"))
     monkeypatch.setattr(os, "execve", start)
+    own = "/usr" if case == "another environment" else str(tmp_path / "build/venv")
+    monkeypatch.setattr(sys, "prefix", own)
     without(monkeypatch, "scipy")
-    monkeypatch.delenv("DAHL_SETUP_TRIED")
-    return tmp_path, started
-
-
-def test_a_command_sets_up_and_restarts_with_its_arguments(checkout, capfd):
-    """The output of the set-up is not its output. A command with all packages starts at once."""
-    (folder, started), given = checkout, ["identify", "log.csv", "--json", "-"]
-    dahl = caller(capfd)
-    (folder / "code").write_text("0")
-    assert dahl("dbc").returncode == 0 and not (folder / "asked").exists()
+    if case != "tried before":
+        monkeypatch.delenv("DAHL_SETUP_TRIED")
+    dahl, given = caller(capfd), ["identify", "log.csv", "--json", "-"]
+    assert dahl("dbc").returncode == 0 and not asked.exists()
+    if case == "it works":
+        with pytest.raises(Restart) as restart:
+            dahl(*given)
+        program, words, environment = restart.value.args
+        assert (program, words[1:]) == (sys.executable, ["-m", "dahl", *given])
+        assert len(environment.keys() - os.environ.keys()) == 1  # it prevents a third start
+        assert asked.read_text() == "identify\n" and not capfd.readouterr().out
+        return
     done = dahl(*given)
-    assert (folder / "asked").read_text() == "identify\n" and not done.stdout
-    [(program, words, environment)] = started
-    assert (program, words[1:]) == (sys.executable, ["-m", "dahl", *given])
-    monkeyed = environment.keys() - os.environ.keys()
-    assert len(monkeyed) == 1, "a variable that prevents a third start"
-
-
-@pytest.mark.parametrize("why", ["it fails", "tried before", "another environment"])
-def test_a_command_sets_up_only_once_and_only_its_own_environment(
-    checkout, capfd, monkeypatch, why
-):
-    folder, started = checkout
-    (folder / "code").write_text("1")
-    if why == "tried before":
-        monkeypatch.setenv("DAHL_SETUP_TRIED", "1")
-    if why == "another environment":
-        monkeypatch.setattr(sys, "prefix", "/usr")
-    done = caller(capfd)("excite", "--counts-per-turn", "1")
     said = done.stderr.splitlines()[-1]  # below the words of the set-up
-    assert done.returncode == 1 and said.startswith("error: ") and "scipy" in said and not started
-    assert ("tools/setup.sh" in said) == (why == "it fails") == (folder / "asked").exists()
+    assert done.returncode == 1 and said.startswith("error: ") and "scipy" in said
+    assert ("tools/setup.sh" in said) == (case == "it fails") == asked.exists()
 
 
 # --- slow imports ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("words", "wanted"),
-    [
-        (("plot", "run"), False),
-        (("record", "-o", "run.blf", "-i", "virtual", "-c", "x", "--seconds", "0.01"), False),
-        (("record", "-o", "RUN.MF4", "-i", "virtual", "-c", "x", "--seconds", "0.01"), True),
-        (("record", "-o", "run.mf4", "--help"), False),
-    ],
-)
-def test_asammdf_is_imported_only_for_an_mf4(root, tmp_path, words, wanted):
+@pytest.mark.parametrize("log", ["run.blf", "RUN.MF4"])
+def test_asammdf_is_imported_only_for_an_mf4(root, tmp_path, log):
     """Its import would be most of the start-up time of a command."""
     code = (
         "import atexit, sys; from dahl.__main__ import main; sys.argv[0] = 'dahl'\n"
         "atexit.register(lambda: print('asammdf', bool(sys.modules.get('asammdf'))))\n"
         "sys.exit(main())"
     )
+    words = ("record", "-o", log, "-i", "virtual", "-c", "x", "--seconds", "0.01")
     command = [sys.executable, "-c", code, *words]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.stdout.splitlines()[-1] == f"asammdf {wanted}", done.stderr
+    assert done.stdout.splitlines()[-1] == f"asammdf {log == 'RUN.MF4'}", done.stderr
