@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* A user's program in C and C++: print the torque in N m after 100 counts of a 14-bit encoder. */
+/* A user's program: print the torque in N m after 100 counts of a 14-bit encoder. */
 #include <dahl.h>
 #include <dahl_encoder.h>
 #include <all_calls.h>
@@ -8,7 +8,7 @@
 
 int main(void)
 {
-    dahl_params_t p = {100.0f, 0.5f, 6.2831853f / 16384};
+    dahl_params_t p = {.sigma0 = 100.0f, .Fc = 0.5f, .theta_per_count = 6.2831853f / 16384};
     dahl_plan_t plan;
     dahl_state_t bearing = {0};
     dahl_encoder_t encoder;

@@ -29,6 +29,20 @@ static bool same(float a, float b)
     return !(a < b) && !(b < a);
 }
 
+// Defaults: sign forward, no step limit, a counter of 32 bits, no count.
+static bool defaults_are_those_of_the_header()
+{
+    dahl::Plan by_angle;
+    dahl::Encoder any;
+    if (by_angle.prepare(100.0f, 0.5f) != DAHL_OK || any.init(65536) != DAHL_OK) {
+        return false;
+    }
+    dahl::Bearing shaft(by_angle);
+    any.home(10);
+    return any.move(20010) == 20000 && any.jumps() == 0 && dahl::counts_between(0xFFFFFFFFu, 1) == 2 &&
+           same(shaft.step_counts(1000), 0.0f) && shaft.step(-1e-3f) < -0.05f;
+}
+
 int main()
 {
     const dahl_params_t params = {100.0f, 0.5f, 6.2831853f / 16384}, other = {50.0f, 0.25f, 6.2831853f / 16384};
@@ -65,7 +79,8 @@ int main()
     bearing.set_torque(0.125f);
     dahl::Bearing still(zeros), flash(c_plan);
     if (!same(bearing.torque(), 0.125f) || !same(still.step_counts(100), 0.0f) || !bearing.state_ok() || !(flash.step_counts(3) > 0.1f) ||
-        encoder.jumps() != c_encoder.jumps || encoder.jumps() < 100 || dahl::counts_between(65535, 2, 65536) != 3 ||
+        encoder.jumps() != c_encoder.jumps || encoder.jumps() < 100 || !defaults_are_those_of_the_header() ||
+        dahl::counts_between(65535, 2, 65536) != 3 ||
         dahl::to_units(1 << 29, 500000) != 250000) {
         return 5;
     }

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Projects of users: each way to get the library gives its public headers only, needs no other
-package, and installs the library only on request. The examples of the headers compile.
+package, and installs the library only on request. The snippets that users copy compile.
 """
 
 import math
@@ -98,15 +98,22 @@ def all_calls(headers: set[str], table: str) -> str:
 
 @pytest.mark.parametrize(
     "way",
-    ["add_subdirectory", "find_package", pytest.param("FetchContent", marks=pytest.mark.checks)],
+    [
+        *("add_subdirectory", "find_package", "platformio"),
+        *(
+            pytest.param(way, marks=pytest.mark.checks)
+            for way in ("FetchContent", "esp_idf", "zephyr")
+        ),
+    ],
 )
 def test_a_project_builds_with_cmake(
     way: str, prefix: Path, own_headers: Path, tmp_path: Path
 ) -> None:
     options = [f"-DCMAKE_PREFIX_PATH={prefix}", f"-DDAHL_WANTED={WANTED}"]
     options += ["-DDAHL_COMPONENTS=node;float", *ASKED]
-    wanted = {"consumer": EXPECTED, "consumer_cxx": EXPECTED, "consumer_components": EXPECTED}
-    wanted["consumer_node"] = 2 * EXPECTED
+    wanted = {"consumer": EXPECTED, "consumer_cxx": EXPECTED, "consumer_node": 2 * EXPECTED}
+    if way in ("add_subdirectory", "FetchContent", "find_package"):
+        wanted["consumer_components"] = EXPECTED
     project(tmp_path, way, own_headers, *options)
     run("cmake", "--build", tmp_path)
     for program, torque in wanted.items():
@@ -120,12 +127,17 @@ def test_a_project_builds_with_cmake(
         assert f"version: {dahl.__version__}" in said
 
 
-@pytest.mark.parametrize("asked", ["batch", "dahl;gear"])
+@pytest.mark.parametrize(
+    ("asked", "found"), [("dahl", True), ("float", True), ("batch", False), ("dahl;gear", False)]
+)
 def test_a_component_that_is_not_installed_is_not_found(
-    asked: str, prefix: Path, own_headers: Path, tmp_path: Path
+    asked: str, found: bool, prefix: Path, own_headers: Path, tmp_path: Path
 ) -> None:
     """The message names it and the installed ones. (CMake wraps its lines.)"""
     options = [f"-DCMAKE_PREFIX_PATH={prefix}", f"-DDAHL_COMPONENTS={asked}"]
+    if found:
+        project(tmp_path, "find_package", own_headers, *options)
+        return
     said = project(tmp_path, "find_package", own_headers, *options, code=1)
     said = " ".join(said.split())
     missing = asked.rpartition(";")[2]
@@ -151,26 +163,33 @@ def test_cmake_of_debian_11_and_ubuntu_20_04_suffices(
     project(tmp_path / "c", way, own_headers, *options)
 
 
+def test_no_source_reads_a_header_of_its_user(own_headers: Path) -> None:
+    flags = ["-std=c99", f"-I{own_headers}", f"-I{ROOT}/lib/include", "-fsyntax-only"]
+    run("gcc", *flags, *(ROOT / "lib").rglob("*.c"))
+
+
 @pytest.mark.parametrize(
-    ("packages", "source", "torque"),
-    [
-        (["dahl"], "main.c", EXPECTED),
-        (["dahl_node"], "node.c", 2 * EXPECTED),
-        (["dahl_node", "dahl_float"], "components.c", EXPECTED),
-    ],
+    ("package", "source", "torque"),
+    [("dahl", "main.c", EXPECTED), ("dahl_node", "node.c", 2 * EXPECTED)],
 )
 def test_a_project_builds_with_pkg_config(
-    packages: list[str], source: str, torque: float, prefix: Path, own_headers: Path, tmp_path: Path
+    package: str, source: str, torque: float, prefix: Path, own_headers: Path, tmp_path: Path
 ) -> None:
-    """The flags of a component suffice."""
-    (config,) = prefix.rglob("dahl.pc")
+    (config,) = prefix.rglob(f"{package}.pc")
     path = {**os.environ, "PKG_CONFIG_PATH": str(config.parent)}
-    for package in packages:
-        assert run("pkg-config", "--modversion", package, env=path).strip() == dahl.__version__
-    flags = run("pkg-config", "--cflags", "--libs", *packages, env=path).split()
+    assert run("pkg-config", "--modversion", package, env=path).strip() == dahl.__version__
+    flags = run("pkg-config", "--cflags", "--libs", package, env=path).split()
     own = [f"-I{own_headers}", "-DCONSUMER"]
     run("gcc", CONSUMER / source, "-o", tmp_path / "consumer", *flags, *own)
     assert float(run(tmp_path / "consumer")) == pytest.approx(torque, rel=1e-6)
+
+
+def test_pkg_config_knows_each_component(prefix: Path) -> None:
+    """The flags of a component suffice."""
+    assert {file.stem for file in prefix.rglob("*.pc")} == {"dahl", "dahl_node", "dahl_float"}
+    path = {**os.environ, "PKG_CONFIG_PATH": str(next(prefix.rglob("dahl.pc")).parent)}
+    libs = run("pkg-config", "--libs", "dahl_float", env=path).split()
+    assert {"-ldahl_float", "-ldahl", "-lm"} <= set(libs)
 
 
 @pytest.mark.parametrize(
@@ -262,21 +281,27 @@ def example_of(header: str) -> list[str]:
     return [line[1] for line in max(runs, key=len)]
 
 
-@pytest.mark.parametrize("name", ["dahl.h", "dahl_encoder.h"])
-@pytest.mark.parametrize("compiler", with_compilers("gcc", "g++", "clang", "clang++"))
-def test_the_example_of_a_header_compiles_without_a_warning(
-    compiler: str, name: str, tmp_path: Path
-) -> None:
-    """In a function with the declarations that it leaves to the reader."""
-    need(compiler, "the examples of headers compile without a warning")
+def snippet(name: str) -> str:
+    """Return the first C block of the README, or the example of a header in a function with the
+    declarations that it leaves to the reader.
+    """
+    if name == "README.md":
+        return re.search(r"```c\n(.*?)```", (ROOT / name).read_text(), re.S)[1]
     lines = example_of((ROOT / "lib/include" / name).read_text())
     assert any("prepare" in line or "init" in line for line in lines), lines
     assert any("step_counts" in line for line in lines), lines
     before = TIMER if "encoder" in name else STOP
     head = f'#include "dahl.h"\n#include "{name}"\n{before}float use(void)\n{{\n    float F = 0;\n'
+    return head + "\n".join(lines) + "\n    return F;\n}\n"
+
+
+@pytest.mark.parametrize("name", ["README.md", "dahl.h", "dahl_encoder.h"])
+@pytest.mark.parametrize("compiler", with_compilers("gcc", "g++", "clang", "clang++"))
+def test_snippets_compile_without_a_warning(compiler: str, name: str, tmp_path: Path) -> None:
+    need(compiler, "the snippets compile without a warning")
     cxx = "++" in compiler
-    source = tmp_path / ("example.cpp" if cxx else "example.c")
-    source.write_text(head + "\n".join(lines) + "\n    return F;\n}\n")
+    source = tmp_path / ("snippet.cpp" if cxx else "snippet.c")
+    source.write_text(snippet(name))
     flags = ["-Wall", "-Wextra", "-pedantic", "-Werror", f"-I{ROOT}/lib/include", "-fsyntax-only"]
-    for language in ("c++11", "c++17") if cxx else ("c99", "c17"):
+    for language in ("c++11", "c++14", "c++17") if cxx else ("c99", "c17"):
         run(compiler, f"-std={language}", *flags, source)

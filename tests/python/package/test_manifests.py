@@ -1,19 +1,23 @@
 # SPDX-License-Identifier: MIT
-"""The manifests for PlatformIO, Zephyr and ESP-IDF name the files that firmware needs."""
+"""The manifests for PlatformIO, Zephyr and ESP-IDF name the files that a microcontroller compiles.
+test_consume.py builds a project with each of them.
+"""
 
 from __future__ import annotations
 
 import json
 import os
 import re
+import shutil
 import subprocess
+import tarfile
 from pathlib import Path
 
 import cantools
 import dahl
 import pytest
 import yaml
-from conftest import ROOT
+from conftest import ROOT, from_pypi
 
 PUBLIC = {
     f"lib/include/{name}"
@@ -71,7 +75,30 @@ def test_platformio_packs_and_compiles_the_needed_files() -> None:
     assert len(shown) > 3
     sources = {f"+<{folder}/>" for folder in ("arith", "cores", "model", "node", "parts")}
     assert set(manifest["build"]["srcFilter"]) == sources
-    assert (manifest["build"]["srcDir"], manifest["build"]["includeDir"]) == ("lib", "lib/include")
+
+
+ADDRESS = re.compile(r"https://[\w./-]+")
+
+
+def test_all_manifests_name_one_author_and_one_address() -> None:
+    """Each format has its fields for them."""
+    pio = json.loads((ROOT / "library.json").read_text())
+    idf = yaml.safe_load((ROOT / "idf_component.yml").read_text())
+    lines = (ROOT / "port/arduino/library.properties").read_text().splitlines()
+    arduino = dict(line.split("=", 1) for line in lines)
+    home = {pio["homepage"], idf["url"], arduino["url"], *(one["url"] for one in pio["authors"])}
+    assert len(home) == 1 and ADDRESS.fullmatch(home.pop())
+    assert pio["repository"]["url"] == idf["repository"] and ADDRESS.fullmatch(idf["repository"])
+    (author,) = {one["name"] for one in pio["authors"]}
+    assert [author] == idf["maintainers"] and author == arduino["author"] == arduino["maintainer"]
+
+
+def test_zephyr_finds_the_module_and_its_options() -> None:
+    module = yaml.safe_load((ROOT / "zephyr/module.yml").read_text())
+    assert module["name"] == "dahl"
+    options = re.findall(r"^config (\w+)$", (ROOT / module["build"]["kconfig"]).read_text(), re.M)
+    assert options == ["DAHL", "DAHL_NODE"]
+    assert (ROOT / module["build"]["cmake"] / "CMakeLists.txt").exists()
 
 
 # Functions of the frameworks; replacements print their arguments.
@@ -89,10 +116,6 @@ THEIRS += ("zephyr_library_compile_definitions", "idf_component_register")
     ],
 )
 def test_a_framework_compiles_the_chosen_files(tmp_path: Path, script, chosen, files) -> None:
-    """By the options of Zephyr, which module.yml names."""
-    module = yaml.safe_load((ROOT / "zephyr/module.yml").read_text())
-    options = re.findall(r"^config (\w+)$", (ROOT / module["build"]["kconfig"]).read_text(), re.M)
-    assert (options, module["build"]["cmake"]) == (["DAHL", "DAHL_NODE"], "zephyr")
     follow = tmp_path / "follow.cmake"
     calls = [f'function({call})\nmessage("${{ARGV}}")\nendfunction()' for call in THEIRS]
     include = f'include("{ROOT / script}/CMakeLists.txt")'
@@ -111,4 +134,49 @@ def test_esp_idf_packs_the_needed_files() -> None:
     assert matching(component["files"]["include"]) == NEEDED | ESP_IDF
 
 
+@pytest.fixture(scope="module")
+def packers() -> Path:
+    """Return the folder of `pio` and `compote`, from PyPI."""
+    wanted = (ROOT / "tests/consume/requirements.txt").read_text()
+    return from_pypi("packers", wanted, "the packers of PlatformIO and ESP-IDF")
+
+
 # PlatformIO would download the names of licences.
+PACK = """
+import sys
+from platformio.package.manifest.schema import ManifestSchema
+from platformio.package.pack import PackagePacker
+ManifestSchema.load_spdx_licenses = staticmethod(lambda: {"licenses": [{"licenseId": "MIT"}]})
+PackagePacker(sys.argv[1]).pack(sys.argv[2])
+"""
+
+
+def packed(archive: Path) -> set[str]:
+    """Return the files of an archive of at most 100 kB."""
+    assert archive.stat().st_size < 100_000
+    with tarfile.open(archive) as tar:
+        files = {member.name.removeprefix("./") for member in tar if member.isfile()}
+    return files
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    """Return a copy of the project, because packers write into it."""
+    ignored = shutil.ignore_patterns("build", ".git", "__pycache__")
+    return Path(shutil.copytree(ROOT, tmp_path / "dahl", ignore=ignored))
+
+
+@pytest.mark.long
+def test_pio_packs_the_needed_files(packers: Path, tree: Path, tmp_path: Path) -> None:
+    archive, home = (tmp_path / "dahl.tar.gz", {**os.environ, "PLATFORMIO_CORE_DIR": str(tmp_path)})
+    command = [packers / "python", "-c", PACK, tree, archive]
+    subprocess.run([str(word) for word in command], check=True, env=home, timeout=120)
+    include = json.loads((ROOT / "library.json").read_text())["export"]["include"]
+    assert packed(archive) == matching(include)
+
+
+@pytest.mark.long
+def test_compote_packs_the_needed_files(packers: Path, tree: Path) -> None:
+    command = [str(packers / "compote"), "component", "pack", "--name", "dahl"]
+    subprocess.run(command, check=True, cwd=tree, timeout=120)
+    assert packed(tree / f"dist/dahl_{VERSION}.tgz") == NEEDED | ESP_IDF
