@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""dahl-loop in virtual time: counts against a model of the motion (loop_model.py), answers against a
-dahl.Node; determinism, memory, absent parts, logs that are replayed.
+"""dahl-loop in virtual time: counts against a model of the motion (loop_model.py), answers against
+a dahl.Node; determinism, memory, absent parts, logs that are replayed.
 """
 
 from __future__ import annotations
