@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 from bus_runs import FC, SIGMA0, THETA, Run, plotted
 from dahl import Asymmetric, Friction, Loaded, Plan
+from dahl.codec import FrictionTorque, Param, ParamWrite, Reset, What
 from dahl.report import traces
 from dahl.sim.scene import Measured, Recorded, Scene
-from log_reading import RefusedError, drawing
+from log_reading import RefusedError
 from log_reading import run as command
 
 SCENE = Scene(Path("a/b.ini"), "t", "dahl", ((SIGMA0, FC),), THETA)
@@ -34,9 +35,9 @@ def error_of(run: Run, scene: Scene = SCENE) -> float:
 
 
 @pytest.fixture
-def run(library, dbc) -> Run:
+def run(library) -> Run:
     """A run of three ticks. The first tick is a new start."""
-    begun = Run(dbc)
+    begun = Run()
     begun.tick(0, -500, state=6, used=False)
     begun.tick(1, -480)
     begun.tick(2, -470)
@@ -60,7 +61,7 @@ def test_a_new_start_adds_no_travel(run, state, tmp_path):
 @pytest.mark.parametrize("state", [0, 2], ids=["OK", "Lost"])
 def test_travel_over_lost_frames_counts(run, state, tmp_path):
     run.send(3, -460)  # not answered
-    run.send(4, 77, valid=0)  # disowned by the encoder itself
+    run.send(4, 77, valid=False)  # disowned by the encoder itself
     run.tick(5, -400, state=state)
     seen = plotted(run, tmp_path)
     assert (seen.counts, seen.rows) == ([*START, 100], [0, 1, 2, 5])
@@ -72,11 +73,11 @@ def test_travel_over_lost_frames_counts(run, state, tmp_path):
 def test_a_restart_after_a_gap_relaxes_its_own_tick(run, tmp_path):
     """Two records before the Reset are lost. A Reset of errors relaxes nothing."""
     run.tick(5, -440, state=2)
-    run.add("Reset", Counter=0, What=2)
+    run.add(Reset(What.RESTART))
     run.bearing = Friction(Plan(SIGMA0, FC, THETA))
     run.tick(6, -400, state=6, used=False)
     run.tick(7, 300)
-    run.add("Reset", Counter=0, What=1)
+    run.add(Reset(What.ERRORS))
     run.tick(8, 310)
     seen = plotted(run, tmp_path)
     assert seen.rows == [0, 1, 2, 5, 6, 7, 8] and error_of(run) <= BOUND
@@ -85,28 +86,30 @@ def test_a_restart_after_a_gap_relaxes_its_own_tick(run, tmp_path):
     assert [stroke[0][0] for stroke in marks["restart"]] == [6]
 
 
-def test_a_load_holds_from_the_frame_that_writes_it(library, dbc):
+def test_a_load_holds_from_the_frame_that_writes_it(library):
     """Up to 1. A read, a held value, a value beyond 1 and other parameters change no load."""
-    run, gear, load = Run(dbc), Loaded(Plan(SIGMA0, FC, THETA)), 1.0
+    run, gear, load = Run(), Loaded(Plan(SIGMA0, FC, THETA)), 1.0
     run.bearing = SimpleNamespace(step_counts_q30=lambda move: gear.step_counts_q30(move, load))
     run.tick(0, 0, state=6, used=False)
-    raw = {"Counter": 0, "Write": 1, "Param": 10, "Load": 2**14}
-    steps = [(raw, 0.25), (raw | {"Load": 2**16}, 1.0), (raw, 0.25)]
-    steps += [(raw | {"Load": 2**16 + 1}, 0.25), (raw | {"Write": 0, "Load": 9}, 0.25)]
-    steps += [(raw | {"Write": 2, "Load": 9}, 0.25), (raw | {"Load": 49152}, 0.75)]
-    steps += [({"Counter": 0, "Write": 1, "Param": 1, "Fc": 5}, 0.75)]
-    for number, (signals, load) in enumerate(steps, start=1):  # noqa: B007 (run's bearing has it)
-        run.add("ParamWrite", **signals)
+    steps = [(ParamWrite(Param.LOAD, 2**14, 1), 0.25), (ParamWrite(Param.LOAD, 2**16, 1), 1.0)]
+    steps += [
+        (ParamWrite(Param.LOAD, 2**14, 1), 0.25),
+        (ParamWrite(Param.LOAD, 2**16 + 1, 1), 0.25),
+    ]
+    steps += [(ParamWrite(Param.LOAD, 9, 0), 0.25), (ParamWrite(Param.LOAD, 9, 2), 0.25)]
+    steps += [(ParamWrite(Param.LOAD, 49152, 1), 0.75), (ParamWrite(Param.FC, 5, 1), 0.75)]
+    for number, (write, load) in enumerate(steps, start=1):  # noqa: B007 (run's bearing has it)
+        run.add(write)
         run.tick(number, 70 * number)
     scene = Scene(SCENE.path, "t", "loaded", SCENE.elements, THETA)
     assert error_of(run, scene) <= BOUND
 
 
 @pytest.mark.parametrize("limits", [(FC, 0.7 * FC), (0.7 * FC, FC)])
-def test_an_asymmetric_torque_is_in_parts_of_its_larger_limit(library, dbc, limits):
+def test_an_asymmetric_torque_is_in_parts_of_its_larger_limit(library, limits):
     """Either way round, at both ends."""
     elements = tuple((SIGMA0, limit) for limit in limits)
-    run, scene = Run(dbc), Scene(SCENE.path, "t", "asymmetric", elements, THETA)
+    run, scene = Run(), Scene(SCENE.path, "t", "asymmetric", elements, THETA)
     run.bearing = Asymmetric(SIGMA0, *limits, THETA)
     run.tick(0, 0, state=6, used=False)
     for number, count in enumerate((300, 9000, 8700, -9000), start=1):
@@ -123,7 +126,7 @@ def test_an_error_of_the_node_is_seen(run):
     del run.frames[-2:]
     run.count = -470
     run.send(3, -470)
-    run.add("FrictionTorque", Counter=0, State=0, EchoCounter=3, TorqueRatio=run.ratio + 2**14)
+    run.add(FrictionTorque(run.ratio + 2**14, echo=3))
     assert error_of(run) > 100
 
 
@@ -151,8 +154,8 @@ def test_the_node_of_the_scene_is_read(run, tmp_path):
     assert seen.counts == START
 
 
-def test_a_count_that_wraps_is_one_path(library, dbc, tmp_path):
-    run = Run(dbc)
+def test_a_count_that_wraps_is_one_path(library, tmp_path):
+    run = Run()
     run.tick(0, 2**31 - 5, state=6, used=False)
     run.tick(1, -(2**31) + 5)
     assert plotted(run, tmp_path).counts == [0, 10] and error_of(run) <= BOUND
@@ -178,8 +181,7 @@ def test_late_answers_belong_to_their_frames(run, ticks, tmp_path):
         run.send(counter, count)
     for counter, count in enumerate(counts, start=3):
         run.answer(counter, count)
-    again = {"Counter": 0, "State": 0, "EchoCounter": (2 + ticks) % 16}
-    run.add("FrictionTorque", **again, TorqueRatio=-run.ratio)
+    run.add(FrictionTorque(-run.ratio, echo=(2 + ticks) % 16))
     shown = plotted(run, tmp_path)
     assert shown.counts == [*START, *(count + 500 for count in counts)]
     assert error_of(run) <= BOUND
@@ -207,9 +209,9 @@ def test_after_a_gap_a_new_start_answers_the_newest_frame(run, tmp_path):
         (range(194, 200), None),  # where the recorder has ended
     ],
 )
-def test_a_run_with_missing_records_is_not_compared(library, dbc, lost, compared, interrupted):
+def test_a_run_with_missing_records_is_not_compared(library, lost, compared, interrupted):
     """The shaft turns back in them. The end of an interrupted run may be missing."""
-    run = Run(dbc)
+    run = Run()
     run.answers = 7
     for number in range(100):
         run.tick(number, 900 * (number % 7) - 300, state=6 * (number == 0), used=number > 0)
@@ -320,19 +322,6 @@ def test_the_page_shows_each_number_in_its_unit(force, slope, tmp_path):
     assert cells[-6:] == ["sigma0", f"12.5 {slope}", "OK", "790", "jumps", "1234567"]
     cells, page = page_of(tmp_path, {"version": "9"})
     assert cells == [] and "dahl 9" in page and "a run" in page
-
-
-def test_the_fit_is_that_of_the_drawn_scene(run, tmp_path):
-    """Not that of the summary, which may be of another scene."""
-    run.tick(3, -300)
-    plotted(run, tmp_path, "torque = torque\n")
-    (tmp_path / "frames.log").rename(tmp_path / "run.log")
-    summary = {"scene_file": str(tmp_path / "x.ini"), "r2_measured": 0.875}
-    (tmp_path / "summary.json").write_text(json.dumps(summary))
-    with drawing(rendered=False) as figures:
-        assert command("plot", tmp_path, "--scene", tmp_path / "x.ini").returncode == 0
-    caption = figures[0].axes[0].get_title(loc="left")
-    assert "R²" in caption and "0.875" not in caption
 
 
 def test_the_page_marks_a_wrong_counter(tmp_path):
