@@ -5,7 +5,6 @@ counters and answers of a node (docs/loop.md).
 
 from __future__ import annotations
 
-import heapq
 import math
 from collections import Counter
 from collections.abc import Iterator
@@ -105,7 +104,7 @@ class Steering:
         return [0, *(nearest(next(parts[1]) + next(parts[0])) for _ in ticks)]
 
 
-# --- a bus that takes time ------------------------------------------------------------------------
+# --- frames ---------------------------------------------------------------------------------------
 
 
 def bits(frame: Logged) -> int:
@@ -123,23 +122,6 @@ def bits(frame: Logged) -> int:
         if run_of == 5:
             last, run_of, count = str(1 - int(bit)), 1, count + 1
     return count + 13
-
-
-def check_arbitration(log: list[Logged], asked_us: list[int], rate: int) -> None:
-    """Each line ends the frame with the highest priority of all that waited for the bus."""
-    waiting: list[tuple[int, int]] = []
-    order = sorted(range(len(log)), key=lambda i: asked_us[i])
-    free, to_come = 0.0, iter([*order, None])
-    nearest_one = next(to_come)
-    for i, frame in enumerate(log):
-        if not waiting:
-            free = max(free, asked_us[nearest_one])
-        while nearest_one is not None and asked_us[nearest_one] <= free:
-            heapq.heappush(waiting, (log[nearest_one].id, nearest_one))
-            nearest_one = next(to_come)
-        assert heapq.heappop(waiting)[1] == i, (i, frame)
-        free += bits(frame) * 1e6 / rate
-        assert abs(frame.time * 1e6 - free) <= 1, (i, frame)
 
 
 # --- the node -------------------------------------------------------------------------------------

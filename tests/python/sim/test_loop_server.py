@@ -75,21 +75,6 @@ def spoken_angle(folder: Path) -> bytes:
 # --- frames ---------------------------------------------------------------------------------------
 
 
-def test_a_client_reads_words_letter_by_letter_and_logs_the_time_of_the_server(tmp_path):
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        spec = f"socketcand:127.0.0.1:{listener.getsockname()[1]}"
-        words = ("--role", "encoder", "--bus", spec, "--seconds", "0.3")
-        process = start(tmp_path / "encoder", STEERING, *words)
-        peer, _ = listener.accept()
-        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        for letter in b"< hi >< ok >< ok >< frame 123 1.5 AB >< frame 123 1.500000 AB >":
-            peer.send(bytes([letter]))
-        result = finished(tmp_path / "encoder", process)
-        peer.close()
-    assert (result.code, result.summary["bus_counts"]["garbage"]) == (0, 1)
-    assert "(0000000001.500000) vcan0 123#AB\n" in result.log.read_text()
-
-
 def test_frames_begin_a_tenth_of_a_second_after_raw_mode_or_with_the_first_word(tmp_path):
     """python-can would read an earlier frame as a part of the answer. A client that sends has read
     the answer.
@@ -174,18 +159,6 @@ def test_a_client_counts_from_raw_mode_on(tmp_path):
         closed(one, two, three)
     assert summary["ticks"] == 500
     assert 0 < summary["wall_s"] < time.monotonic() - joined
-
-
-def test_until_idle_starts_with_the_first_client_and_ends_with_the_last(tmp_path):
-    with serving(tmp_path, STEERING, "--role", "node", "--until-idle") as (process, port):
-        time.sleep(0.3)
-        one, other = raw_client(port), raw_client(port)
-        time.sleep(0.3)
-        one.close()
-        time.sleep(0.3)
-        assert process.poll() is None
-        other.close()
-        assert finished(tmp_path, process).code == 0
 
 
 def test_sixteen_clients_fit_and_the_next_is_refused(tmp_path):
