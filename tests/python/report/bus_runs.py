@@ -9,7 +9,7 @@ from pathlib import Path
 import can
 import numpy as np
 from dahl import Friction, Plan, codec
-from log_reading import RefusedError, drawing
+from log_reading import drawing
 from log_reading import run as command
 from matplotlib.figure import Figure
 
@@ -73,7 +73,7 @@ class Seen:
     said: str
 
 
-def plotted(run: Run, folder: Path, measured: str = "", words: tuple[str, ...] = ()) -> Seen:
+def plotted(run: Run, folder: Path, measured: str = "") -> Seen:
     """Draw a run. `measured` has keys of the section [measured]."""
     rows = max(2 * len(run.frames), 100)
     table = "t,count,torque\n" + "".join(f"{k},0,{np.sin(k):.9g}\n" for k in range(rows))
@@ -82,9 +82,8 @@ def plotted(run: Run, folder: Path, measured: str = "", words: tuple[str, ...] =
     (folder / "x.ini").write_text(SCENE + motion + "[measured]\n" + measured)
     log = run.write(folder / "frames.log")
     with drawing(rendered=False) as figures:
-        done = command("plot", log, "--scene", folder / "x.ini", *words)
-    if done.returncode:
-        raise RefusedError(done.stderr)
+        done = command("plot", log, "--scene", folder / "x.ini")
+    assert done.returncode == 0, done.stderr
     loop, whole, *_ = figures[0].axes
     counts = np.rint(loop.lines[-1].get_xdata() / np.float32(THETA)).astype(int)
     shown = whole.lines[-1].get_xdata()

@@ -14,11 +14,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from bus_runs import FC, SIGMA0, THETA, Run, plotted
-from dahl import Asymmetric, Friction, Loaded, Plan
+from dahl import Asymmetric, Error, Friction, Loaded, Plan
 from dahl.codec import FrictionTorque, Param, ParamWrite, Reset, What
 from dahl.report import traces
 from dahl.sim.scene import Measured, Recorded, Scene
-from log_reading import RefusedError
 from log_reading import run as command
 
 SCENE = Scene(Path("a/b.ini"), "t", "dahl", ((SIGMA0, FC),), THETA)
@@ -142,16 +141,12 @@ def test_frames_of_another_kind_or_node_are_left_out(run, kind):
     assert summed(run) == before
 
 
-def test_the_node_of_the_scene_is_read(run, tmp_path):
+def test_the_node_of_the_scene_is_read(run):
     for frame in run.frames:
         frame.arbitration_id += 3
-    with pytest.raises(RefusedError, match=r"no EncoderState"):
-        plotted(run, tmp_path)
-    scene = "[friction]\nnode = 3\n"
-    text = (tmp_path / "x.ini").read_text().replace("[friction]\n", scene)
-    (tmp_path / "y.ini").write_text(text)
-    seen = plotted(run, tmp_path, words=("--scene", str(tmp_path / "y.ini")))
-    assert seen.counts == START
+    with pytest.raises(Error, match=r"no EncoderState"):
+        traces.trace_of(run.frames)
+    assert len(traces.trace_of(run.frames, node=3).row) == 3
 
 
 def test_a_count_that_wraps_is_one_path(library, tmp_path):

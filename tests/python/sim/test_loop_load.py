@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A bus that takes time: load, latencies and jitter of the summary against the log; several nodes."""
+"""A bus that takes time: load, latencies and jitter of the summary against the log; many nodes."""
 
 from __future__ import annotations
 
