@@ -3,24 +3,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import can
-import numpy as np
 from dahl import Friction, Plan, codec
-from log_reading import drawing
-from log_reading import run as command
-from matplotlib.figure import Figure
 
 SIGMA0, FC, THETA = 50.0, 0.5, 1e-4
-SCENE = f"""[scene]
-title = a title
-[friction]
-sigma0 = {SIGMA0}
-Fc = {FC}
-theta_per_count = {THETA}
-"""
 
 
 class Run:
@@ -61,30 +49,3 @@ class Run:
             for frame in self.frames:
                 log.on_message_received(frame)
         return path
-
-
-@dataclass
-class Seen:
-    """The picture of a run. The time of its log is the number of the row."""
-
-    figure: Figure
-    rows: list[int]
-    counts: list[int]
-    said: str
-
-
-def plotted(run: Run, folder: Path, measured: str = "") -> Seen:
-    """Draw a run. `measured` has keys of the section [measured]."""
-    rows = max(2 * len(run.frames), 100)
-    table = "t,count,torque\n" + "".join(f"{k},0,{np.sin(k):.9g}\n" for k in range(rows))
-    (folder / "rows.csv").write_text(table)
-    motion = "[motion]\nkind = log\nfile = rows.csv\nangle = count\ntime = t\n"
-    (folder / "x.ini").write_text(SCENE + motion + "[measured]\n" + measured)
-    log = run.write(folder / "frames.log")
-    with drawing(rendered=False) as figures:
-        done = command("plot", log, "--scene", folder / "x.ini")
-    assert done.returncode == 0, done.stderr
-    loop, whole, *_ = figures[0].axes
-    counts = np.rint(loop.lines[-1].get_xdata() / np.float32(THETA)).astype(int)
-    shown = whole.lines[-1].get_xdata()
-    return Seen(figures[0], shown.astype(int).tolist(), counts.tolist(), done.stdout)
