@@ -133,7 +133,7 @@ def test_a_log_of_two_buses_needs_the_name_of_one(dahl, log):
 
 
 def test_a_broken_mf4_is_refused_in_one_line(run_dahl, tmp_path):
-    """Its reader, half constructed, prints nothing when it is collected."""
+    """Its reader, half constructed, prints no text when it is collected."""
     whole, cut = tmp_path / "whole.mf4", tmp_path / "cut.mf4"
     with can.Logger(whole) as log:
         for n in range(50):

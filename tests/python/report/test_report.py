@@ -74,7 +74,7 @@ def test_travel_over_lost_frames_counts(run, state):
 
 
 def test_a_restart_after_a_gap_relaxes_its_own_tick(run):
-    """Two records before the Reset are lost. A Reset of errors relaxes nothing."""
+    """Two records before the Reset are lost. A Reset of errors relaxes no bristle."""
     run.tick(5, -440, state=2)
     run.add(Reset(What.RESTART))
     run.bearing = Friction(Plan(SIGMA0, FC, THETA))

@@ -308,7 +308,7 @@ def test_a_bus_is_served_on_the_loopback_address_only(tmp_path):
 
 @pytest.mark.parametrize("greeting", [b"HTTP/1.1 200 OK\r\n", b"< hello >", b"< hi >< no >", b""])
 def test_a_peer_with_another_protocol_is_refused_at_its_first_word(tmp_path, greeting):
-    """The last peer closes the connection instead. None closes it after the word."""
+    """The last peer closes the connection instead."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
         bus = f"socketcand:127.0.0.1:{listener.getsockname()[1]}"
         process = start(tmp_path, STEERING, "--bus", bus)
