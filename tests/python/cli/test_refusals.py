@@ -188,8 +188,8 @@ MISSING_RESOURCE = {  # exit code 1
         demo --scene segments -o table.csv/out => table.csv/out:
         """,
     "silent bus": """
-        MONITOR --seconds 0.3 => interface=virtual channel=quiet ... 0.3
-        RECORD --seconds 0.3 -o new.log => interface=virtual channel=quiet ... 0.3
+        MONITOR --seconds 0.3 => interface=virtual channel=quiet ... s
+        RECORD --seconds 0.3 -o new.log => interface=virtual channel=quiet ... s
         RECORD --seconds 0.3 -o run.log --force => interface=virtual channel=quiet
         """,
 }
