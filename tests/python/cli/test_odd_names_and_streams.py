@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from identify_tools import FC, complaint, dahl_torque, noise_of, sine, write_csv
+from log_reading import drawing
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -27,12 +28,12 @@ def shaft(name: str = "shaft.csv", header: str = "t,angle [deg],torque [Nm]") ->
     return write_csv(Path(name), theta, torque, header)
 
 
-@pytest.mark.parametrize("name", ["[deg]x.csv", ":heart:.csv", "x" * 251 + ".csv"])
+@pytest.mark.parametrize("name", ["[deg] :heart:.csv", "x" * 251 + ".csv"])
 def test_markup_in_a_name_is_shown_literally(dahl, name, monkeypatch):
     monkeypatch.setenv("COLUMNS", "400")
     done = dahl("identify", shaft(name), "-o", "[bold]", "--name", "a")
     assert done.returncode == 0, done.stderr
-    assert "".join(done.stdout.split()).startswith(name)
+    assert "".join(done.stdout.split()).startswith("".join(name.split()))
     assert "[bold]/a.json" in done.stdout
     each = Path("[red]each")
     each.mkdir()
@@ -63,18 +64,12 @@ def test_markup_in_names_of_columns_is_literal(dahl):
 # --- summaries that anyone may have written -------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory, library, dahl_loop) -> Path:
-    folder = tmp_path_factory.mktemp("storm")
-    words = ["demo", "--scene", "fault-storm", "--seconds", "1", "--output", folder]
-    subprocess.run([sys.executable, "-m", "dahl", *words], check=True, capture_output=True)
-    return folder
-
-
 @pytest.fixture
-def storm(recorded, dahl) -> Path:
+def storm(dahl) -> Path:
     """A run of the fault storm, in the folder `run`."""
-    return Path(shutil.copytree(recorded, "run"))
+    with drawing(rendered=False):
+        assert dahl("demo", "--scene", "fault-storm", "--seconds", 1, "-o", "run").returncode == 0
+    return Path("run")
 
 
 def test_texts_of_a_summary_are_escaped_in_the_page(storm, dahl):
@@ -119,12 +114,12 @@ def shell(command: str, **environment: str) -> subprocess.CompletedProcess:
 
 PLAN = "plan --sigma0 1 --fc 1 --theta-per-count 1 -o -"
 NODE = f"node {PLAN[5:-5]} -i virtual -c x --seconds 0.05"
-PRINTING = ["--help", "data", "complete", PLAN, "report run", NODE]
+PRINTING = ["--help", PLAN, pytest.param(NODE, marks=pytest.mark.checks)]
 
 
 @pytest.mark.parametrize("buffered", ["", pytest.param("1", marks=pytest.mark.checks)])
 @pytest.mark.parametrize("words", PRINTING)
-def test_a_full_standard_output_is_an_error_and_a_closed_one_is_not(storm, words, buffered):
+def test_a_full_standard_output_is_an_error_and_a_closed_one_is_not(words, buffered):
     """Output is flushed at the end or, unbuffered, at each line."""
     code, said = complaint(shell(f"dahl {words} >/dev/full", PYTHONUNBUFFERED=buffered))
     assert code == 1 and "No space left on device" in said
@@ -147,14 +142,9 @@ def test_closed_streams_change_no_exit_code(dahl):
     [
         {"PYTHONUTF8": "0", "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"},
         pytest.param({"PYTHONIOENCODING": "latin-1"}, marks=pytest.mark.checks),
-        pytest.param({"LC_ALL": "C"}, marks=pytest.mark.checks),
     ],
 )
 def test_a_terminal_without_utf8(storm, terminal):
-    for words in (
-        "report run -o $'a\\xff²[x].html' && dahl --help",
-        "demo --scene fault-storm --seconds 0.5 --output d",
-    ):
-        done = shell(f"dahl {words}", **terminal)
-        assert (done.returncode, done.stderr) == (0, "")
+    done = shell("dahl report run -o $'a\\xff²[x].html'", **terminal)
+    assert (done.returncode, done.stderr) == (0, "")
     assert complaint(shell("dahl report $'n\\xff²[/x].csv'", **terminal))[0] == 2

@@ -59,15 +59,13 @@ FILES = {
     "ramp.ini": SEGMENTS.format("ramp_ms = 1", ""),
     "faults.ini": SEGMENTS.format("max_step = 9", "[faults]\ndrop = 0.1"),
     "replay.ini": SEGMENTS.partition("\n{}")[0] + "\n[motion]\nkind = log\nfile = table.csv\n",
+    "odd.ini": SEGMENTS.format("gian = 1", ""),
     "other.dbc": 'VERSION ""\nBU_: A\nBO_ 256 Other: 8 A\n',
     "list.json": "[]",
     "half.json": '{"sigma0": 1}',
     "text.json": '{"sigma0": "x", "Fc": 1}',
-    "minus.json": '{"sigma0": -1, "Fc": 1}',
     "linear.json": '{"sigma0": 3e4, "Fc": 2.7, "linear": true}',
     ";a.csv": "a\n1\n2\n",
-    " a.csv": "a\n1\n2\n",
-    "a ; b.csv": "a\n1\n2\n",
     f"{'x' * 156}.csv": "a\n1\n2\n",
     "mine.h": "int mine;\n/* dahl_prepare() of one */\n#ifndef DAHL_PLAN_X_H\n",
     "bytes.h": "\udcff",
@@ -82,8 +80,6 @@ WRONG_INPUT = {  # exit code 2
         DEMO --angle shft => shaft.csv:1 ... 'shft' ... 'shaft [deg]'
         DEMO --fc -1 => Fc = -1
         DEMO --counts-per-turn=0 => -turn ... 0
-        DEMO --counts-per-turn=-1 => -turn ... -1
-        DEMO --counts-per-turn=nan => -turn ... nan
         DEMO --counts-per-turn=inf => -turn ... inf
         DEMO --bus canopy => --bus canopy ... socketcan
         DEMO --scene steering => --scene
@@ -91,21 +87,13 @@ WRONG_INPUT = {  # exit code 2
         SMALL none.csv --angle a => none.csv: no such file
         demo --scene none -o out => 'none' ... creep ... cycloidal
         demo --angle 1 -o out => --angle
-        demo --torque 1 -o out => --torque
-        demo --time 1 -o out => --time
-        demo --torque-scale 1 -o out => --torque-scale
-        demo --counts-per-turn 1 -o out => --counts-per-turn
         demo --fc 1 --scene steering -o out => --fc
         demo --offset 0 --sigma0 3 -o out => --sigma0 ... --offset
         demo --spring 0.3 --angle-unit deg -o out => --angle-unit ... --spring
         SMALL odd.csv --angle 'a ; b' => 'a ; b'
         SMALL odd.csv --angle ' x' => ' x'
         SMALL odd.csv --angle x --torque 'y ' => 'y '
-        SMALL odd.csv --angle x --torque 'y ; b' => 'y ; b'
-        SMALL odd.csv --angle x --time ' z' => ' z'
         SMALL ';a.csv' --angle a => ;a.csv
-        SMALL ' a.csv' --angle a => a.csv
-        SMALL 'a ; b.csv' --angle a => a ; b.csv
         SMALL {"x" * 156}.csv --angle a => {"x" * 156}.csv
         demo --scene replay.ini -o out => replay.ini: [motion] angle ... table.csv
         demo --scene segments --target m4f --bus socketcan:x => --target ... can:x
@@ -126,27 +114,20 @@ WRONG_INPUT = {  # exit code 2
         SLIP --sigma0=1,-2 --fc=1,1 => element 1: sigma0 = -2
         SLIP --sigma0=1,1,1,1,1,1,1,1,1 --fc=1,1,1,1,1,1,1,1,1 => 9 elements ... 8
         ASYMMETRIC => --fc 0.5 ... 1 ... --model asymmetric ... 2
-        ASYMMETRIC --fc=1,0 => Fc_backward = 0
         ASYMMETRIC --fc=1,2,3 => --fc 1,2,3 ... 3 ... --model asymmetric ... 2
         ASYMMETRIC --fc=1,2 --breakaway=0.5 => --breakaway ... --model {BREAKAWAY}
         BREAKAWAY => --breakaway ... --model {BREAKAWAY}
         BREAKAWAY --breakaway=1 => breakaway = 1
-        BREAKAWAY --breakaway=0 => breakaway = 0
         BREAKAWAY --breakaway=b => --breakaway b ... 0 < breakaway < 1
         PLAN --breakaway=0 => --breakaway ... --model {BREAKAWAY}
         PLAN --model=lugre => 'lugre'
-        PLAN --sigma0=-1 => sigma0 = -1 ... 2^-64 <= sigma0 < 2^64
-        PLAN --sigma0=0 => sigma0 = 0 ... 2^-64 <= sigma0 < 2^64
         PLAN --sigma0=1e30 => sigma0 = 1e+30 ... 2^-64 <= sigma0 < 2^64
         PLAN --sigma0=soft => --sigma0 soft ... 2^-64 <= sigma0 < 2^64
         PLAN --sigma0=1,2 => --sigma0 1,2 ... 2 ... --model dahl ... 1
-        PLAN --fc=nan => Fc = nan ... 2^-64 <= Fc < 2^64
         PLAN --fc= => --fc : ... 2^-64 <= Fc < 2^64
-        PLAN --fc=1,2 => --fc 1,2 ... 2 ... --model dahl ... 1
         PLAN --fc=1,,2 => --fc :
         PLAN --counts-per-turn=0 => --counts-per-turn 0: ... above 0
         PLAN --counts-per-turn=inf => --counts-per-turn inf: ... above 0
-        PLAN --counts-per-turn=many => --counts-per-turn many: ... above 0
         PLAN --counts-per-turn=1e14 => 2^-30 <= travel < 2^20
         PLAN --theta-per-count=1 => --theta-per-count ... --counts-per-turn
         plan --sigma0 1 --fc 1 -o x.h => --counts-per-turn ... --theta-per-count
@@ -158,21 +139,19 @@ WRONG_INPUT = {  # exit code 2
     "node": """
         NODE -i virtual --target m4f => -i ... --target
         NODE -c vcan0 => -c vcan0 ... -i
-        NODE -b 500000 => -b 500000 ... -i
         NODE --fd => --fd ... -i
-        NODE --data-bitrate 9 => --data-bitrate 9 ... -i
         NODE --bus-kwargs a=1 b=2 => --bus-kwargs a=1 b=2 ... -i
         NODE TIMING => --timing f_clock=8000000 brp=2 tseg1=5 ... -i
         NODE -i virtual --host x --bus-kwargs host=y => host=y ... --host x
         node --fc 3 => --sigma0 ... --fc ... --theta-per-count ... --scene
         NODE --scene steering => --sigma0 ... --scene
         node --scene nowhere => 'nowhere' ... steering
+        node --scene odd.ini -i virtual -c x => odd.ini: [friction] ... 'gian' ... Fc
         NODE --host 10.0.0.1 => --host 10.0.0.1 ... 127.0.0.1
         node --target m4f --scene tribometer-slip => --target ... tribometer-slip
         node --target m4f --scene slow-reversal => --target ... slow-reversal
         NODE --fc -1 => Fc = -1 ... 2^-64 <= Fc
         NODE --fc -1 -i virtual -c x => Fc = -1 ... 2^-64 <= Fc
-        NODE --theta-per-count 0 => theta_per_count = 0 ... 2^-64
         """,
     "logs and runs": """
         identify table.csv --each . => LOG ... --each ... --follow
@@ -181,13 +160,10 @@ WRONG_INPUT = {  # exit code 2
         identify nan.csv --no-files => nan.csv:2
         identify nan.csv --no-files --skip-gaps => nan.csv:2
         EXCITE --sigma0 100 --fc 0.5 --speed 1e-30 => 1000000
-        EXCITE --sigma0 100 --fc 0.5 --speed 1e-6 => 1000000
         EXCITE --from linear.json --mm --sigma0 3 => --from ... --sigma0
-        EXCITE --from linear.json --mm --fc 7 => --from ... --fc
         EXCITE --from list.json => list.json:
         EXCITE --from half.json => half.json:
         EXCITE --from text.json => text.json:
-        EXCITE --from minus.json => minus.json:
         plot none => none: no such file
         plot table.csv --scene segments => table.csv: ... .blf
         plot broken.log --scene segments => broken.log:2: ... 100#0
@@ -201,7 +177,6 @@ WRONG_INPUT = {  # exit code 2
         MONITOR --dbc other.dbc => other.dbc: ... 'Count' ... 'EncoderState'
         monitor -i nothing -c x => -i ... 'nothing'
         RECORD -o run.txt => .asc ... .blf ... .log ... .mf4 ... .trc
-        RECORD -o run => .asc ... .blf ... .log ... .mf4 ... .trc
         RECORD -o run.log.gz => .asc ... .blf ... .log ... .mf4 ... .trc
         RECORD -o run.log => run.log: ... --force
         """,
@@ -213,8 +188,8 @@ MISSING_RESOURCE = {  # exit code 1
         demo --scene segments -o table.csv/out => table.csv/out:
         """,
     "silent bus": """
-        MONITOR --seconds 0.3 => interface=virtual channel=quiet ... 0.3
-        RECORD --seconds 0.3 -o new.log => interface=virtual channel=quiet ... 0.3
+        MONITOR --seconds 0.3 => interface=virtual channel=quiet ... s
+        RECORD --seconds 0.3 -o new.log => interface=virtual channel=quiet ... s
         RECORD --seconds 0.3 -o run.log --force => interface=virtual channel=quiet
         """,
 }
@@ -223,33 +198,12 @@ SCENE_OF_A_PLOT = [  # text of a scene, facts
     (b"[friction]\nsigma0 = x\n", "[friction] sigma0 ... 'x'"),
     (b"[friction]\ntheta_per_count = fine\n", "[friction] theta_per_count ... 'fine'"),
     (b"[friction]\nnode = 16\n", "[friction] node ... 16 ...  0  ...  15"),
-    (b"[friction]\nnode = -1\n", "[friction] node ... -1"),
     (b"[friction]\nnode = 2.5\n", "[friction] node ... 2.5"),
-    (b"[friction]\nnode = nan\n", "[friction] node ... nan"),
     (b"[motor]\nseconds = 2 s\n", "[motor] seconds ... '2 s'"),
     (b"[measured]\noffset = 1,5\n", "[measured] offset ... '1,5'"),
     (b"[measured]\nsettle = 1.5\n", "[measured] settle ... '1.5'"),
-    (b"[measured]\nsettle = inf\n", "[measured] settle ... 'inf'"),
     (b"[measured]\nwheel = 1\n", "[measured] ... 'wheel'"),
     (b"sigma0 = 1\n", "section"),
-]
-SLIP = "model = slip\nsigma0 = 100 40"
-MIX = "model = parallel\nsigma0 = 100 40\nFc = 0.5 0.3"
-SCENE_OF_A_NODE = [  # keys of [friction], facts in any order
-    ("model = dhal\nsigma0 = 1\nFc = 1", "dhal ... slip"),
-    ("sigma0 = 100\nFc = 0.5\ngian = 0.2", "'gian' ... Fc"),
-    ("sigma0 = 100\nFc = 1\n[status]\nperiod = 9", "[status] ... 'period' ... period_ms"),
-    ("sigma0 = 100 40\nFc = 0.5 0.3", "sigma0 ... 2 ... dahl"),
-    (f"{SLIP}\nFc = 0.5", "2 ... 1 ... slip"),
-    ("model = asymmetric\nsigma0 = 1\nFc = 1", "Fc 1 ... asymmetric"),
-    (f"{SLIP}\nFc = 1 1\nkinds = slip slip", "kinds ... slip"),
-    ("sigma0 = 1\nFc = 1\nbreakaway = 0.5", "breakaway ... dahl"),
-    (f"{MIX}\nkinds = dahl", "kinds ... dahl ... 2"),
-    (f"{MIX}\nkinds = dahl slpi", "slpi"),
-    (MIX, "kinds"),
-    ("theta_per_count = 1", "sigma0"),
-    ("sigma0 = x\nFc = 1", "sigma0 ... 'x'"),
-    ("sigma0 = 1\nFc = 1\nnode = 16", "node = 16 ... 15"),
 ]
 
 
@@ -308,15 +262,6 @@ def test_a_bad_command_line_is_refused_in_one_line_and_changes_no_file(
 def test_plot_refuses_a_bad_scene(dahl, folder, text, facts):
     (path := folder / "bad.ini").write_bytes(text)
     check(dahl("plot", "run.log", "--scene", path), 2, f"{path}: ... {facts}")
-
-
-@pytest.mark.parametrize(("keys", "facts"), SCENE_OF_A_NODE)
-def test_node_refuses_a_scene_that_dahl_loop_refuses(dahl, folder, keys, facts):
-    """Half of such a scene would give other torques than the user meant."""
-    (folder / "bad.ini").write_text(f"[friction]\n{keys}\n")
-    done = dahl("node", "--scene", "bad.ini", "-i", "virtual", "-c", "x", "--seconds", "0.1")
-    line = check(done, 2, "bad.ini: [")
-    assert done.stdout == "" and all(fact in line for fact in facts.split(" ... "))
 
 
 # --- summaries that anyone may have written -------------------------------------------------------

@@ -102,7 +102,7 @@ def test_identify_writes_the_files_of_its_name(dahl, tmp_path):
     (shaft := tmp_path / "My shaft.csv").write_text("\n".join(rows) + "\n")
     words = ("identify", shaft, "--terms", "viscous", "--time")
     done = dahl(*words, "t", "--json", "-", "-o", "out")
-    numbers = json.loads(done.stdout)  # and nothing else is printed
+    numbers = json.loads(done.stdout)  # the only output
     assert (done.returncode, numbers["rows"]) == (0, 1000)
     assert json.loads(Path("out/my_shaft.json").read_text()) == numbers
     made = {"my_shaft.json", "my_shaft.png", "my_shaft.ini", "dahl_plan_my_shaft.h"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import math
 import random
 import re
 import shutil
@@ -98,6 +99,24 @@ def test_the_next_tick_uses_new_parameters(shaft) -> None:
         waiting, move = None, chance.randint(-20, 20)
         assert shaft.friction_tick(move) == bearing.step_counts(move)
     assert refused > 100 and early > 100
+
+
+@pytest.mark.usefixtures("library")
+def test_the_encoder_example_passes_the_wrap_of_its_timer(root, tmp_path) -> None:
+    """And goes back. The jump at its index pulse leaves the torque."""
+    flags = ["-G", "Ninja", "-DCMAKE_C_FLAGS=-Wall -Wextra -pedantic -Werror"]
+    example = root / "examples/encoder_16bit_timer"
+    for words in (["-S", example, "-B", tmp_path, *flags], ["--build", tmp_path]):
+        subprocess.run(["cmake", *words], check=True, capture_output=True)
+    printed = subprocess.check_output([tmp_path / example.name], text=True)
+    rows = [(int(a), float(b)) for a, b in re.findall(r"timer +(\d+) +([+-][\d.]+) N m", printed)]
+    readings = [reading for reading, _ in rows]
+    assert max(readings) > 65000 and min(readings[:-1]) < 100
+    bearing = dahl.Friction(dahl.Plan(100, 0.5, 2 * math.pi / 10000))
+    for (before, _), (now, torque) in zip(rows, rows[1:-1], strict=False):
+        due = bearing.step_counts((now - before + 32768) % 65536 - 32768)
+        assert torque == pytest.approx(due, abs=1e-4)
+    assert rows[-1][1] == rows[-2][1] and printed.strip().endswith("jumps 1")
 
 
 USE = """#include "friction.h"

@@ -1,60 +1,34 @@
 # SPDX-License-Identifier: MIT
-"""Recorded runs of a friction node, frame by frame: packed by cantools and crccheck, with torques
-of the library.
-"""
+"""Recorded runs of a friction node, frame by frame, with torques of the library."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import can
-import cantools
-import numpy as np
-from crccheck.crc import Crc8Autosar
-from dahl import Friction, Plan
-from log_reading import RefusedError, drawing
-from log_reading import run as command
-from matplotlib.figure import Figure
+from dahl import Friction, Plan, codec
 
 SIGMA0, FC, THETA = 50.0, 0.5, 1e-4
-KINDS = {"EncoderState": 0x3, "FrictionTorque": 0xC, "Reset": 0xA, "ParamWrite": 0x6}
-SCENE = f"""[scene]
-title = a title
-[friction]
-sigma0 = {SIGMA0}
-Fc = {FC}
-theta_per_count = {THETA}
-"""
 
 
 class Run:
     """Frames of a run as a recorder writes them."""
 
-    def __init__(self, dbc: Path) -> None:
-        self.database = cantools.database.load_file(dbc)
+    def __init__(self) -> None:
         self.bearing = Friction(Plan(SIGMA0, FC, THETA))
         self.frames: list[can.Message] = []
         self.count = self.ratio = 0
         self.pause = 0.0  # s, before the next frame
         self.answers: int | None = None  # number of the last answer, or None
 
-    def add(self, name: str, **signals: int) -> None:
-        message = self.database.get_message_by_name(name)
-        data = bytearray(message.encode({"Crc": 0, **signals}, scaling=False, strict=False))
-        data[0] = Crc8Autosar.calc(data[1:] + bytes([KINDS[name] << 4 | data[1] & 15]))
-        self.frames.append(
-            can.Message(
-                timestamp=len(self.frames) / 2000 + self.pause,
-                arbitration_id=message.frame_id,
-                data=data,
-                is_extended_id=False,
-                channel="can0",
-            )
-        )
+    def add(self, frame: codec.Frame) -> None:
+        message = codec.pack(frame)
+        message.timestamp = len(self.frames) / 2000 + self.pause
+        message.channel = "can0"
+        self.frames.append(message)
 
-    def send(self, counter: int, count: int, valid: int = 1) -> None:
-        self.add("EncoderState", Counter=counter % 16, Valid=valid, Count=count)
+    def send(self, counter: int, count: int, valid: bool = True) -> None:
+        self.add(codec.EncoderState(count, counter % 16, valid))
 
     def answer(self, counter: int, count: int, state: int = 0, used: bool = True) -> None:
         """The node integrates the travel since the last answer, or starts anew at the count."""
@@ -63,13 +37,7 @@ class Run:
         self.count = count
         if self.answers is not None:
             self.answers += 1
-        self.add(
-            "FrictionTorque",
-            Counter=(self.answers or 0) % 16,
-            State=state,
-            EchoCounter=counter % 16,
-            TorqueRatio=self.ratio,
-        )
+        self.add(codec.FrictionTorque(self.ratio, (self.answers or 0) % 16, state, counter % 16))
 
     def tick(self, counter: int, count: int, state: int = 0, used: bool = True) -> None:
         self.send(counter, count)
@@ -81,35 +49,3 @@ class Run:
             for frame in self.frames:
                 log.on_message_received(frame)
         return path
-
-
-@dataclass
-class Seen:
-    """The picture of a run. The time of its log is the number of the row."""
-
-    figure: Figure
-    rows: list[int]
-    counts: list[int]
-    torque: np.ndarray  # N m
-    said: str
-
-
-def plotted(run: Run, folder: Path, measured: str = "", words: tuple[str, ...] = ()) -> Seen:
-    """Draw a run. `measured` has keys of the section [measured]."""
-    rows = max(2 * len(run.frames), 100)
-    table = "t,count,torque\n" + "".join(f"{k},0,{np.sin(k):.9g}\n" for k in range(rows))
-    (folder / "rows.csv").write_text(table)
-    motion = "[motion]\nkind = log\nfile = rows.csv\nangle = count\ntime = t\n"
-    (folder / "x.ini").write_text(SCENE + motion + "[measured]\n" + measured)
-    log = run.write(folder / "frames.log")
-    with drawing(rendered=False) as figures:
-        done = command("plot", log, "--scene", folder / "x.ini", *words)
-    if done.returncode:
-        raise RefusedError(done.stderr)
-    loop, whole, *_ = figures[0].axes
-    line = loop.lines[-1]
-    counts = np.rint(line.get_xdata() / np.float32(THETA)).astype(int)
-    shown = whole.lines[-1].get_xdata()
-    return Seen(
-        figures[0], shown.astype(int).tolist(), counts.tolist(), line.get_ydata(), done.stdout
-    )

@@ -5,7 +5,6 @@ counters and answers of a node (docs/loop.md).
 
 from __future__ import annotations
 
-import heapq
 import math
 from collections import Counter
 from collections.abc import Iterator
@@ -105,7 +104,7 @@ class Steering:
         return [0, *(nearest(next(parts[1]) + next(parts[0])) for _ in ticks)]
 
 
-# --- a bus that takes time ------------------------------------------------------------------------
+# --- frames ---------------------------------------------------------------------------------------
 
 
 def bits(frame: Logged) -> int:
@@ -123,23 +122,6 @@ def bits(frame: Logged) -> int:
         if run_of == 5:
             last, run_of, count = str(1 - int(bit)), 1, count + 1
     return count + 13
-
-
-def check_arbitration(log: list[Logged], asked_us: list[int], rate: int) -> None:
-    """Each line ends the frame with the highest priority of all that waited for the bus."""
-    waiting: list[tuple[int, int]] = []
-    order = sorted(range(len(log)), key=lambda i: asked_us[i])
-    free, to_come = 0.0, iter([*order, None])
-    nearest_one = next(to_come)
-    for i, frame in enumerate(log):
-        if not waiting:
-            free = max(free, asked_us[nearest_one])
-        while nearest_one is not None and asked_us[nearest_one] <= free:
-            heapq.heappush(waiting, (log[nearest_one].id, nearest_one))
-            nearest_one = next(to_come)
-        assert heapq.heappop(waiting)[1] == i, (i, frame)
-        free += bits(frame) * 1e6 / rate
-        assert abs(frame.time * 1e6 - free) <= 1, (i, frame)
 
 
 # --- the node -------------------------------------------------------------------------------------
@@ -250,18 +232,6 @@ class Node:
     def enter(self, state: int) -> None:
         self.state = state
         self.errors |= 1 << state if state else 0
-
-    def play(self, log: list[Logged]) -> None:
-        """Receive all frames except its own, and tick at each millisecond."""
-        ticked = -1
-        own = {kind | self.number for kind in (TORQUE, STATUS)}
-        for frame in log:
-            now_us = round(frame.time * 1e6)
-            while ticked < now_us // 1000:
-                ticked += 1
-                self.tick(1000 * ticked)
-            if frame.id not in own:
-                self.receive(frame, now_us)
 
     def tick(self, now_us: int) -> Status | None:
         self.check_timeout(now_us)
@@ -462,21 +432,3 @@ def status_in(frame: Logged) -> Status:
     assert is_good(frame, 5)
     first, *sums, _, timeout = frame.data[1:]
     return Status(round(frame.time, 6), first & 15, first >> 4, *sums, timeout)
-
-
-def check_node(log: list[Logged], node: Node, counters: dict | None = None) -> Node:
-    """Compare answers and Status frames of a log and the counters of the summary with this node."""
-    node.play(log)
-    seen = [frame for frame in log if frame.id == TORQUE | node.number]
-    assert all(is_good(frame, 0xC) for frame in seen)
-    assert [(round(f.time * 1e6), f.data[1], f.data[2] & 15) for f in seen] == [
-        (round(a.time * 1e6), a.state << 4 | a.counter, a.echo) for a in node.answers
-    ]
-    ratios = np.array([word(frame.data, 4) for frame in seen]) / 2**30
-    exact = np.array([answer.ratio for answer in node.answers])
-    assert np.abs(ratios - exact).max(initial=0) < Q30_BOUND
-    statuses = [status_in(frame) for frame in log if frame.id == STATUS | node.number]
-    assert statuses == node.statuses
-    if counters is not None:
-        assert {name: count for name, count in counters.items() if count} == +node.counts
-    return node

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import configparser
 import contextlib
 import json
 import logging
@@ -17,10 +18,13 @@ from pathlib import Path
 from typing import Any
 
 import can
+import dahl
 from conftest import ROOT, built
+from dahl.sim import scene as scenes
 
 logging.getLogger("can").setLevel(logging.CRITICAL)  # it warns at every part of a TCP stream
 
+ERROR = 0x20000000  # in an id of candump: an error frame
 SCENES = ROOT / "host_sim" / "scenes"
 LINE = re.compile(
     r"\((\d{10}\.\d{6})\) (\S+) ([0-9A-F]{3}|[0-9A-F]{8})#((?:[0-9A-F]{2}){0,8}|R[1-8]?)"
@@ -170,6 +174,51 @@ def read_log(path: Path) -> list[Logged]:
         )
         for m in matches
     ]
+
+
+def message_of(frame: Logged) -> can.Message:
+    return can.Message(
+        arbitration_id=frame.id & ~ERROR,
+        data=frame.data,
+        is_extended_id=frame.is_extended and not frame.id & ERROR,
+        is_error_frame=bool(frame.id & ERROR),
+    )
+
+
+def scene_with(folder: Path, name: str, *settings: str) -> Path:
+    """A shipped scene with some keys changed: "friction.gain=1"."""
+    parser = configparser.ConfigParser(inline_comment_prefixes=(";",), interpolation=None)
+    parser.optionxform = str
+    parser.read(SCENES / f"{name}.ini")
+    for text in settings:
+        place, _, value = text.partition("=")
+        section, _, key = place.partition(".")
+        if not parser.has_section(section):
+            parser.add_section(section)
+        parser.set(section, key, value)
+    with (folder / "scene.ini").open("w") as file:
+        parser.write(file)
+    return folder / "scene.ini"
+
+
+def check_node(result: Run, scene: Path, number: int = 0) -> list[tuple[int, bytes]]:
+    """The node sent the frames of a dahl.Node that receives the other frames of the log, bit for
+    bit and in order, and has its counts. Returns these frames. For virtual time and one node.
+    """
+    played = scenes.read(scene)
+    node = dahl.Node(scenes.element(played), number, **scenes.settings(played))
+    sent, due, ticked = [], [], -1
+    for frame in read_log(result.log):
+        while ticked < int(frame.time * 1000 + 1e-3):
+            ticked += 1
+            due.append(node.tick(ticked / 1000))
+        if frame.id in (0x110 | number, 0x120 | number, 0x140 | number):
+            sent.append((frame.id, frame.data))
+        else:
+            due.append(node.receive(message_of(frame), frame.time))
+    assert sent == [(one.arbitration_id, bytes(one.data)) for one in due if one is not None]
+    assert result.summary["node"] == vars(node.counts)
+    return sent
 
 
 def word(data: bytes, at: int) -> int:

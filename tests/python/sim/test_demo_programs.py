@@ -9,8 +9,6 @@ import contextlib
 import math
 import os
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -23,7 +21,7 @@ from dahl.codec import Param, ParamWrite
 from demo_tools import FC, OWN, SIGMA0, TURN, in_role, scene_of, summary_of, write_log, write_loop
 from identify_tools import complaint
 from log_reading import drawing
-from loop_tools import SCENES
+from loop_tools import SCENES, is_running
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop", "unpainted")
 
@@ -35,63 +33,53 @@ def unpainted() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="module")
-def own_log(tmp_path_factory, library) -> Path:
-    return write_log(tmp_path_factory.mktemp("own") / "shaft.csv")
-
-
 # --- own logs -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("column", "unit"),
-    [
-        ("angle", "deg"),
-        ("Winkel [°]", "deg"),
-        ("theta [rad]", "rad"),
-        ("theta_rad", "rad"),
-        ("Position [mm]", "mm"),
-        ("Counts", "counts"),
-        ("gradient", "deg"),
-        *(("theta_mrad", "mrad"), ("angle [rev]", "turn"), ("pos [um]", "um"), ("x_m", "m")),
-    ],
-)
-def test_the_unit_of_an_angle_is_read_from_the_name_of_its_column(dahl, column, unit):
-    Path("x.csv").write_text(f"{column},T\n1,2\n")
-    own = ("--torque", "T", *OWN[4:10], "--bus", "canopy")
-    done = dahl("demo", "x.csv", "--angle", column, *own, "-o", "out")
-    assert complaint(done)[0] == 2
-    assert re.match(rf"angle .*'{re.escape(column)}' in {unit} ", done.stdout)
-    assert scene_of(Path("out/own.ini"))["motion"]["angle"] == column
+TURN_MM, PER_RAD = TURN / 1e3, math.degrees(1)
+COLUMNS = [  # column, unit by option or name, counts per unit, plotted unit, and that in SI
+    ("angle", None, "deg", TURN / 360, "deg", PER_RAD),
+    ("Winkel [°]", None, "deg", TURN / 360, "deg", PER_RAD),
+    ("gradient", None, "deg", TURN / 360, "deg", PER_RAD),
+    ("theta_rad", None, "rad", TURN / math.tau, "rad", 1),
+    ("theta_mrad", None, "mrad", TURN / math.tau / 1e3, "rad", 1),
+    ("angle [rev]", None, "turn", TURN, "rad", 1),
+    ("Position [mm]", None, "mm", TURN, "mm", 1000),
+    ("pos [um]", None, "um", TURN_MM, "m", 1),
+    ("x_m", None, "m", TURN * 1000, "m", 1),
+    ("Counts", None, "counts", 1, "rad", 1),
+    ("a #1", "rad", "rad", TURN / math.tau, "rad", 1),
+    ("angle", "mm", "mm", TURN, "mm", 1000),
+]
 
 
-@pytest.mark.parametrize(
-    ("unit", "counts_per_unit", "theta_per_count", "plotted", "per_unit"),
-    [
-        ("deg", TURN / 360, math.tau / TURN, "deg", math.degrees(1)),
-        ("rad", TURN / math.tau, math.tau / TURN, "rad", 1),
-        ("counts", 1, math.tau / TURN, "rad", 1),
-        ("mm", TURN, 1e-3 / TURN, "mm", 1000),
-        ("mrad", TURN / math.tau / 1e3, math.tau / TURN, "rad", 1),
-        ("um", TURN / 1e3, 1e-3 / TURN, "m", 1),
-    ],
-)
+@pytest.mark.parametrize(("column", "given", "unit", "per_unit", "plotted", "scale"), COLUMNS)
 def test_the_scene_of_an_own_log_is_in_its_units(
-    dahl, unit, counts_per_unit, theta_per_count, plotted, per_unit
+    dahl, column, given, unit, per_unit, plotted, scale
 ):
-    Path("x.csv").write_text("a #1,T\n0,1\n")
-    words = ("--angle", "a #1", "--torque", "T", *OWN[4:10], "--angle-unit", unit)
-    words += ("--bus", "canopy")  # refused once the scene is written
-    assert dahl("demo", "x.csv", *words, "-o", "out").returncode == 2
-    scene = scene_of(Path("out/own.ini"))
+    """By the option, else by the name of the column."""
+    Path("x.csv").write_text(f"{column},T\n0,1\n")
+    words = (
+        "--angle",
+        column,
+        "--torque",
+        "T",
+        *OWN[4:10],
+        *(given and ("--angle-unit", given) or ()),
+    )
+    done = dahl("demo", "x.csv", *words, "--bus", "canopy", "-o", "out")
+    assert complaint(done)[0] == 2  # the bus, once the scene is written
+    assert re.match(rf"angle .*'{re.escape(column)}' in {unit} ", done.stdout)
+    scene, is_linear = scene_of(Path("out/own.ini")), unit in ("mm", "um", "m")
     number = {name: float(scene["friction"][name]) for name in ("sigma0", "Fc", "theta_per_count")}
-    assert number == pytest.approx({"sigma0": SIGMA0, "Fc": FC, "theta_per_count": theta_per_count})
-    assert float(scene["motion"]["counts_per_unit"]) == pytest.approx(counts_per_unit, rel=1e-15)
+    theta = (1e-3 if is_linear else math.tau) / TURN
+    assert number == pytest.approx({"sigma0": SIGMA0, "Fc": FC, "theta_per_count": theta})
+    assert float(scene["motion"]["counts_per_unit"]) == pytest.approx(per_unit, rel=1e-15)
     measured = scene["measured"]
-    assert (measured["torque"], scene["motion"]["angle"]) == ("T", "a #1")
+    assert (measured["torque"], scene["motion"]["angle"]) == ("T", column)
     assert measured["label_angle"].endswith(f" [{plotted}]")
-    assert measured["label_torque"].endswith(" [N]" if unit in ("mm", "um") else " [N m]")
-    assert float(measured["angle_scale"]) == pytest.approx(per_unit, rel=1e-15)
+    assert measured["label_torque"].endswith(" [N]" if is_linear else " [N m]")
+    assert float(measured["angle_scale"]) == pytest.approx(scale, rel=1e-15)
 
 
 @pytest.mark.parametrize(("unit", "turn"), [("deg", 360), ("rad", math.tau), ("counts", 16384)])
@@ -116,11 +104,41 @@ def test_an_angle_in_mm_may_jump_and_its_scale_need_not_be_whole(dahl):
     assert dahl("demo", "x.csv", *words, "--bus", "socketcand", "-o", "out").returncode == 0
 
 
-def test_a_bad_row_is_named_before_anything_runs(own_log, dahl):
-    Path("bad.csv").write_text(own_log.read_text().replace("\n0.003,", "\n0.003,x", 1))
+def test_a_bad_row_is_named_before_anything_runs(tmp_path, dahl):
+    text = write_log(tmp_path / "shaft.csv").read_text()
+    Path("bad.csv").write_text(text.replace("\n0.003,", "\n0.003,x", 1))
     code, line = complaint(dahl("demo", "bad.csv", *OWN, "--output", "out"))
     assert code == 2 and line.startswith("bad.csv:5: ") and "'shaft [deg]'" in line
     assert not Path("out/run.log").exists()
+
+
+@pytest.mark.parametrize(
+    ("time_column", "torque"), [((), ()), (("--time", "t"), ("--torque", "T"))]
+)
+def test_an_own_log_is_drawn_again_from_any_folder(dahl, monkeypatch, time_column, torque):
+    angles = 20 * np.sin(np.arange(200) / 30)
+    rows = [f"{n / 1000},{5 - n % 7},{angle}" for n, angle in enumerate(angles)]
+    (folder := Path("b ;c")).mkdir()  # a folder may have any name
+    (folder / "a.csv").write_text("\n".join(["t,T,a", *rows]) + "\n")
+    words = ("--angle", "a", *OWN[4:10], *time_column, *torque, "--bus", "socketcand")
+    assert dahl("demo", folder / "a.csv", *words, "-o", "out").returncode == 0
+    told = summary_of(Path("out"))
+    assert (told["ticks"], told["title"]) == (200, "a.csv")
+    assert (told["r2_measured"] is None) == (torque == ())
+    out = Path("out").resolve()
+    monkeypatch.chdir(folder)
+    assert "200 ticks, a.csv" in dahl("plot", out).stdout
+
+
+def test_a_scene_of_any_editor_is_played_and_shown(dahl):
+    """With a byte order mark, CR LF and letters beyond ASCII."""
+    text = (SCENES / "segments.ini").read_text().replace("Three", "Lenkung ä² <b>")
+    Path("my.ini").write_text(text.replace("\n", "\r\n"), encoding="utf-8-sig", newline="")
+    words = ("--scene", "my.ini", "--seconds", 0.2, "--bus", "socketcand", "--output", "out")
+    assert dahl("demo", *words).returncode == 0
+    assert summary_of(Path("out"))["title"].startswith("Lenkung ä² <b>")
+    assert dahl("report", "out").returncode == 0
+    assert "<title>Lenkung ä² &lt;b&gt;" in Path("out/report.html").read_text(encoding="utf-8")
 
 
 # --- what dahl-loop is started with ---------------------------------------------------------------
@@ -236,34 +254,29 @@ def test_a_wrong_run_exits_with_1_and_keeps_its_files(
 DEAF = "$LOOP $(echo \"$*\" | sed 's/--with-parent [0-9]*//'); exec sleep 60"
 QUIET = 'set -- "$@" --set status.period_ms=60000'
 HANGING = {  # a demo that would wait for ever: scene, dahl-loop, fact of the message
-    "silent": ("segments", in_role("encoder", "exec sleep 60", QUIET), "10"),
+    "silent": ("segments", in_role("encoder", "exec sleep 60", QUIET), "0.5 s"),
     "deaf": ("segments", in_role("node", f"trap '' INT; echo $$ >$0.pid; {DEAF}"), "-9"),
     "unserved": ("segments", "exec sleep 60", "(node)"),
-    "still": ("creep", 'exec "$LOOP" "$@" --wait-clients 2', "10"),
+    "still": ("creep", 'exec "$LOOP" "$@" --wait-clients 2', "0.5 s"),
 }
 
 
-@pytest.fixture(scope="module", autouse=True)
-def hanging(request, tmp_path_factory, library, dahl_loop) -> Iterator[dict[str, subprocess.Popen]]:
-    """A demo of each case. They wait while the other tests of this file run."""
-    running = {}
-    chosen = " ".join(item.name for item in request.session.items)
-    for name in [name for name in HANGING if f"leaves_no_program[{name}]" in chosen]:
-        scene, script, _ = HANGING[name]
-        loop = write_loop(tmp_path_factory.mktemp(name), script)
-        words = ("demo", "--scene", scene, "--seconds", "0.2", "--output", loop.parent / "out")
-        words += ("--bus", "socketcand") if scene == "segments" else ()
-        running[name] = subprocess.Popen(
-            ["timeout", "45", sys.executable, "-m", "dahl", *map(str, words)],
-            env={**os.environ, "DAHL_LOOP": str(loop)},
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-    yield running
-    for process in running.values():
-        process.terminate()
-        process.communicate()
+@pytest.mark.parametrize("name", HANGING)
+def test_a_demo_that_would_hang_ends_and_leaves_no_program(dahl, monkeypatch, tmp_path, name):
+    """A silent encoder, a node that ignores SIGINT or serves no bus, virtual time that stands
+    still.
+    """
+    scene, script, fact = HANGING[name]
+    loop = write_loop(tmp_path / "bin", script)
+    monkeypatch.setenv("DAHL_LOOP", str(loop))
+    if name == "unserved":
+        monkeypatch.setattr("dahl.sim.loop.PROGRAM_TIMEOUT_S", 0.5)
+    monkeypatch.setattr("dahl.sim.loop.MAX_SILENCE_S", 0.5)
+    bus = ("--bus", "socketcand") if scene == "segments" else ()
+    code, said = complaint(dahl("demo", "--scene", scene, "--seconds", "0.2", *bus, "-o", "out"))
+    assert code == 1 and fact in said
+    if name == "deaf":
+        assert not is_running(int(loop.with_name("loop.pid").read_text()))
 
 
 # --- firmware in the place of the node ------------------------------------------------------------
@@ -301,7 +314,7 @@ def attached(asked, core, params, folder, port, number) -> Iterator[None]:
     with can.Bus(**settings) as bus:
         with pytest.raises(RunError, match=f"node {number} "):
             node.ask(bus, ParamWrite(Param.MODEL), number, timeout=0.2)
-        notifier = can.Notifier(bus, [node.Listener(bus, Node(Plan(*params), number))])
+        notifier = can.Notifier(bus, [node.Listener(bus, Node(Plan(*params), number, timeout=60))])
         try:
             yield
         finally:
@@ -314,30 +327,10 @@ def test_firmware_replaces_the_node_of_dahl_loop(dahl, monkeypatch, root):
     monkeypatch.setattr("dahl.sim.firmware.build", lambda core: root / "build/m4f/node_image")
     monkeypatch.setattr("dahl.sim.firmware.attach_firmware", partial(attached, asked))
     words = ("--scene", "segments", "--seconds", 0.3, "--target", "m4f")
-    for _ in range(4):  # the node in Python may be late on a busy machine
-        done = dahl("demo", *words, "--output", "out")
-        if done.returncode == 0 or "no answer in time" not in done.stderr:
-            break
+    done = dahl("demo", *words, "--output", "out")
     assert done.returncode == 0, done.stderr
     numbers = summary_of(Path("out"))
     assert set(asked) == {("m4f", (50.0, 0.5, 9.587379924285257e-05), Path("out"), 0)}
     assert (numbers["target"], numbers["node"], numbers["frames_answered"]) == ("m4f", {}, 300)
     assert numbers["max_error_ulp_Fc"] <= 0.52
     assert "build/m4f/node_image" in done.stdout and "QEMU" in done.stdout
-
-
-# --- a run that waits (last, see `hanging`) -------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", HANGING)
-def test_a_demo_that_would_hang_ends_and_leaves_no_program(hanging, name):
-    """A silent encoder, a node that ignores SIGINT or serves no bus, virtual time that stands
-    still.
-    """
-    process = hanging[name]
-    _, said = process.communicate(timeout=60)
-    assert process.returncode == 1 and said.startswith("error: ") and said.count("\n") == 1, said
-    assert HANGING[name][2] in said
-    if name == "deaf":
-        (left,) = Path(process.args[process.args.index("--output") + 1]).parent.glob("*.pid")
-        assert not Path(f"/proc/{left.read_text().strip()}").exists()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""dahl-loop on the served bus: a client sees every frame of the log, in one process and in two, in
-real and in virtual time. Replay of a log, lockstep, and a bus that is missing or goes away.
+"""dahl-loop on the served bus in real time: a client sees every frame of the log, in one process
+and in two. Lockstep, and a bus that is missing or goes away.
 """
 
 from __future__ import annotations
@@ -13,14 +13,13 @@ import time
 
 import can
 import pytest
-from e2e import p02
+from dahl import codec
 from loop_tools import (
     SCENES,
     client,
     counts_of,
     finished,
     program,
-    raw_client,
     read_log,
     record,
     run,
@@ -33,14 +32,13 @@ from loop_tools import (
 )
 
 STEERING = SCENES / "steering.ini"
-PATIENT = setting("friction.timeout_ms=60000")
 LONG = pytest.param(60, marks=pytest.mark.long)
 
 
 @pytest.mark.timeout(120)
-@pytest.mark.parametrize("seconds", [2, LONG])
+@pytest.mark.parametrize("seconds", [1, LONG])
 def test_a_client_sees_every_frame_of_the_log_with_its_time(tmp_path, seconds):
-    """Real time, one process. Time stamps are of the wall clock."""
+    """Time stamps are of the wall clock."""
     begun = time.time()
     options = ("--wait-clients", "1", *setting(f"motion.seconds={seconds}"))
     with serving(tmp_path, STEERING, *options) as (process, port):
@@ -63,10 +61,7 @@ def without_status(lines: list[str]) -> list[str]:
 
 
 @pytest.mark.timeout(120)
-@pytest.mark.parametrize(
-    ("host", "seconds"),
-    [("127.0.0.1", 2), ("localhost", 0.5), pytest.param("localhost", 60, marks=pytest.mark.long)],
-)
+@pytest.mark.parametrize(("host", "seconds"), [("localhost", 1), ("127.0.0.1", 0.2)])
 def test_two_processes_give_the_counts_and_torques_of_one(tmp_path, host, seconds):
     """The second process joins by address or by name. A client sees the frames of the log."""
     end = setting(f"motion.seconds={seconds}")
@@ -90,15 +85,11 @@ def test_two_processes_give_the_counts_and_torques_of_one(tmp_path, host, second
     )
     assert counts_of(two) == counts_of(one)
     assert torques_of(two) == torques_of(one) == torques_of(node_log)
-    assert max(sent.summary["max_rss_kib"], answered.summary["max_rss_kib"]) < 16 * 1024
 
 
 def answer_to(angle: can.Message) -> can.Message:
     """A FrictionTorque that echoes this angle; its torque is not read."""
-    data = bytearray([0, angle.data[1] - 1 & 15, angle.data[1] & 15, 0, 0, 0, 0, 0])
-    p02.e2e_p02_protect(data, bytes(0xC0 | counter for counter in range(16)))
-    identifier = angle.arbitration_id + 0x10
-    return can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
+    return codec.pack(codec.FrictionTorque(0, echo=angle.data[1] & 15), angle.arbitration_id & 15)
 
 
 def test_lockstep_waits_for_each_answer_up_to_2_s(tmp_path):
@@ -125,50 +116,6 @@ def test_lockstep_waits_for_each_answer_up_to_2_s(tmp_path):
     assert result.summary["answers_unmatched"] == 0
 
 
-@pytest.mark.parametrize("number", [0, 1])
-def test_a_late_last_answer_is_counted(tmp_path, number):
-    """It comes 0.3 s after the last tick. The other encoder gets no answer."""
-    options = ("--role", "encoder", "--nodes", "2", "--wait-clients", "1", "--seconds", "0.3")
-    with serving(tmp_path, STEERING, *options) as (process, port), client(port) as bus:
-        for tick in range(300):
-            while (angle := bus.recv(10)).arbitration_id != 0x100 + number:
-                pass
-            time.sleep(0.3 if tick == 299 else 0)
-            bus.send(answer_to(angle))
-        result = finished(tmp_path, process)
-    assert result.summary["frames_answered"] == 300
-
-
-def test_a_replayed_log_gives_the_same_torques(tmp_path):
-    """python-can replays it with its times. The node ignores the old answers."""
-    scene = SCENES / "segments.ini"
-    recorded = run(tmp_path / "recorded", scene, "--virtual", "--seconds", "1").log
-    options = ("--role", "node", "--until-idle", *PATIENT)
-    with serving(tmp_path / "node", scene, *options) as (process, port):
-        with client(port) as bus:
-            for message in can.MessageSync(can.LogReader(recorded)):
-                bus.send(message)
-            received = 0
-            while received < 1000:
-                received += bus.recv(10).arbitration_id == 0x110
-        again = finished(tmp_path / "node", process)
-    assert again.summary["node"]["ok"] == 1000
-    answers = torques_of(read_log(recorded))
-    assert sorted(torques_of(read_log(again.log))) == sorted(answers * 2)
-
-
-def test_the_last_frame_of_a_client_that_leaves_is_answered_and_logged(tmp_path):
-    options = ("--role", "node", "--until-idle")
-    recorded = run(tmp_path / "recorded", STEERING, "--virtual", "--seconds", "0.001").log
-    (angle,) = [frame.data for frame in read_log(recorded) if frame.id == 0x100]
-    with serving(tmp_path / "node", SCENES / "segments.ini", *options) as (process, port):
-        peer = raw_client(port)
-        peer.sendall(f"< send 100 8 {' '.join(f'{byte:X}' for byte in angle)} >".encode())
-        peer.close()
-        log = read_log(finished(tmp_path / "node", process).log)
-    assert [frame.id for frame in log if frame.id != 0x120] == [0x100, 0x110]
-
-
 @pytest.mark.parametrize("bus", ["loopback", "socketcand:0", "joined"])
 def test_a_run_in_real_time_sleeps_between_ticks(tmp_path, bus):
     """A tick with its answer costs some 50 us of CPU time; polling would cost all of it."""
@@ -189,13 +136,11 @@ def test_a_bus_that_goes_away_is_an_error_and_the_files_are_whole(tmp_path):
         log = tmp_path / "encoder" / "run.log"
         wait_until(lambda: log.exists() and log.stat().st_size > 40000)
         node.send_signal(signal.SIGTERM)
-        result = finished(tmp_path / "encoder", encoder, 10)
+        result = finished(tmp_path / "encoder", encoder)
     assert (result.code, result.err.count("\n")) == (1, 1)
     told = result.summary
     assert int(re.match(r"error: --bus \S+: .* (\d+) ticks\n", result.err)[1]) == told["ticks"]
-    assert told["frames_answered"] > 300
-    log = read_log(result.log)
-    assert told["frames_answered"] <= sum(frame.id == 0x110 for frame in log)
+    assert 300 < told["frames_answered"] <= len(torques_of(read_log(result.log)))
 
 
 ABSENT = [  # bus, reason of the system

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import functools
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -113,7 +112,6 @@ DRIVEN = [  # scene, settings, kp, kd, limit
     ("parking", ("control.torque_limit=1.5",), 60, 2, 1.5),
     ("parking", ("motion.tremor=20000", "motion.tremor_s=0.2", "motion.seconds=10"), 60, 2, 8),
     ("parking", DROPS, 60, 2, 8),
-    ("parking", ("friction.model=asymmetric", "friction.Fc=1.1 1.8"), 60, 2, 8),
     ("parking", ("friction.model=asymmetric", "friction.Fc=1.8 1.1"), 60, 2, 8),
     ("slow-reversal", (), 60, 2, 6),
     ("slow-reversal", ("control.kp=55", "control.kd=3", *BACKWARD), 55, 3, 6),
@@ -180,14 +178,6 @@ def test_compensation_divides_the_error_by_five_without_chatter(traced, scene):
     assert turns(np.sign(trace["compensation"])) <= told["reference_reversals"]
 
 
-def test_limit_and_ramp_of_the_node_act_on_the_drive(traced):
-    """A ramp of 2 s has half of the friction after 1 s."""
-    trace, *_ = traced("parking", "friction.limit=0.5")
-    assert np.abs(trace["compensation"]).max() == pytest.approx(0.5 * FC, rel=1e-6)
-    trace, *_ = traced("slow-reversal", "friction.ramp_ms=2000")
-    assert trace["compensation"][1000] == pytest.approx(0.5 * FC, rel=0.05)
-
-
 def test_overcompensation_runs_ahead_of_the_reference(traced):
     """With a third too much, the sliding shaft leads."""
     behind, *_ = traced("slow-reversal")
@@ -198,16 +188,6 @@ def test_overcompensation_runs_ahead_of_the_reference(traced):
     assert (lag > 0).all() and (lead > 0).all()
     assert lead.mean() == pytest.approx((2.4 - FC) / 60, rel=0.1)
     assert summary["control"]["rms_error_rad"] > 2 * np.sqrt(np.mean(lag**2))
-
-
-def test_the_loop_tracks_during_a_fault_storm(traced):
-    """A tenth of the frames is spoiled; the error grows by less than 30 %."""
-    storm = [f"faults.{kind}=0.02" for kind in ("drop", "corrupt", "delay", "duplicate", "glitch")]
-    _, calm, _ = traced("parking")
-    _, rough, _ = traced("parking", "friction.max_step=100000", *storm)
-    assert rough["node"]["crc"] > 100
-    assert rough["faults"]["expected"]["ok"] == rough["node"]["ok"]
-    assert rough["control"]["rms_error_rad"] < 1.3 * calm["control"]["rms_error_rad"]
 
 
 AWAY = [  # scene, settings, largest count of the message
@@ -234,42 +214,22 @@ def test_a_shaft_beyond_2_to_the_53_counts_is_an_error(tmp_path, scene, sets, mo
     assert len(read_log(result.log)) > result.summary["ticks"]
 
 
-ROTOR = """[friction]
-sigma0 = 120
-Fc = 1.8
-theta_per_count = 3.7e-7
-[rotor]
-inertia = {inertia!r}
-viscous = {viscous!r}
-sigma0 = {sigma0!r}
-Fc = 1.8
-[motor]
-bias = 1
-amplitude = 2
-frequency = 5
-seconds = 2
-"""
-
-
-@pytest.mark.parametrize("viscous", [0.0, 1e-4, 0.5, 100.0])
-@pytest.mark.parametrize("sigma0", [10.0, 120.0, 314.159265358, 1e6])
-def test_an_inertia_below_the_limit_is_refused_and_the_limit_is_stable(
-    tmp_path: Path, viscous, sigma0
-):
+@pytest.mark.parametrize(("viscous", "sigma0"), [(0.0, 120.0), (1e-4, 314.0), (100.0, 10.0)])
+def test_an_inertia_below_the_limit_is_refused_and_the_limit_is_stable(tmp_path, viscous, sigma0):
     """At the limit of the message, speed and friction stay within their drive."""
-    path = tmp_path / "scene.ini"
-    path.write_text(ROTOR.format(inertia=1e-9, viscous=viscous, sigma0=sigma0))
-    refused = run(tmp_path, path, "--virtual")
-    assert refused.code == 2
-    assert refused.err.startswith(f"error: {path}:6: [rotor] inertia = 1e-09: ")
+    keys = (f"rotor.viscous={viscous}", f"rotor.sigma0={sigma0}", "motor.seconds=2")
+    words = (SCENES / "creep.ini", "--virtual", *setting(*keys, "motor.amplitude=2"))
+    refused = run(tmp_path, *words, *setting("rotor.inertia=1e-9"))
+    assert (refused.code, refused.err.count("\n")) == (2, 1)
+    assert refused.err.startswith("error: --set:5: [rotor] inertia = 1e-09: ")
     least = float(re.search(r"below (\S+),", refused.err)[1])
     assert least == pytest.approx(max(viscous * 1e-5, sigma0 * 4e-10), rel=1e-8)
-    path.write_text(ROTOR.format(inertia=least, viscous=viscous, sigma0=sigma0))
-    done = run(tmp_path, path, "--virtual", "--trace", tmp_path / "trace.csv")
+    trace = tmp_path / "trace.csv"
+    done = run(tmp_path, *words, *setting(f"rotor.inertia={least!r}"), "--trace", trace)
     if viscous == 0 and "2^53" in done.err:
         return  # free and light: it does fly away
     assert (done.code, done.err) == (0, "")
-    table = np.loadtxt(tmp_path / "trace.csv", delimiter=",", skiprows=1)
+    table = np.loadtxt(trace, delimiter=",", skiprows=1)
     assert np.isfinite(table).all()
     assert np.abs(table[:, 5]).max() <= FC * (1 + 1e-6)
     if viscous >= 0.5:  # overdamped: the speed follows the torque

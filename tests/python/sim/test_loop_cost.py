@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-import shutil
+import re
 import subprocess
 from collections import Counter
 from pathlib import Path
 
 import pytest
+from conftest import need
 from loop_tools import SCENES, program
 
 pytestmark = pytest.mark.checks
@@ -23,36 +24,17 @@ ABSENT = set.union(*PARTS.values())
 
 def instructions(folder: Path, scene: str, *options: str, seconds: str = "0.5") -> Counter:
     """Instructions by source file, of a run in virtual time."""
-    if not shutil.which("valgrind"):
-        pytest.skip("valgrind is not installed (tools/setup.sh installs it where it can)")
+    need("valgrind", "an absent part costs no instruction")
     folder.mkdir(exist_ok=True)
     out = folder / "callgrind.out"
     words = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={out}", program()]
     words += ["--scene", str(SCENES / scene), "--virtual", "--seconds", seconds, *options]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stderr
-    return by_file(out.read_text().splitlines())
-
-
-def by_file(lines: list[str]) -> Counter:
-    """Self cost by file: `fl=`, `fi=`, `fe=` set the file; the line after `calls=` is the callee's.
-
-    A name is written once, as `(id) name`, and then as `(id)`; `cfi=` and `cfl=` share the ids.
-    """
-    names: dict[str, str] = {}
+    subprocess.run(words, capture_output=True, timeout=250, check=True)
+    words = ["callgrind_annotate", "--threshold=100", "--show-percs=no", out]
+    table = subprocess.run(words, capture_output=True, text=True, check=True).stdout
     found: Counter = Counter()
-    here, inclusive = "", False
-    for line in lines:
-        key, _, value = line.partition("=")
-        if key in {"fl", "fi", "fe", "cfi", "cfl"}:
-            number, _, name = value.partition(" ")
-            names.setdefault(number, Path(name).name)
-            here = here if key[0] == "c" else names[number]
-        elif key == "calls":
-            inclusive = True
-        elif line[:1] in "0123456789+-*" and line:
-            found[here] += 0 if inclusive else int(line.split()[1])
-            inclusive = False
+    for cost, name in re.findall(r"^\s*([\d,]+) +(\S+\.[ch]):\S+ \[", table, re.MULTILINE):
+        found[Path(name).name] += int(cost.replace(",", ""))
     return found
 
 

@@ -5,7 +5,6 @@ unread pipe loses are counted.
 
 from __future__ import annotations
 
-import contextlib
 import fcntl
 import json
 import os
@@ -144,7 +143,7 @@ def test_a_full_standard_output_is_an_error():
     assert done.returncode == 1 and done.stderr.startswith("error: --summary -: ")
 
 
-@pytest.mark.parametrize("size", [30000, 30001, 30017, 4096])
+@pytest.mark.parametrize("size", [30000, 30017, 4096])
 @pytest.mark.parametrize("goes_on", [False, True])
 def test_a_full_disk_leaves_whole_lines_and_counts_the_others(tmp_path, size, goes_on):
     """SIGXFSZ ends the run. If it is ignored, all later lines are missing."""
@@ -154,7 +153,7 @@ def test_a_full_disk_leaves_whole_lines_and_counts_the_others(tmp_path, size, go
     process = subprocess.Popen(
         deaf if goes_on else limited, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
-    result = finished(tmp_path, process, 20)
+    result = finished(tmp_path, process)
     assert result.code == 1 and "run.log: File too large" in result.err
     logged = len(read_log(result.log))
     assert size - 60 < result.log.stat().st_size <= size
@@ -190,20 +189,23 @@ def read_all(reading: int) -> str:
         return pipe.read()
 
 
-@pytest.mark.parametrize(("seconds", "pause"), [(2, 20), (6, 4)])
-def test_an_unread_pipe_loses_whole_lines_that_are_counted(tmp_path, seconds, pause):
-    """The loop keeps its ticks. The pipe is read after the end, or earlier."""
+@pytest.mark.parametrize("is_read", [False, True])
+def test_an_unread_pipe_loses_whole_lines_that_are_counted(tmp_path, is_read):
+    """The loop keeps its ticks. The pipe is read when it has overflowed, or after the end."""
+    seconds = 4 if is_read else 2
     process, reading = piped(tmp_path, "--seconds", str(seconds), "--nodes", "4")
-    wait_until(lambda: waiting_in(reading) > 4000)  # it has begun; there is room for less than 1 s
-    with contextlib.suppress(subprocess.TimeoutExpired):
-        process.wait(pause)
+    if is_read:
+        wait_until(lambda: waiting_in(reading) > 4000)  # there is room for less than 1 s
+        time.sleep(2)
+    else:
+        process.wait(60)
     lines = read_all(reading).splitlines(keepends=True)
-    result = finished(tmp_path, process, 30)
+    result = finished(tmp_path, process)
     told = result.summary
     assert (result.code, told["ticks"], told["frames_lost"]) == (1, 1000 * seconds, 0)
     missing = int(re.fullmatch(r"error: --log /dev/fd/\d+: .*?(\d+) lines.*\n", result.err)[1])
     torn = 0 if lines[-1].endswith("\n") else 1
-    assert torn <= (pause > seconds)
+    assert missing > 0 and torn <= (not is_read)
     assert all(LINE.fullmatch(line.rstrip("\n")) for line in lines[: len(lines) - torn])
     # 4 nodes, a Status every 100 ms and at each stall
     status = missing + len(lines) - torn - told["frames_sent"] - told["node"]["ok"]
@@ -211,37 +213,26 @@ def test_an_unread_pipe_loses_whole_lines_that_are_counted(tmp_path, seconds, pa
 
 
 def test_virtual_time_waits_for_the_reader_of_a_pipe(tmp_path):
-    """A pipe that is read a second late, and a named one, lose no line."""
+    """A pipe that is read half a second late, and a named one, lose no line."""
     alone = run(tmp_path / "alone", STEERING, "--virtual")
     process, reading = piped(tmp_path, "--virtual")
-    time.sleep(1)
+    time.sleep(0.5)
     assert read_all(reading) == alone.log.read_text()
-    result = finished(tmp_path, process, 30)
+    result = finished(tmp_path, process)
     assert (result.code, result.err) == (0, "")
     os.mkfifo(tmp_path / "pipe")
     process = start(tmp_path, STEERING, "--virtual", "--log", tmp_path / "pipe")
-    time.sleep(0.5)
     assert (tmp_path / "pipe").read_text() == alone.log.read_text()
     assert finished(tmp_path, process).code == 0
-
-
-def test_lines_that_wait_at_the_end_can_still_be_read(tmp_path):
-    """Real time, with more lines than a pipe holds."""
-    process, reading = piped(tmp_path, "--seconds", "0.4", "--nodes", "4")
-    time.sleep(0.9)
-    assert process.poll() is None
-    text = read_all(reading)
-    result = finished(tmp_path, process, 30)
-    assert (result.code, result.err) == (0, "")
-    assert text.count(" 100#") == text.count(" 110#") == 400
 
 
 def test_ctrl_c_ends_the_wait_for_an_unread_pipe(tmp_path):
     """Virtual time would wait 10 s for each line without room."""
     process, reading = piped(tmp_path, "--virtual", "--nodes", "16")
-    time.sleep(0.7)
+    wait_until(lambda: waiting_in(reading) > 4000)
+    time.sleep(0.3)
     process.send_signal(signal.SIGINT)
-    result = finished(tmp_path, process, 8)
+    result = finished(tmp_path, process)
     os.close(reading)
     assert result.code == 1 and int(re.search(r"(\d+) lines", result.err)[1]) > 0
     assert 0 < result.summary["ticks"] < 30000
@@ -252,7 +243,7 @@ def test_a_pipe_without_a_reader_ends_the_run(tmp_path):
     process, reading = piped(tmp_path)
     os.read(reading, 1000)
     os.close(reading)
-    result = finished(tmp_path, process, 20)
+    result = finished(tmp_path, process)
     assert (result.code, "Broken pipe" in result.err) == (1, True)
     assert re.search(r"(\d+) lines", result.err) and 0 < result.summary["ticks"] < 10000
     os.mkfifo(tmp_path / "pipe")

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A bus that takes time: frame lengths, arbitration, load, latencies and jitter against the log; up
-to 16 nodes.
-"""
+"""A bus that takes time: load, latencies and jitter of the summary against the log; many nodes."""
 
 from __future__ import annotations
 
@@ -9,11 +7,10 @@ import re
 
 import numpy as np
 import pytest
-from loop_model import bits, check_arbitration
+from loop_model import bits
 from loop_tools import SCENES, Logged, Run, read_log, run, setting
 
 STEERING = SCENES / "steering.ini"
-STORM = SCENES / "fault-storm.ini"
 LATE_LINES = re.compile(r"^note: bus load (\d+) % at (\d+) bit/s: above 70 %.*$", re.MULTILINE)
 
 
@@ -23,25 +20,17 @@ def timed(folder, rate: int, *options: object) -> tuple[Run, list[Logged]]:
     return result, read_log(result.log)
 
 
-def asked_and_latencies(log: list[Logged]) -> tuple[list[int], dict[int, list[int]]]:
-    """When each frame was asked for in us, and the latencies of each node's answers in us.
-
-    An encoder and a Status ask at their tick, an answer when the angle that it echoes has come.
-    """
-    asked, latencies, sent, came = [], {}, {}, {}
+def latencies_of(log: list[Logged]) -> dict[int, list[int]]:
+    """Latencies of each node's answers in us. An angle was asked for at its tick."""
+    latencies, sent, ticks = {}, {}, {}
     for frame in log:
-        now, node = round(frame.time * 1e6), frame.id & 15
+        node = frame.id & 15
         if frame.id & ~15 == 0x100:
-            tick = sent[node] = sent.get(node, -1) + 1
-            came[node, frame.data[1] & 15] = tick, now
-            asked.append(1000 * tick)
+            ticks[node, frame.data[1] & 15] = sent[node] = sent.get(node, -1) + 1
         elif frame.id & ~15 == 0x110:
-            tick, of = came[node, frame.data[2] & 15]
-            asked.append(of)
-            latencies.setdefault(node, []).append(now - 1000 * tick)
-        else:
-            asked.append(now // 100000 * 100000)
-    return asked, latencies
+            tick = ticks[node, frame.data[2] & 15]
+            latencies.setdefault(node, []).append(round(frame.time * 1e6) - 1000 * tick)
+    return latencies
 
 
 def quantile(values: np.ndarray, part: float) -> float:
@@ -61,11 +50,10 @@ def check_histogram(told: dict, values: np.ndarray) -> None:
     [(1_000_000, 1, 2), (1_000_000, 3, 2), (500_000, 1, 2.5), (1_000_000, 3, 0.001)]
     + [(700_000, 3, 0.05)],  # answers to two of the encoders come too late
 )
-def test_frames_and_summary_follow_the_standard(tmp_path, rate, nodes, seconds):
-    """Highest priority first. Latency, jitter, deadlines and load are those of the log."""
+def test_the_summary_has_latencies_and_load_of_the_log(tmp_path, rate, nodes, seconds):
+    """Latency, jitter, deadlines and load. Order of the frames: tests/port/test_buses.c."""
     result, log = timed(tmp_path, rate, "--nodes", nodes, "--seconds", seconds)
-    asked, latencies = asked_and_latencies(log)
-    check_arbitration(log, asked, rate)
+    latencies = latencies_of(log)
     summary, every = result.summary, np.concatenate([*latencies.values()])
     ticks = round(seconds * 1000)
     assert summary["frames_sent"] == summary["frames_answered"] == len(every) == nodes * ticks
@@ -96,29 +84,28 @@ def test_a_bus_that_is_too_slow_loses_frames_and_counts_them(tmp_path):
     assert (np.diff(ends) >= lengths[1:] - 1).all()
 
 
-@pytest.mark.parametrize("seconds", [0.02, 0.5, 2])
-def test_frames_that_wait_at_the_end_do_not_count(tmp_path, seconds):
-    """A full bus is full from its first second on, even in a shorter run."""
-    result, _ = timed(tmp_path, 50000, "--seconds", seconds)
-    full = 1 - 0.003 / seconds  # a frame, of up to 135 bits, that is not over at the end
-    assert full < result.summary["bus_load"] <= 1
-    assert full < result.summary["bus_load_peak"] <= 1.003
-    assert len(LATE_LINES.findall(result.err)) == 1
+LOADS = [  # nodes, bit/s, s, above 70 %
+    (2, 1000000, 3, False),
+    (3, 1000000, 3, True),
+    (2, 700000, 3, False),
+    (2, 680000, 3, True),
+    (1, 50000, 0.02, True),  # a full bus, whose waiting frames do not count
+    (1, 50000, 2, True),
+]
 
 
-@pytest.mark.parametrize(
-    ("nodes", "rate", "warned"),
-    [(2, 1000000, False), (3, 1000000, True), (2, 700000, False), (2, 680000, True)],
-)
-def test_a_load_above_70_percent_is_noted_once(tmp_path, nodes, rate, warned):
-    result, _ = timed(tmp_path, rate, "--nodes", nodes, "--seconds", 3)
+@pytest.mark.parametrize(("nodes", "rate", "seconds", "warned"), LOADS)
+def test_a_load_above_70_percent_is_noted_once(tmp_path, nodes, rate, seconds, warned):
+    result, _ = timed(tmp_path, rate, "--nodes", nodes, "--seconds", seconds)
     told = result.summary
     assert (told["bus_load_peak"] > 0.7) == warned
     assert told["bus_load_peak"] == pytest.approx(told["bus_load"], rel=0.05)
     said = [(int(load), int(at)) for load, at in LATE_LINES.findall(result.err)]
     assert said == [(pytest.approx(100 * told["bus_load_peak"], abs=1.5), rate)] * warned
     assert result.err.count("\n") == warned
-    assert told["frames_lost"] == 0
+    if rate == 50000:
+        full = 1 - 0.003 / seconds  # a frame, of up to 135 bits, that is not over at the end
+        assert full < told["bus_load"] <= 1 and full < told["bus_load_peak"] <= 1.003
 
 
 def test_the_peak_is_the_fullest_second(tmp_path):
@@ -136,27 +123,6 @@ def test_the_peak_is_the_fullest_second(tmp_path):
     assert any(rises) and not all(rises), "this seed shows nothing: take another"
 
 
-def test_lengths_of_extended_and_short_frames(tmp_path):
-    """By the standard, if the bus was free when an angle was sent."""
-    words = setting("faults.extended=0.3", "faults.length=0.3", "friction.max_step=2000")
-    _, log = timed(tmp_path, 1_000_000, "--seconds", 1, *words)
-    seen = {True: 0, False: 0}
-    for before, frame in zip(log, log[1:], strict=False):
-        tick = frame.time * 1000 // 1 / 1000
-        if frame.id == 0x100 and before.time <= tick:
-            assert round((frame.time - tick) * 1e6) == bits(frame)
-            seen[frame.is_extended] += 1
-    assert min(seen.values()) > 100
-
-
-def test_a_slow_bus_carries_the_last_answers(tmp_path):
-    """Frames of babblers go before them."""
-    words = setting("friction.max_step=2000", "faults.babble=0.15")
-    for seed in range(12):
-        result, _ = timed(tmp_path, 500000, "--seconds", 0.02, "--seed", seed, *words)
-        assert (result.summary["frames_sent"], result.summary["frames_lost"]) == (20, 0), seed
-
-
 def test_a_bit_rate_on_a_served_bus_gives_the_load_only(tmp_path):
     """It changes no frame. Virtual time has no latencies."""
     words = ("--virtual", "--seconds", "2")
@@ -171,31 +137,20 @@ def test_a_bit_rate_on_a_served_bus_gives_the_load_only(tmp_path):
 # --- many nodes, and real time --------------------------------------------------------------------
 
 
-def test_sixteen_nodes_in_virtual_time_lose_nothing(tmp_path):
-    options = ("--virtual", "--nodes", "16", "--seconds", "5")
-    result = run(tmp_path, STEERING, *options)
-    told = result.summary
-    assert told["frames_sent"] == told["frames_answered"] == told["node"]["ok"] == 80_000
-    assert told["max_rss_kib"] < 16 * 1024 and told["node"]["ignored"] == 0
-    ids = {frame.id for frame in read_log(result.log)}
-    assert ids == {kind + node for kind in (0x100, 0x110, 0x120) for node in range(16)}
+SLIP = ("friction.model=slip", "friction.sigma0=100 60", "friction.Fc=1 0.5")
 
 
-SLIP = {"sigma0": "100 60", "Fc": "1 0.5", "model": "slip"}
-PARALLEL = {"sigma0": "100 60", "Fc": "1 0.5", "model": "parallel", "kinds": "slip dahl"}
-
-
-@pytest.mark.parametrize("keys", [{}, SLIP, PARALLEL], ids=["dahl", "slip", "parallel"])
+@pytest.mark.parametrize("keys", [(), SLIP], ids=["dahl", "slip"])
 def test_each_of_three_nodes_behaves_as_alone(tmp_path, keys):
     """Seeds are consecutive: motion, faults and bristles are separate."""
-    words = setting("faults.bus_off=0", *(f"friction.{key}={value}" for key, value in keys.items()))
-    common = ("--virtual", "--seconds", "4", *words)
-    three = run(tmp_path, STORM, *common, "--nodes", "3", "--set", "friction.node=4")
+    common = ("--virtual", "--seconds", "4", *setting("faults.bus_off=0", *keys))
+    storm = SCENES / "fault-storm.ini"
+    three = run(tmp_path, storm, *common, "--nodes", "3", "--set", "friction.node=4")
     log = [frame for frame in read_log(three.log) if 0x100 <= frame.id < 0x160]
     sums = dict.fromkeys(three.summary["node"], 0)
     for i in range(3):
         alone = ("--seed", 1 + i, "--set", f"friction.node={4 + i}")
-        one = run(tmp_path, STORM, *common, *alone)
+        one = run(tmp_path, storm, *common, *alone)
         own = [frame for frame in read_log(one.log) if 0x100 <= frame.id < 0x160]
         assert [frame for frame in log if frame.id & 15 == 4 + i] == own and len(own) > 7000
         sums = {name: sums[name] + count for name, count in one.summary["node"].items()}
@@ -216,7 +171,7 @@ def test_frames_take_their_time_in_real_time(tmp_path):
 @pytest.mark.parametrize("seconds", [2, pytest.param(600, marks=pytest.mark.long)])
 @pytest.mark.timeout(700)
 def test_four_nodes_at_one_kilohertz_lose_nothing(tmp_path, seconds):
-    """Real time on a served bus."""
+    """In real time, on a served bus."""
     options = ("--bus", "socketcand:0", "--nodes", "4", *setting(f"motion.seconds={seconds}"))
     result = run(tmp_path, STEERING, *options, timeout=680)
     told = result.summary

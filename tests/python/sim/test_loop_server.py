@@ -21,6 +21,7 @@ import pytest
 from dahl.bus import open_bus
 from loop_tools import (
     SCENES,
+    Run,
     client,
     finished,
     raw_client,
@@ -35,31 +36,17 @@ STEERING = SCENES / "steering.ini"
 NODE = ("--role", "node", "--set", "friction.timeout_ms=60000")
 
 
-def greeted(port: int) -> socket.socket:
-    """A client that was greeted and has sent no command yet."""
-    peer = socket.create_connection(("127.0.0.1", port))
-    peer.settimeout(10)
-    assert peer.recv(100) == b"< hi >"
-    return peer
-
-
-def ask(peer: socket.socket, words: bytes, answer: bytes) -> None:
-    peer.sendall(words)
-    got = b""
-    while len(got) < len(answer):
-        got += peer.recv(100)
-    assert got == answer
-
-
 def hear(peer: socket.socket, pattern: bytes) -> bytes:
     """Read until something comes that matches."""
     text = b""
     while not re.search(pattern, text):
-        text += peer.recv(1 << 16)
+        part = peer.recv(1 << 16)
+        assert part, "the server has closed the connection"
+        text += part
     return text
 
 
-def ended(folder, process):
+def ended(folder: Path, process: Popen) -> Run:
     process.send_signal(signal.SIGTERM)
     return finished(folder, process)
 
@@ -69,50 +56,49 @@ def closed(*peers: socket.socket) -> None:
         peer.close()
 
 
-def test_a_client_reads_words_letter_by_letter_and_logs_the_time_of_the_server(tmp_path):
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        spec = f"socketcand:127.0.0.1:{listener.getsockname()[1]}"
-        words = ("--role", "encoder", "--bus", spec, "--seconds", "0.3")
-        process = start(tmp_path / "encoder", STEERING, *words)
-        peer, _ = listener.accept()
-        for letter in b"< hi >< ok >< ok >< frame 123 1.5 AB >< frame 123 1.500000 AB >":
-            peer.send(bytes([letter]))
-            time.sleep(0.001)
-        result = finished(tmp_path / "encoder", process)
-        peer.close()
-    assert (result.code, result.summary["bus_counts"]["garbage"]) == (0, 1)
-    assert "(0000000001.500000) vcan0 123#AB\n" in result.log.read_text()
+def flood(peer: socket.socket, element: bytes) -> None:
+    """Send and read as much as there is room for, without waiting."""
+    for action in (lambda: peer.send(element * 64), lambda: peer.recv(1 << 20)):
+        try:
+            action()
+        except OSError:
+            time.sleep(0.0005)
+
+
+def spoken_angle(folder: Path) -> bytes:
+    """The first angle of a run as an element of a client."""
+    recorded = run(folder, STEERING, "--virtual", "--seconds", "0.001").log
+    (angle,) = [frame.data for frame in read_log(recorded) if frame.id == 0x100]
+    return f"< send 100 8 {' '.join(f'{byte:X}' for byte in angle)} >".encode()
+
+
+# --- frames ---------------------------------------------------------------------------------------
 
 
 def test_frames_begin_a_tenth_of_a_second_after_raw_mode_or_with_the_first_word(tmp_path):
     """python-can would read an earlier frame as a part of the answer. A client that sends has read
     the answer.
     """
-    recorded = run(tmp_path / "r", STEERING, "--virtual", "--seconds", "0.001").log
-    (angle,) = [frame.data for frame in read_log(recorded) if frame.id == 0x100]
-    spoken = f"< send 100 8 {' '.join(f'{byte:X}' for byte in angle)} >".encode()
     with serving(tmp_path / "a", STEERING) as (_, port):
-        silent = min(wait_for_a_frame(port, b"") for _ in range(4))
-    with serving(tmp_path / "b", SCENES / "segments.ini", *NODE) as (_, port):
-        assert min(wait_for_a_frame(port, spoken) for _ in range(5)) < 0.08 < silent
-
-
-def wait_for_a_frame(port: int, words: bytes) -> float:
-    """Seconds until the first frame comes to a new client that sends these words."""
-    peer = raw_client(port)
-    begun = time.monotonic()
-    peer.sendall(words)
-    assert peer.recv(8) == b"< frame "
-    waited = time.monotonic() - begun
-    peer.close()
-    return waited
+        begun = time.monotonic()
+        peer = raw_client(port)
+        assert peer.recv(8) == b"< frame " and time.monotonic() - begun > 0.1
+        peer.close()
+    with serving(tmp_path / "b", SCENES / "segments.ini", *NODE) as (process, port):
+        peer = raw_client(port)
+        peer.sendall(spoken_angle(tmp_path / "r"))
+        peer.close()  # an answer that waited would not be sent
+        log = read_log(ended(tmp_path / "b", process).log)
+    assert [frame.id for frame in log if frame.id != 0x120] == [0x100, 0x110]
 
 
 def test_a_burst_beyond_the_queue_loses_no_frame(tmp_path):
     """Frames without room in the queue wait in their sockets."""
     with serving(tmp_path, STEERING, *NODE) as (process, port):
         peers = [raw_client(port) for _ in range(8)]
-        time.sleep(0.3)
+        for peer in peers:  # in raw mode, and no longer quiet
+            peer.sendall(b"< echo >")
+            hear(peer, b"< echo >")
         process.send_signal(signal.SIGSTOP)
         for peer in peers:
             peer.sendall(b"< send 7FF 0 >" * 800)
@@ -127,23 +113,20 @@ def test_a_burst_beyond_the_queue_loses_no_frame(tmp_path):
     assert result.summary["bus_counts"]["dropped"] == 0
 
 
-def stop(process: Popen) -> None:
-    process.send_signal(signal.SIGSTOP)
-    wait_until(lambda: Path(f"/proc/{process.pid}/stat").read_text().split()[2] == "T")
-
-
 @pytest.mark.parametrize(("opens", "frames"), [(can.Bus, 10), (open_bus, 500)])
 def test_all_frames_of_a_client_that_closes_with_unread_input_arrive(tmp_path, opens, frames):
     """Such a close is a reset. The server is stopped meanwhile, as a busy machine may do. A client
     without tcp_tune keeps Nagle's algorithm, so its kernel holds back short frames.
     """
-    clients = range(0x600, 0x608)
+    clients = range(0x600, 0x604)
     with serving(tmp_path, STEERING, "--set", "motion.seconds=60") as (process, port):
         for number in clients:
             with client(port, opens) as bus:
                 assert bus.recv(10) is not None
                 time.sleep(0.05)  # more frames come, and wait
-                stop(process)
+                process.send_signal(signal.SIGSTOP)
+                stat = Path(f"/proc/{process.pid}/stat")
+                wait_until(lambda stat=stat: stat.read_text().split()[2] == "T")
                 for i in range(frames):
                     bus.send(can.Message(0, number, is_extended_id=False, data=[i % 256]))
             process.send_signal(signal.SIGCONT)
@@ -162,112 +145,83 @@ def test_a_client_counts_from_raw_mode_on(tmp_path):
     """
     options = ("--wait-clients", "2", "--until-idle", "--virtual", "--seconds", "0.5")
     with serving(tmp_path, STEERING, *options) as (process, port):
-        one, two = greeted(port), greeted(port)
-        ask(two, b"< open vcan0 >", b"< ok >")
+        one, two = (socket.create_connection(("127.0.0.1", port), 10) for _ in range(2))
+        for peer in (one, two):
+            hear(peer, b"< hi >")
+        two.sendall(b"< open vcan0 >")
+        hear(two, b"< ok >")
         three = raw_client(port)
         time.sleep(0.5)
         assert process.poll() is None and not (tmp_path / "summary.json").exists()
         joined = time.monotonic()
-        ask(one, b"< open vcan0 >", b"< ok >")
-        ask(one, b"< rawmode >", b"< ok >")
+        one.sendall(b"< open vcan0 >< rawmode >")
         summary = finished(tmp_path, process).summary
         closed(one, two, three)
     assert summary["ticks"] == 500
     assert 0 < summary["wall_s"] < time.monotonic() - joined
 
 
-def test_until_idle_starts_with_the_first_client_and_ends_with_the_last(tmp_path):
-    with serving(tmp_path, STEERING, "--role", "node", "--until-idle") as (process, port):
-        time.sleep(0.5)
-        assert process.poll() is None
-        one, other = raw_client(port), raw_client(port)
-        time.sleep(0.3)
-        one.close()
-        time.sleep(0.5)
-        assert process.poll() is None
-        other.close()
-        assert finished(tmp_path, process, 10).code == 0
-
-
 def test_sixteen_clients_fit_and_the_next_is_refused(tmp_path):
-    """A stopped server refuses none of the sixteen. python-can and dahl-loop show the reason of a
-    refusal. A place that a client leaves is free again.
-    """
+    """python-can and dahl-loop show the reason. A place that a client leaves is free again."""
     refused = "16 clients are here, no more"
     with serving(tmp_path, STEERING, "--role", "node") as (process, port):
-        process.send_signal(signal.SIGSTOP)
-        inside = [socket.create_connection(("127.0.0.1", port), timeout=0.8) for _ in range(16)]
-        process.send_signal(signal.SIGCONT)
-        for peer in inside:
-            peer.settimeout(10)
-            assert peer.recv(100) == b"< hi >"
-            for words in (b"< open vcan0 >", b"< rawmode >"):
-                ask(peer, words, b"< ok >")
+        inside = [raw_client(port) for _ in range(16)]
         with pytest.raises(can.CanError, match=f"got: '< error {refused} >'"), client(port):
             pass
-        joined = start(tmp_path / "joined", STEERING, "--bus", f"socketcand:127.0.0.1:{port}")
-        assert joined.communicate(timeout=20)[1].startswith("error: --bus socketcand:127.0.0.1:")
-        assert joined.returncode == 1
+        joined = run(tmp_path / "joined", STEERING, "--bus", f"socketcand:127.0.0.1:{port}")
+        assert joined.code == 1 and joined.err.startswith("error: --bus socketcand:127.0.0.1:")
         inside.pop().close()
-        time.sleep(0.1)
-        inside.append(raw_client(port))
+        inside.append(next(raw_clients(port)))
         result = ended(tmp_path, process)
         closed(*inside)
-    assert [line[:6] for line in result.err.splitlines()] == ["note: "] * 2 and "16" in result.err
+    assert {line[:6] for line in result.err.splitlines()} == {"note: "} and "16" in result.err
 
 
-@contextlib.contextmanager
-def joining_a_silent_server(folder: Path) -> Iterator[list[tuple[str, Popen, str]]]:
-    """(bus, program, reason) of two programs that join: one server accepts and stays silent, the
-    queue of the other is full.
-    """
-    with socket.create_server(("127.0.0.1", 0)) as silent, socket.socket() as full:
-        full.bind(("127.0.0.1", 0))
-        full.listen(0)
-        waiting = socket.create_connection(full.getsockname())
-        buses = [f"socketcand:127.0.0.1:{one.getsockname()[1]}" for one in (silent, full)]
-        programs = [start(folder / bus, STEERING, "--bus", bus) for bus in buses]
-        yield [*zip(buses, programs, ("Protocol error", "Connection timed out"), strict=True)]
-        waiting.close()
-
-
-def check_silent_clients_are_dropped(silent: list[socket.socket], begun: float) -> None:
-    """Fifteen clients that send nothing or half a greeting lose their places after 5 s."""
-    for peer in silent[:8]:
-        peer.sendall(b"< open vcan0 >")
-    for peer in silent:
-        peer.settimeout(20)
-        while peer.recv(100):
-            pass
-    assert time.monotonic() - begun > 4.5
+def raw_clients(port: int) -> Iterator[socket.socket]:
+    """The server may notice a moment later that a client has left."""
+    until = time.monotonic() + 20
+    while time.monotonic() < until:
+        with contextlib.suppress(AssertionError, OSError):
+            yield raw_client(port)
+        time.sleep(0.05)
 
 
 def test_server_and_client_drop_a_silent_peer_after_5_s(tmp_path):
+    """Clients that send nothing or half a greeting; a server that accepts and stays silent, and one
+    whose queue is full.
+    """
     begun = time.monotonic()
     serves = serving(tmp_path / "server", STEERING, "--role", "node")
-    with joining_a_silent_server(tmp_path) as joining, serves as (process, port):
+    with (
+        socket.create_server(("127.0.0.1", 0)) as mute,
+        socket.create_server(("127.0.0.1", 0), backlog=0) as full,
+        socket.create_connection(full.getsockname()),
+        serves as (process, port),
+    ):
+        buses = [f"socketcand:127.0.0.1:{one.getsockname()[1]}" for one in (mute, full)]
+        joining = [start(tmp_path / bus, STEERING, "--bus", bus) for bus in buses]
         speaks = raw_client(port)
-        silent = [socket.create_connection(("127.0.0.1", port)) for _ in range(15)]
-        check_silent_clients_are_dropped(silent, begun)
-        for bus, joined, why in joining:
-            refused = finished(tmp_path / bus, joined, 20)
-            assert time.monotonic() - begun > 4.5
+        silent = [socket.create_connection(("127.0.0.1", port), 20) for _ in range(4)]
+        silent[0].sendall(b"< open vcan0 >")
+        for peer in silent:
+            while peer.recv(100):
+                pass
+        for bus, joined, why in zip(
+            buses, joining, ("Protocol error", "Connection timed out"), strict=True
+        ):
+            refused = finished(tmp_path / bus, joined)
             assert (refused.code, refused.err.count("\n")) == (1, 1)
             assert refused.err.startswith(f"error: --bus {bus}: {why}")
-        time.sleep(0.6)
+        assert time.monotonic() - begun > 4.5
         speaks.sendall(b"< echo >")
         hear(speaks, b"< echo >")
-        raw_client(port).close()
         result = ended(tmp_path / "server", process)
-        speaks.close()
+        closed(speaks, *silent)
     assert result.code == 0
-    assert sorted(map(int, re.findall(r"client (\d+)", result.err))) == [*range(2, 17)]
+    assert sorted(map(int, re.findall(r"client (\d+)", result.err))) == [2, 3, 4, 5]
 
 
-def pending(process) -> str:
-    """The next line of stderr, or nothing."""
-    ready, _, _ = select.select([process.stderr], [], [], 0)
-    return process.stderr.readline() if ready else ""
+# --- slow clients ---------------------------------------------------------------------------------
 
 
 def test_a_client_that_reads_too_slowly_is_dropped_and_its_place_is_clean(tmp_path):
@@ -275,24 +229,17 @@ def test_a_client_that_reads_too_slowly_is_dropped_and_its_place_is_clean(tmp_pa
     byte reaches the next client.
     """
     with serving(tmp_path, STEERING, "--set", "motion.seconds=60") as (process, port):
-        listener, deaf = raw_client(port), raw_client(port, receive_buffer=4096)
-        flood = b"< send 7FF 8 1 2 3 4 5 6 7 8 >" * 100
-        listener.setblocking(False)
-        until = time.monotonic() + 20
-        while (note := pending(process)) == "" and time.monotonic() < until:
-            for action in (lambda: listener.send(flood), lambda: listener.recv(1 << 20)):
-                try:
-                    action()
-                except BlockingIOError:
-                    time.sleep(0.001)
-        place, left = re.match(r"note: \D*(\d+) .*?(\d+) bytes", note).groups()
+        peer, deaf = raw_client(port), raw_client(port, receive_buffer=4096)
+        peer.setblocking(False)
+        until = time.monotonic() + 60
+        while not select.select([process.stderr], [], [], 0)[0] and time.monotonic() < until:
+            flood(peer, b"< send 7FF 8 1 2 3 4 5 6 7 8 >")
+        place, left = re.match(r"note: \D*(\d+) .*?(\d+) bytes", process.stderr.readline()).groups()
         assert place == "2" and 262144 - 80 < int(left) <= 262144
-        closed(listener, deaf)
-        time.sleep(0.2)
+        closed(peer, deaf)
         closed(*[raw_client(port) for _ in range(2)])
         result = ended(tmp_path, process)
-    assert result.summary["bus_counts"]["dropped"] == 1
-    assert result.summary["beat_late_us"]["max"] < 2e6  # real time does not wait for a client
+    assert result.code == 0 and result.summary["bus_counts"]["dropped"] == 1
 
 
 @pytest.mark.parametrize(("pause", "seconds"), [(2, 30), (0.7, 2)])
@@ -316,12 +263,10 @@ def test_ctrl_c_ends_the_wait_for_clients(tmp_path, clients):
     with serving(tmp_path, STEERING, *options) as (process, port):
         peers = [raw_client(port, receive_buffer=4096) for _ in range(clients)]
         time.sleep(0.5)
-        process.send_signal(signal.SIGINT)
-        result = finished(tmp_path, process, 8)
+        result = ended(tmp_path, process)
         closed(*peers)
     assert result.code == 0
     assert 0 < result.summary["ticks"] < 30000 if clients else result.summary["ticks"] == 0
-    assert (read_log(result.log) == []) == (clients == 0)
 
 
 def test_neither_a_flood_nor_a_slow_client_stops_the_loop(tmp_path):
@@ -330,17 +275,11 @@ def test_neither_a_flood_nor_a_slow_client_stops_the_loop(tmp_path):
         slow, peer = raw_client(port, receive_buffer=4096), raw_client(port)
         assert peer.recv(8) == b"< frame "  # both clients count: the run has begun
         peer.setblocking(False)
-        flood = b"< send 7FF 1 0 >" * 64
         while process.poll() is None:
-            for action in (lambda: peer.send(flood), lambda: peer.recv(65536)):
-                try:
-                    action()
-                except OSError:
-                    time.sleep(0.0005)
+            flood(peer, b"< send 7FF 1 0 >")
         result = finished(tmp_path, process)
         closed(slow, peer)
     assert result.code == 0, result.err
-    assert result.summary["max_rss_kib"] < 16 * 1024
     node = result.summary["node"]
     assert (result.summary["frames_lost"], node["ok"], node["ignored"] > 1000) == (0, 2000, True)
 
@@ -377,7 +316,6 @@ def test_a_peer_with_another_protocol_is_refused_at_its_first_word(tmp_path, gre
         peer.sendall(greeting)
         if not greeting:
             peer.close()
-        wait_until(lambda: process.poll() is not None, 4.5)  # before its limit for a silent peer
         result = finished(tmp_path, process)
         peer.close()
     assert (result.code, result.summary, result.err.count("\n")) == (1, {}, 1)

@@ -3,15 +3,19 @@
 
 from __future__ import annotations
 
-import re
+import configparser
 
 import cantools
+import dahl
 import pytest
 from conftest import ROOT
-from dahl import Error
 from dahl.sim import scene, scene_keys, timing
 from loop_tools import SCENES, run_program, setting
-from test_scene_errors import LIMITS, beyond
+from test_scene_errors import beyond
+
+pytestmark = pytest.mark.usefixtures("library")
+
+PLAN = dahl.Plan(100, 0.5, 1e-3)
 
 
 @pytest.mark.parametrize(("section", "name"), scene_keys.keys())
@@ -23,41 +27,20 @@ def test_dahl_loop_has_each_key(section, name):
 
 def test_keys_for_plots_are_those_that_are_read():
     """With the same defaults."""
-    rows = scene_keys.plot_keys()
-    defaults = {name: type(value)(rows["measured", name]) for name, value in MEASURED.items()}
-    assert defaults == MEASURED and len(rows) == len(MEASURED)
+    rows, measured = scene_keys.plot_keys(), vars(scene.Measured())
+    defaults = {name: type(value)(rows["measured", name]) for name, value in measured.items()}
+    assert defaults == measured and len(rows) == len(measured)
 
 
-MEASURED = vars(scene.Measured())
-
-
-def test_sections_have_keys_and_keys_have_sections():
+def test_shipped_scenes_have_known_sections_and_keys():
     sections = {name for name, _ in scene_keys.rows("SECTION")}
     assert sections == {section for section, _ in (*scene_keys.keys(), *scene_keys.plot_keys())}
-
-
-def test_shipped_scenes_have_known_keys():
     for path in SCENES.glob("*.ini"):
-        section = ""
-        for line in path.read_text().splitlines():
-            if found := re.match(r"\[(\w+)\]", line):
-                section = found[1]
-            elif found := re.match(r"(\w+) =", line):
-                assert found[1] in scene_keys.names(section), (path, line)
-
-
-ELSEWHERE = {  # keys whose own limits other limits hide: see SCENE_ERRORS
-    "friction.sigma0",
-    "friction.Fc",
-    "friction.theta_per_count",
-    "motion.counts_per_unit",
-}
-
-
-def test_each_number_has_a_case_at_its_limits():
-    keys = scene_keys.keys().values()
-    numbers = {f"{key.section}.{key.name}" for key in keys if key.type != "TEXT"}
-    assert numbers == {key for _, key, *_ in LIMITS} | ELSEWHERE
+        parser = configparser.ConfigParser(inline_comment_prefixes=(";",), interpolation=None)
+        parser.optionxform = str
+        parser.read(path)
+        for section in parser.sections():
+            assert {*parser[section]} <= {*scene_keys.names(section)}, (path, section)
 
 
 def test_the_period_is_the_cycle_time_of_the_bus():
@@ -66,29 +49,27 @@ def test_the_period_is_the_cycle_time_of_the_bus():
     assert cycle_ms * 1000 == timing.period_us()
 
 
-PLAIN = "[friction]\nsigma0 = 100\nFc = 0.5\ntheta_per_count = 1e-3\n"
-NODE_LIMITS = [
-    (key, low, high)
-    for _, key, low, high in LIMITS
-    if key == "status.period_ms" or key.removeprefix("friction.") in scene.NODE_KEYS
-]
+NODE_KEYS = [("friction", name) for name in scene.NODE_KEYS] + [("status", "period_ms")]
 
 
-@pytest.mark.usefixtures("library")
-@pytest.mark.parametrize(("key", "low", "high"), NODE_LIMITS)
-def test_a_node_in_python_has_the_limits_of_dahl_loop(tmp_path, key, low, high):
-    section, _, name = key.partition(".")
-    path = tmp_path / "own.ini"
+@pytest.mark.parametrize(("section", "name"), NODE_KEYS)
+def test_a_scene_has_the_limits_of_a_node(tmp_path, section, name):
+    """In dahl-loop: test_scene_errors.py."""
+    key, path = scene_keys.keys()[section, name], tmp_path / "own.ini"
+    is_whole = key.type == "WHOLE"
 
-    def make(value: object) -> None:
-        own = f"{name} = {value}\n"
-        path.write_text(PLAIN + (own if section == "friction" else f"[{section}]\n{own}"))
-        scene.element(scene.read(path))
+    def read(value: object) -> scene.Scene:
+        text = "[friction]\nsigma0 = 100\nFc = 0.5\ntheta_per_count = 1e-3\n"
+        text += f"[{section}]\n" * (section != "friction") + f"{name} = {value}\n"
+        path.write_text(text)
+        return scene.read(path)
 
-    for value in (low, high):
-        make(value)
-    whole = scene_keys.keys()[section, name].type == "WHOLE"
-    values = [beyond(low, -1, whole), beyond(high, 1, whole), "nan", "-inf", *["1.5"] * whole]
-    for value in values:
-        with pytest.raises(Error, match=rf"own\.ini: \[{section}\] {name} = "):
-            make(value)
+    for value in (key.low, key.high):
+        scene.element(read(f"{value:.17g}"))
+        dahl.Node(PLAN, **scene.settings(read(f"{value:.17g}")))
+    high = beyond(key.high, 1, is_whole)
+    with pytest.raises(dahl.Error):
+        dahl.Node(PLAN, **scene.settings(read(high)))
+    for value in (beyond(key.low, -1, is_whole), high, "nan", "-inf", *["1.5"] * is_whole):
+        with pytest.raises(dahl.Error, match=rf"own\.ini: \[{section}\] {name} = "):
+            scene.element(read(value))
