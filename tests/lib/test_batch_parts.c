@@ -21,10 +21,12 @@ static void mix_log(const any_plan_t *plan, any_state_t *state)
     dahl_batch_parallel_counts(parts, 2, dcounts, F, TICKS);
 }
 
-static void asymmetric_log(const any_plan_t *plan, any_state_t *state)
-{
-    dahl_batch_asymmetric_counts(&plan->asymmetric, &state->dahl, dcounts, F, TICKS);
-}
+#define DIRECTED_LOG(name, ...)                                                                                                \
+    static void name##_log(const any_plan_t *plan, any_state_t *state)                                                         \
+    {                                                                                                                          \
+        dahl_batch_##name##_counts(&plan->name, &state->dahl, dcounts, F, TICKS);                                              \
+    }
+DAHL_FRAMES_DIRECTED_MODELS(DIRECTED_LOG)
 
 static void loaded_log(const any_plan_t *plan, any_state_t *state)
 {
@@ -36,11 +38,12 @@ static void elastoplastic_log(const any_plan_t *plan, any_state_t *state)
     dahl_batch_elastoplastic_counts(&plan->elastoplastic, &state->dahl, dcounts, F, TICKS);
 }
 
+#define DIRECTED_ROW(name, ...) {name##_step, name##_log},
 static const struct {
     float (*step)(const any_plan_t *, any_state_t *, const set_t *, move_t);
     void (*log)(const any_plan_t *, any_state_t *);
-} logs[] = {{slip_step, slip_log}, {mix_step, mix_log}, {asymmetric_step, asymmetric_log}, {loaded_step, loaded_log},
-            {elastoplastic_step, elastoplastic_log}};
+} logs[] = {{slip_step, slip_log}, {mix_step, mix_log}, {loaded_step, loaded_log}, {elastoplastic_step, elastoplastic_log},
+            DAHL_FRAMES_DIRECTED_MODELS(DIRECTED_ROW)};
 
 void setUp(void)
 {

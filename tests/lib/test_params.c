@@ -3,6 +3,7 @@
 #include <float.h>
 
 #include "dahl_float.h"
+#include "dahl_frames.h"
 #include "models.h"
 #include "plans.h"
 
@@ -25,13 +26,14 @@ static dahl_err_t float_prepare(any_plan_t *plan, const set_t *set)
 
 /* Each prepare with a good `more`; theta_per_count is not read, may be 0, or is required. */
 enum { NOT_READ, MAY_BE_0, REQUIRED };
+#define DIRECTED_ROW(name, ...) {name##_prepare, 1, REQUIRED},
 static const struct {
     dahl_err_t (*prepare)(any_plan_t *, const set_t *);
     float more;
     int counts;
 } all[] = {{dahl_model_prepare, 0, MAY_BE_0}, {float_prepare, 0, MAY_BE_0}, {angle_prepare, 0, NOT_READ},
-           {slip_prepare, 1, REQUIRED},       {slip_prepare, 8, REQUIRED},  {asymmetric_prepare, 1, REQUIRED},
-           {breakaway_prepare, 0.5f, REQUIRED}};
+           {slip_prepare, 1, REQUIRED},       {slip_prepare, 8, REQUIRED},  {breakaway_prepare, 0.5f, REQUIRED},
+           DAHL_FRAMES_DIRECTED_MODELS(DIRECTED_ROW)};
 #define ALL (sizeof all / sizeof all[0])
 
 /* An error keeps the plan; the memory behind the plan is never written. */

@@ -13,6 +13,7 @@ import pytest
 from bench_tools import (
     BATCHES,
     CALLS,
+    DIRECTED,
     HOST_NAMES,
     JUMPS,
     KEYS,
@@ -182,9 +183,10 @@ def test_a_dominated_method_is_reported(bench):
 # --- tables of the pages -------------------------------------------------------------------------
 
 # Words that the title of a row must have, by the words of its key.
-IN_TITLE = {word: word for word in """prepare slip parallel asymmetric work tip newlib picolibc
+IN_TITLE = {word: word for word in """prepare slip parallel work tip newlib picolibc
     expm1f expf double euler rk4 code const static plan state stack between below units control
     reversal jump q30 1000""".split()}  # fmt: skip
+IN_TITLE |= {name: name for name in DIRECTED}
 IN_TITLE |= {
     "eight": "8",
     "encoder": "reading",

@@ -15,6 +15,7 @@ from conftest import ROOT
 from dahl import codec
 from dahl.binding import models
 from dahl.sim.reference import EXACT
+from model_examples import made, whole
 
 
 def test_the_dbc_the_references_and_the_page_have_each_model_of_the_table(dbc):
@@ -35,18 +36,13 @@ def test_the_dbc_the_references_and_the_page_have_each_model_of_the_table(dbc):
     assert done.stdout in (ROOT / "docs" / "loop.md").read_text(encoding="utf-8")
 
 
-NUMBERS = {"kinds": ("dahl", "slip"), "breakaway": 0.5}  # own keys
-
-
 @pytest.mark.parametrize("model", models.table().values(), ids=lambda model: model.name)
 def test_a_node_of_each_model_reports_its_number_and_its_largest_torque(model):
-    sigma0, torques = [100.0, 50.0][: model.sigma0s or 2], [0.5, 0.25][: model.Fcs or 2]
-    friction = models.make(model, sigma0, torques, 1e-3, NUMBERS.get(model.key))
-    node, asked = dahl.Node(friction), {}
+    node, asked = dahl.Node(made(model)), {}
     for param in (codec.Param.MODEL, codec.Param.FC):
         reply = node.receive(codec.pack(codec.ParamWrite(param)))
         asked[param] = codec.unpack(reply, codec.ParamReply).value
-    elements = 0 if model.sigma0s else len(torques)
+    elements = 0 if model.sigma0s else 3
     assert asked[codec.Param.MODEL] == model.number + elements
-    whole = max(torques) if model.has_directions else sum(torques)
-    assert asked[codec.Param.FC] * codec.UNITS[codec.Param.FC] == whole
+    torque = asked[codec.Param.FC] * codec.UNITS[codec.Param.FC]
+    assert torque == pytest.approx(whole(model), abs=codec.UNITS[codec.Param.FC])

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""Scenes of every friction model: each answer on the bus against the equation of the model in
-64-bit floats, and the summary of a demo.
+"""Scenes of every friction model: each answer on the bus against the exact torque of the model, and
+the summary of a demo.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import threading
-from collections.abc import Callable, Iterator
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import can
@@ -18,10 +19,12 @@ import cantools
 import numpy as np
 import pytest
 from dahl.binding import models
-from loop_model import Q30_BOUND, travel_per_count
+from dahl.sim.reference import EXACT
+from dahl.sim.scene import read
+from loop_model import Q30_BOUND
 from loop_tools import Logged, counts_of, read_log, run, setting, torques_of
+from model_examples import FC, OWN, THETA, keys, numbers
 
-THETA = 3.8e-4
 STEERING = """[motion]
 kind = steering
 amplitude = 900
@@ -33,74 +36,13 @@ seconds = 3
 """
 
 
-def toward(end: float, w: float, travel: float) -> float:
-    """Dahl: the distance to the end decays with the travel."""
-    return end - (end - w) * np.exp(-travel)
-
-
-def dahl(moves: np.ndarray, a: float) -> Iterator[float]:
-    w = 0.0
-    for move in moves:
-        w = toward(np.sign(move), w, a * abs(move)) if move else w
-        yield w
-
-
-def slip(moves: np.ndarray, a: float) -> Iterator[float]:
-    w = 0.0
-    for move in moves:
-        w = min(1.0, max(-1.0, w + a * move))
-        yield w
-
-
-def asymmetric(moves: np.ndarray, forward: float, backward: float) -> Iterator[float]:
-    """In parts of the larger Fc."""
-    forward, backward = (float(np.float32(end)) for end in (forward, backward))
-    most, f = max(forward, backward), 0.0
-    for move in moves:
-        end = forward if move > 0 else -backward
-        f = toward(end, f, travel_per_count(100, abs(end), THETA) * abs(move)) if move else f
-        yield f / most
-
-
-def spring_then_dahl(moves: np.ndarray, a: float, breakaway: float) -> Iterator[float]:
-    """A spring up to breakaway, and beyond it what is left falls off the quicker."""
-    w = 0.0
-    for move in moves:
-        side, u = np.sign(move), a * abs(move)
-        elastic = max(0.0, min(u, breakaway - side * w))
-        rest = (u - elastic) / (1 - breakaway)
-        w = side * toward(1, side * w + elastic, rest) if move else w
-        yield w
-
-
-def mixed(moves: np.ndarray, *parts: tuple[Callable, float, float]) -> np.ndarray:
-    """Parallel elements (kind, sigma0, Fc), in parts of the sum of Fc."""
-    limits = [float(np.float32(Fc)) for *_, Fc in parts]
-    ratios = [[*of(moves, travel_per_count(sigma0, Fc, THETA))] for of, sigma0, Fc in parts]
-    return np.array(limits) @ np.array(ratios) / sum(limits)
-
-
-BREAKAWAY = models.with_key("breakaway").name
-B = float(np.float32(0.6))
-RATIOS = {
-    "dahl": lambda moves: mixed(moves, (dahl, 100, 0.7)),
-    "slip": lambda moves: mixed(moves, (slip, 100, 0.2), (slip, 30, 0.7)),
-    "parallel": lambda m: mixed(m, (dahl, 100, 0.2), (slip, 30, 0.7), (dahl, 50, 0.05)),
-    "asymmetric": lambda m: np.array([*asymmetric(m, 0.2, 0.7)]),
-    BREAKAWAY: lambda m: np.array([*spring_then_dahl(m, travel_per_count(100, 0.7, THETA), B)]),
-}
-KEYS = {
-    "dahl": "sigma0 = 100\nFc = 0.7",
-    "slip": "sigma0 = 100 30\nFc = 0.2 0.7",
-    "parallel": "kinds = dahl slip dahl\nsigma0 = 100 30 50\nFc = 0.2 0.7 0.05",
-    "asymmetric": "sigma0 = 100\nFc = 0.2 0.7",
-    BREAKAWAY: "sigma0 = 100\nFc = 0.7\nbreakaway = 0.6",
-}
+TABLE = models.table()
+RATIOS = [name for name in TABLE if name != "loaded"]  # models whose torque needs no load
 
 
 def scene(folder: Path, model: str, *parts: str) -> Path:
     path = folder / "model.ini"
-    head = f"[friction]\nmodel = {model}\n{KEYS[model]}\ntheta_per_count = {THETA}\n"
+    head = f"[friction]\n{keys(TABLE[model])}theta_per_count = {THETA}\n"
     path.write_text(head + "".join(parts or (STEERING,)))
     return path
 
@@ -109,41 +51,40 @@ def q30(log: list[Logged]) -> np.ndarray:
     return np.array([ratio for _, ratio in torques_of(log)]) / 2**30
 
 
-EXACT = [(model, (), ratios) for model, ratios in RATIOS.items()]
 FORWARD = setting("friction.Fc=0.7 0.2")  # the larger one
-EXACT += [("asymmetric", FORWARD, lambda m: np.array([*asymmetric(m, 0.7, 0.2)]))]
+CASES = [(name, (), "") for name in RATIOS]
+CASES += [(name, FORWARD, "Fc = 0.7 0.2") for name in RATIOS if TABLE[name].has_directions]
 
 
-@pytest.mark.parametrize(("model", "sets", "ratios"), EXACT)
-def test_every_model_is_exact_over_the_bus(tmp_path, model, sets, ratios):
-    result = run(tmp_path, scene(tmp_path, model), "--virtual", *sets)
+@pytest.mark.parametrize(("model", "sets", "line"), CASES)
+def test_every_model_is_exact_over_the_bus(tmp_path, model, sets, line):
+    path = scene(tmp_path, model)
+    result = run(tmp_path, path, "--virtual", *sets)
     assert (result.code, result.err) == (0, "")
     log = read_log(result.log)
+    if line:
+        path.write_text(re.sub(r"^Fc = .*$", line, path.read_text(), flags=re.MULTILINE))
     moves = np.diff(counts_of(log), prepend=0)
-    answers = q30(log)
+    answers, exact = q30(log), EXACT[model](read(path), moves, ())
     assert len(answers) == 3000 and np.ptp(answers) > 1
-    assert np.abs(answers - ratios(moves)).max() < 2 * Q30_BOUND
+    assert np.abs(answers - np.array(exact, float)).max() < 2 * Q30_BOUND
 
 
-SUMMARIES = {  # elements and kinds in the summary of a demo
-    "slip": ([[100, 0.2], [30, 0.7]], None),
-    "parallel": ([[100, 0.2], [30, 0.7], [50, 0.05]], ["dahl", "slip", "dahl"]),
-    BREAKAWAY: ([[100, 0.7]], None),
-}
-
-
-@pytest.mark.parametrize("model", SUMMARIES)
+@pytest.mark.parametrize("model", RATIOS)
 @pytest.mark.usefixtures("library", "dahl_loop")
 def test_the_summary_of_a_demo_has_model_and_error(tmp_path, dahl_here, model):
     path = scene(tmp_path, model)
     words = ("--scene", path, "--seconds", 0.3, "--bus", "socketcand", "--output", tmp_path / "out")
     done = dahl_here("demo", *words)
     assert done.returncode == 0, done.stderr
-    told = json.loads((tmp_path / "out" / "summary.json").read_text())
-    elements, kinds = SUMMARIES[model]
-    assert (told["model"], told.get("kinds")) == (model, kinds)
-    assert np.allclose([[e["sigma0"], e["Fc"]] for e in told["elements"]], elements)
-    assert 0 < told["max_error_ulp_Fc"] <= 0.55
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    sigma0, torques = numbers(TABLE[model])
+    kinds = OWN["kinds"] if TABLE[model].key == "kinds" else None
+    assert (summary["model"], summary.get("kinds")) == (model, kinds)
+    if not TABLE[model].has_directions:
+        elements = [[one["sigma0"], one["Fc"]] for one in summary["elements"]]
+        assert np.allclose(elements, np.transpose([sigma0, torques]))
+    assert 0 < summary["max_error_ulp_Fc"] <= 0.55
 
 
 @pytest.mark.parametrize("key", ["gain = 0.9", "limit = 0.9", "ramp_ms = 100"])
@@ -193,19 +134,6 @@ def test_the_command_node_gives_the_bits_of_dahl_loop(tmp_path, dahl_here, model
 
 # --- a load ---------------------------------------------------------------------------------------
 
-KEYS["loaded"] = "sigma0 = 100\nFc = 0.7"
-
-
-def loaded(moves: np.ndarray, loads: np.ndarray) -> np.ndarray:
-    """Fc and sigma0 in proportion to the load. F stays if the load grows, F/(c Fc) if it falls."""
-    ratios, w, before, a = [], 0.0, 0.0, travel_per_count(100, 0.7, THETA)
-    for move, load in zip(moves, loads, strict=True):
-        w = w * before / load if load > before else w
-        w = toward(np.sign(move), w, a * abs(move)) if move else w
-        ratios.append(w * load)
-        before = load
-    return np.array(ratios)
-
 
 def loads_of(log: list[Logged], dbc: Path) -> tuple[np.ndarray, list[int]]:
     """Raw parameter Load at each answer, and of each ParamWrite; each write is accepted."""
@@ -225,10 +153,13 @@ def loads_of(log: list[Logged], dbc: Path) -> tuple[np.ndarray, list[int]]:
     return np.array(at_answers), writes
 
 
-def check_loaded(log: list[Logged], loads: np.ndarray) -> None:
+def check_loaded(log: list[Logged], loads: np.ndarray, path: Path) -> None:
     moves = np.diff(counts_of(log), prepend=counts_of(log)[0])
-    assert np.abs(q30(log) - loaded(moves, loads / 65536)).max() < 2 * Q30_BOUND
-    assert np.abs(q30(log) - loaded(moves, np.ones(len(moves)))).max() > 1e-3
+    for given, is_exact in ((loads, True), (np.full_like(loads, 65536), False)):
+        shares = [Fraction(int(load), 65536) for load in given]
+        exact = np.array(EXACT["loaded"](read(path), moves, shares), float)
+        error = np.abs(q30(log) - exact).max()
+        assert error < 2 * Q30_BOUND if is_exact else error > 1e-3
 
 
 def test_friction_follows_a_load_of_the_log(tmp_path, dbc):
@@ -250,7 +181,7 @@ def test_friction_follows_a_load_of_the_log(tmp_path, dbc):
         log = [replace(f, id=f.id & ~15) for f in read_log(result.log) if f.id & 15 == number]
         force, writes = loads_of(log, dbc)
         assert np.abs(force / 65536 - share).max() <= 0.5 / 65536 + 1e-9
-        check_loaded(log, force)
+        check_loaded(log, force, path)
         told = np.diff(force, prepend=65536) != 0
         told[999::1000] = True
         assert writes == force[told].tolist()
@@ -260,7 +191,7 @@ def test_friction_follows_the_torque_of_the_motor(tmp_path, dbc):
     """Also the friction of the shaft itself."""
     load, shaft = (
         "[load]\nfull = 4\nrest = 0.25\n",
-        "[rotor]\ninertia = 0.01\nsigma0 = 100\nFc = 0.7\n",
+        f"[rotor]\ninertia = 0.01\nsigma0 = 100\nFc = {FC[0]}\n",
     )
     motor = "[motor]\namplitude = 2\nfrequency = 3\nseconds = 1\n"
     path = scene(tmp_path, "loaded", load, shaft, motor)
@@ -268,11 +199,11 @@ def test_friction_follows_the_torque_of_the_motor(tmp_path, dbc):
     assert (result.code, result.err) == (0, "")
     log = read_log(result.log)
     force, _ = loads_of(log, dbc)
-    check_loaded(log, force)
+    check_loaded(log, force, path)
     table = np.loadtxt(tmp_path / "trace.csv", delimiter=",", skiprows=1, usecols=(4, 5))
     motor_torque, friction = table.T
     carried = 0.25 + np.abs(motor_torque) / 4
     assert np.abs(force / 65536 - carried).max() <= 0.5 / 65536 + 1e-9
-    assert np.abs(friction[1:]).max() < 0.7 * 0.76
-    assert (np.abs(friction[2:]) <= 0.7 * (carried[1:-1] + 1 / 65536)).all()
-    assert (np.abs(friction) > 0.7 * 0.7).any()
+    assert np.abs(friction[1:]).max() < FC[0] * 0.76
+    assert (np.abs(friction[2:]) <= FC[0] * (carried[1:-1] + 1 / 65536)).all()
+    assert (np.abs(friction) > FC[0] * 0.7).any()
