@@ -6,6 +6,7 @@
 
 #include <string.h>
 
+#include "dahl_frames.h"
 #include "dahl_parts.h"
 #include "motions.h"
 #include "reference.h"
@@ -28,10 +29,11 @@ typedef struct {
     uint32_t load_q30;
 } move_t;
 
+#define PLAN_OF(name, ...) dahl_##name##_plan_t name;
 typedef union {
     dahl_plan_t dahl;
     dahl_slip_plan_t slip;
-    dahl_asymmetric_plan_t asymmetric;
+    DAHL_FRAMES_DIRECTED_MODELS(PLAN_OF)
     dahl_elastoplastic_plan_t elastoplastic;
     struct {
         dahl_plan_t dahl;
@@ -87,7 +89,6 @@ typedef struct {
     }
 FOLLOWS_COUNTS(dahl_model, dahl_step_counts, dahl, dahl)
 FOLLOWS_COUNTS(slip, dahl_slip_step_counts, slip, slip)
-FOLLOWS_COUNTS(asymmetric, dahl_asymmetric_step_counts, asymmetric, dahl)
 FOLLOWS_COUNTS(elastoplastic, dahl_elastoplastic_step_counts, elastoplastic, dahl)
 
 /* --- Dahl's element, by counts and by angle ----------------------------------------------------------------------- */
@@ -198,7 +199,7 @@ static inline long double mix_exact(exact_t *exact, move_t move)
     return (counts_exact(exact, move) * Fc + slip_reference_move(&exact->slip, move.counts)) / sum;
 }
 
-/* --- asymmetric ---------------------------------------------------------------------------------------------------- */
+/* --- one Fc for each direction ------------------------------------------------------------------------------------- */
 
 static inline dahl_asymmetric_params_t asymmetric_params(const set_t *set)
 {
@@ -206,11 +207,15 @@ static inline dahl_asymmetric_params_t asymmetric_params(const set_t *set)
     return params;
 }
 
-static inline dahl_err_t asymmetric_prepare(any_plan_t *plan, const set_t *set)
-{
-    const dahl_asymmetric_params_t params = asymmetric_params(set);
-    return dahl_asymmetric_prepare(&plan->asymmetric, &params);
-}
+/* Define NAME_prepare, NAME_step and NAME_q30 of each model with one Fc for each direction. */
+#define DIRECTED(name, ...)                                                                                                    \
+    static inline dahl_err_t name##_prepare(any_plan_t *plan, const set_t *set)                                                \
+    {                                                                                                                          \
+        const dahl_##name##_params_t params = {set->p.sigma0, set->p.Fc, set->p.Fc * set->more, set->p.theta_per_count};       \
+        return dahl_##name##_prepare(&plan->name, &params);                                                                    \
+    }                                                                                                                          \
+    FOLLOWS_COUNTS(name, dahl_##name##_step_counts, name, dahl)
+DAHL_FRAMES_DIRECTED_MODELS(DIRECTED)
 
 /* After a reversal the curve ends at the Fc of the new direction, with the presliding length of that direction. */
 static inline long double asymmetric_exact(exact_t *exact, move_t move)
