@@ -156,8 +156,9 @@ static void prepare_slip(const given_t *given)
         return;
     }
     for (int way = 1; way >= -1; way -= 2) {
-        (void)dahl_slip_step_counts(&plan, &state, way * INT32_MAX);
-        float F = dahl_slip_step_counts(&plan, &state, way * INT32_MAX);
+        const int32_t far = way > 0 ? INT32_MAX : -INT32_MAX;
+        (void)dahl_slip_step_counts(&plan, &state, far);
+        float F = dahl_slip_step_counts(&plan, &state, far);
         LAW(fabsl((long double)F - (long double)way * sum) <= 0.55L * ulp_of_sum(sum), "slip: both ends are the sum of Fc");
     }
 }

@@ -308,24 +308,20 @@ static void test_a_batch_may_be_cut_anywhere_and_forms_may_alternate(void)
     }
 }
 
+/* Several chunks must not offset a null pointer. */
 static void test_empty_batches_change_no_state(void)
 {
-    dahl_params_t p = params_for(1e-2, 1.0f);
-    dahl_throughput_params_t q = in_double(&p);
-    dahl_plan_t plan = plan_for(&p);
-    dahl_state_t state = {12345};
-    dahl_batch_counts(&plan, &state, NULL, NULL, 0);
-    dahl_batch(&plan, &state, NULL, NULL, 0);
-    dahl_batch_counts_channels(&plan, &state, SIZE_MAX, NULL, NULL, 0);
-    dahl_batch_counts_channels(NULL, NULL, 0, NULL, NULL, SIZE_MAX);
-    dahl_batch_channels(NULL, NULL, 0, NULL, NULL, SIZE_MAX);
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts(&q, &state, NULL, NULL, 0));
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&q, &state, NULL, NULL, 0));
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts_channels(NULL, NULL, 0, NULL, NULL, SIZE_MAX));
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(&q, &state, 1, NULL, NULL, 0));
-    set_channels(); /* several chunks must not offset a null pointer */
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(channels.wide, channels.batch, MANY, NULL, NULL, 0));
-    TEST_ASSERT_TRUE(state.w == 12345);
+    dahl_state_t before[MANY];
+    set_channels();
+    memset(channels.batch, 0x11, sizeof channels.batch);
+    memcpy(before, channels.batch, sizeof before);
+    for (unsigned form = 0; form < 2 * ONE; form++) {
+        run(form, MANY, 0, NULL);
+        if (form < ONE) {
+            run(form, 0, SIZE_MAX, NULL);
+        }
+    }
+    TEST_ASSERT_EQUAL_MEMORY(before, channels.batch, sizeof before);
 }
 
 /* w at both ends of its range and of its type. */
@@ -421,6 +417,10 @@ static void test_bad_parameters_change_no_state(void)
         TEST_ASSERT_EQUAL_INT(by_counts, dahl_throughput_counts_channels(params, states, 2, counts, out, by_counts == OK ? 0 : 1));
         TEST_ASSERT_EQUAL_INT(by_angle, dahl_throughput_channels(params, states, 2, dtheta, out, by_angle == OK ? 0 : 1));
         TEST_ASSERT_TRUE(states[0].w == 77 && states[1].w == 78 && out[0] < -2.0f && out[1] < -2.0f);
+        dahl_throughput_element_t elements[2] = {{params[0], 1, {0}, 3.0}, {params[1], 0, {7}, 2.0}}, before[2];
+        memcpy(before, elements, sizeof before);
+        TEST_ASSERT_EQUAL_INT(by_counts, dahl_throughput_parallel_counts(elements, 2, counts, out, by_counts == OK ? 0 : 1));
+        TEST_ASSERT_TRUE(memcmp(before, elements, sizeof before) == 0 && out[0] < -2.0f);
     }
 }
 

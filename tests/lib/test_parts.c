@@ -128,23 +128,6 @@ static void test_the_clamped_model_keeps_its_limits_for_any_input(void)
     }
 }
 
-/* The gap is a whole number of 2^-30 Fc, so F may exceed a small c Fc by half of that. */
-static void test_the_clamped_torque_exceeds_a_small_load_by_half_a_unit_at_most(void)
-{
-    dahl_params_t p = params_for(0.01, 1.7f);
-    dahl_plan_t plan = plan_for(&p);
-    motion_t m = MOTION_START;
-    long double most = 0;
-    for (int t = 0; t < 10 * LAW_TICKS; t++) {
-        static dahl_state_t state;
-        const uint32_t load = motion_random(&m) >> 1 >> motion_random(&m) % 31u;
-        const float dtheta = ldexpf((float)(int32_t)motion_random(&m), -25 - (int)(motion_random(&m) % 40u));
-        const float F = fabsf(dahl_clamped_step(&plan, &state, dtheta, load));
-        most = fmaxl(most, (F - load * 0x1p-30L * p.Fc - 0.51L * ulp_of(F)) / p.Fc);
-    }
-    TEST_ASSERT_TRUE(most <= 0x1p-31L && most > 0x1p-33L);
-}
-
 static void test_an_elastoplastic_element_does_not_drift_below_breakaway(void)
 {
     dahl_params_t p = params_for(0.25 / 40, 1.3f);
