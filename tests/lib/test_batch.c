@@ -159,22 +159,6 @@ static void test_any_number_of_channels(void)
 
 /* --- ties ----------------------------------------------------------------------------------------------------------- */
 
-/* States half way between two values in Q30, and next to it. */
-static void test_counts_from_a_tie_have_the_bits_of_single_steps(void)
-{
-    static const uint32_t low[] = {0x7fffffffu, 0x80000000u, 0x80000001u};
-    static const int32_t by[] = {1, -1, 8, -8, 9, -9, 1000, -1000, INT32_MAX, INT32_MIN};
-    const dahl_params_t p = params_for(0.3, 0.5f);
-    set_channel(0, &p);
-    for (int64_t high = -(1 << 30) + 1; high < 1 << 30; high += 99999989) {
-        for (size_t i = 0; i < sizeof low / sizeof low[0] * (sizeof by / sizeof by[0]); i++) {
-            channels.start[0].w = high * ((int64_t)1 << 32) + low[i % 3];
-            moves[0] = by[i / 3];
-            check(ONE, 1, 1);
-        }
-    }
-}
-
 /* The inverse of an odd number modulo 2^64, by Newton. */
 static uint64_t inverse_of(uint64_t odd)
 {
