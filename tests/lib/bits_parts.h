@@ -111,16 +111,15 @@ static inline void bits_beside(bits_of_part_t *run)
     }
 }
 
-/* A model with one Fc for each direction. */
-#define BITS_DIRECTED(name, ...)                                                                                               \
+/* Elements by counts with the state of one bristle, whose prepare has these arguments. */
+#define BITS_OF_BRISTLE(name, ...)                                                                                             \
     static inline void bits_##name(bits_of_part_t *run)                                                                        \
     {                                                                                                                          \
         const dahl_params_t *p = run->params;                                                                                  \
-        const dahl_##name##_params_t params = {p->sigma0, p->Fc, 0.5f * p->Fc, p->theta_per_count};                            \
         dahl_##name##_plan_t plan;                                                                                             \
         dahl_state_t torque = {0}, q30 = {0};                                                                                  \
         motion_t motion = MOTION_START;                                                                                        \
-        if (dahl_##name##_prepare(&plan, &params) != DAHL_OK) {                                                                \
+        if (dahl_##name##_prepare(&plan, __VA_ARGS__) != DAHL_OK) {                                                            \
             return;                                                                                                            \
         }                                                                                                                      \
         for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {                                                                       \
@@ -130,7 +129,10 @@ static inline void bits_beside(bits_of_part_t *run)
             run->hash = bits_fold(run->hash, (uint64_t)q30.w);                                                                 \
         }                                                                                                                      \
     }
+#define BITS_DIRECTED(name, ...)                                                                                               \
+    BITS_OF_BRISTLE(name, &(dahl_##name##_params_t){p->sigma0, p->Fc, 0.5f * p->Fc, p->theta_per_count})
 DAHL_FRAMES_DIRECTED_MODELS(BITS_DIRECTED)
+BITS_OF_BRISTLE(elastoplastic, p, 0.7f)
 
 static inline void bits_loaded(bits_of_part_t *run)
 {
@@ -163,22 +165,6 @@ static inline void bits_clamped(bits_of_part_t *run)
         uint32_t load = motion_random(&loading) >> (t % 8);
         run->hash = bits_fold(run->hash, bits_of_float(dahl_clamped_step(&plan, &state, dtheta, load)));
         run->hash = bits_fold(run->hash, (uint64_t)state.w);
-    }
-}
-
-static inline void bits_elastoplastic(bits_of_part_t *run)
-{
-    dahl_elastoplastic_plan_t plan;
-    dahl_state_t torque = {0}, q30 = {0};
-    motion_t motion = MOTION_START;
-    if (dahl_elastoplastic_prepare(&plan, run->params, 0.7f) != DAHL_OK) {
-        return;
-    }
-    for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {
-        int32_t d = run->next(&motion);
-        run->hash = bits_fold(run->hash, bits_of_float(dahl_elastoplastic_step_counts(&plan, &torque, d)));
-        run->hash = bits_fold(run->hash, (uint32_t)dahl_elastoplastic_step_counts_q30(&plan, &q30, d));
-        run->hash = bits_fold(run->hash, (uint64_t)q30.w);
     }
 }
 
