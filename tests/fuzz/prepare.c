@@ -181,7 +181,7 @@ static void check_table(const dahl_velocity_plan_t *plan, const dahl_velocity_pa
 
 static void prepare_velocity(const given_t *given)
 {
-    dahl_velocity_params_t params = {given->elements * 3, {0}};
+    dahl_velocity_params_t params = {given->elements < 5 ? 3 * given->elements : 17 + given->elements, {0}}; /* 0 .. 26 */
     dahl_velocity_plan_t plan;
     dahl_err_t wanted = params.segment_bits > 24 ? DAHL_ERR_RANGE : DAHL_OK;
     long double largest = 0;
