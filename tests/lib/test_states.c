@@ -125,6 +125,15 @@ static void check_q30(const element_t *e, any_state_t before, move_t move, float
     HOLDS(memcmp(&before, &state, sizeof state) == 0, "both forms leave the same state");
 }
 
+/* The same result as after a rest under the load before. */
+static void check_clamped_first(const element_t *e, any_state_t before, move_t move, float F)
+{
+    const move_t rest = {0, e->model->has_load == 1 ? before.loaded.load_q30 : move.load_q30};
+    (void)e->model->step(&e->plan, &before, &e->set, rest);
+    HOLDS(e->model->step(&e->plan, &before, &e->set, move) == F, "a call clamps the state first");
+    HOLDS(memcmp(&before, &state, sizeof state) == 0, "a call clamps the state first");
+}
+
 static void step_any_element(void)
 {
     const element_t *e = &element;
@@ -137,6 +146,7 @@ static void step_any_element(void)
     check_limits(e, move, F);
     HOLDS(move.counts > 0 ? F >= F0 : move.counts < 0 ? F <= F0 : F == F0, "the torque follows the direction of the move");
     check_q30(e, before, move, F);
+    check_clamped_first(e, before, move, F);
     const any_state_t after = state;
     HOLDS(e->model->step(&e->plan, &state, &e->set, rest) == F, "0 counts keep the torque");
     HOLDS(memcmp(&after, &state, sizeof state) == 0, "a call leaves a state in range");

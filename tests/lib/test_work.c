@@ -86,7 +86,7 @@ static void test_sums_carry_into_the_next_word(void)
     TEST_ASSERT_TRUE(full.counts[0] == 0 && full.counts[1] == 0 && full.counts[2] == 0);
 }
 
-/* Also results beyond the range of a float at both ends. */
+/* Also results beyond the range of a float at both ends, and a difference of sums that agree in their upper 32 bits. */
 static void test_the_work_of_slip_is_Fc_times_the_travel(void)
 {
     const struct {
@@ -97,7 +97,8 @@ static void test_the_work_of_slip_is_Fc_times_the_travel(void)
                  {{0x1p-30f, 1.0f, 0x1p-30f}, {{1}, {0}}, 0x1p-30f},
                  {{1.0f, 0x1p63f, 0x1p63f}, {{3}, {0}}, 0x1.8p127f},
                  {{1e18f, 1e18f, 1e18f}, {{0, 0, 1}, {0}}, HUGE_VALF},
-                 {{1e-19f, 1e-19f, 6e-20f}, {{1}, {0}}, 0.0f}};
+                 {{1e-19f, 1e-19f, 6e-20f}, {{1}, {0}}, 0.0f},
+                 {{1.0f, 1.0f, 1.0f}, {{0x80000000u, 0, 1}, {0, 0, 0, 1u << 30}}, 0x1p31f}};
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         TEST_ASSERT_TRUE(dahl_work(&cases[i].p, &cases[i].sums) == cases[i].work);
     }
