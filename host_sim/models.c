@@ -26,12 +26,17 @@ static dahl_err_t use_parallel(dahl_node_t *node, model_memory_t *memory, const 
     return dahl_node_use_parallel(node, &memory->parallel, &params);
 }
 
-static dahl_err_t use_asymmetric(dahl_node_t *node, model_memory_t *memory, const scene_friction_t *f)
-{
-    const dahl_asymmetric_params_t params = {(float)f->sigma0_of.value[0], (float)f->Fc_of.value[0], (float)f->Fc_of.value[1],
-                                             (float)f->theta_per_count};
-    return dahl_node_use_asymmetric(node, &memory->asymmetric, &params);
-}
+/* Each model with one Fc for each direction. */
+#define USE_DIRECTED(name, ...)                                                                                                \
+    static dahl_err_t use_##name(dahl_node_t *node, model_memory_t *memory, const scene_friction_t *f)                         \
+    {                                                                                                                          \
+        const dahl_##name##_params_t params = {.sigma0 = (float)f->sigma0_of.value[0],                                         \
+                                               .Fc_forward = (float)f->Fc_of.value[0],                                         \
+                                               .Fc_backward = (float)f->Fc_of.value[1],                                        \
+                                               .theta_per_count = (float)f->theta_per_count};                                  \
+        return dahl_node_use_##name(node, &memory->name, &params);                                                             \
+    }
+DAHL_FRAMES_DIRECTED_MODELS(USE_DIRECTED)
 
 static dahl_err_t use_elastoplastic(dahl_node_t *node, model_memory_t *memory, const scene_friction_t *f)
 {
@@ -45,7 +50,7 @@ static dahl_err_t use_loaded(dahl_node_t *node, model_memory_t *memory, const sc
     return dahl_node_use_loaded(node, &memory->loaded, &params);
 }
 
-#define USE_MODEL(name, NAME, ...)                                                                                               \
+#define USE_MODEL(name, NAME, ...)                                                                                             \
     case MODEL_##NAME: return use_##name(node, memory, friction);
 
 dahl_err_t models_use(dahl_node_t *node, model_memory_t *memory, const scene_friction_t *friction)

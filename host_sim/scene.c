@@ -356,7 +356,7 @@ static bool check_own_keys(const reader_t *r)
 static const char *expected_numbers(const model_row_t *model)
 {
     return model->sigma0 == 0 ? "as many of both, one for each element"
-           : model->Fc == 2   ? "one sigma0, and Fc forward and backward"
+           : model->Fc == 2   ? "one sigma0, and one Fc for each direction"
                               : "one of each";
 }
 

@@ -29,8 +29,8 @@ typedef struct {
     char model_name[SCENE_TEXT], kinds[SCENE_TEXT];
     scene_model_t model;
     uint32_t slips;                /* of parallel: bit k is set if element k slips */
-    scene_list_t sigma0_of, Fc_of; /* of each element; of asymmetric one sigma0, and Fc forward and backward */
-    double sigma0, Fc;             /* of the ratio on the bus: the sums, or the larger Fc of asymmetric */
+    scene_list_t sigma0_of, Fc_of; /* of each element, or one sigma0 and Fc forward, backward */
+    double sigma0, Fc;             /* of the ratio on the bus: the sums, or the larger Fc of two directions */
     double breakaway;
     double theta_per_count, node, timeout_ms;
     double gain, limit, ramp_ms, max_step;

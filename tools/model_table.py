@@ -21,7 +21,7 @@ HEAD = ("`[friction] model`", "its keys", "torque ratio is of", "parameter Model
 KEYS = {  # by the numbers of sigma0 and of Fc
     (1, 1): "`sigma0`, `Fc`",
     (0, 0): "one `sigma0` and one `Fc` for each of 1 to 8 elements",
-    (1, 2): "one `sigma0`; `Fc` forward and backward",
+    (1, 2): "one `sigma0`; one `Fc` for each direction: forward, backward",
 }
 WHOLE = {0: "the sum of Fc", 1: "Fc", 2: "the larger Fc"}  # by the number of Fc
 
@@ -44,7 +44,8 @@ def markdown() -> str:
 
 def write_values(dbc: Path) -> None:
     """Replace the value tables of Model. A number that depends on elements has no name."""
-    rows = [row for row in models.table().values() if row.sigma0s]
+    named = (row for row in models.table().values() if row.sigma0s)
+    rows = sorted(named, key=lambda row: row.number)
     words = " ".join(f'{row.number} "{row.class_name}"' for row in rows)
     text = dbc.read_text(encoding="utf-8")
     text = re.sub(r"^(VAL_ \d+ Model) .*;$", rf"\1 {words} ;", text, flags=re.MULTILINE)

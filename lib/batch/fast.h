@@ -29,7 +29,7 @@ typedef union {
     uint64_t bits;
 } dahl_double_t;
 
-/* Bounds of the relative error of g: for any travel, and for a travel up to ln 2/128. A test reads the first one. */
+/* Bounds of the relative error of g: for any travel, and for a travel up to ln 2/128. */
 #define DAHL_G_ERROR 2.11e-10
 #define DAHL_G_ERROR_TINY 7.3e-12
 

@@ -153,8 +153,8 @@ typedef enum {
  * - Class: in dahl.dbc and of the Python package, where the Dahl element is a Plan.
  * - number: value of parameter Model. If sigma0s is 0, the number of elements is added.
  * - sigma0s: how many sigma0 [N m/rad]; 0: one for each of 1 .. DAHL_SLIP_MAX elements.
- * - Fcs: how many Fc [N m]; 0: one for each element; 2: forward and backward. The torque ratio
- *   refers to their sum, of forward and backward to the larger one.
+ * - Fcs: how many Fc [N m]; 0: one for each element; 2: one for each direction. The torque ratio
+ *   refers to their sum, of two directions to the larger Fc.
  * - plan: 1 if it has a type dahl_name_plan_t, which may be constant in flash.
  * - key: its own key in [friction] of a scene; "" if there is none.
  * - meaning: of that key, or of other data that the model needs. */
@@ -162,10 +162,18 @@ typedef enum {
 #define DAHL_FRAMES_OTHER_MODELS(MODEL) \
     MODEL(slip, SLIP, Slip, 0, 0, 0, 1, "", "") \
     MODEL(parallel, PARALLEL, Parallel, 32, 0, 0, 0, "kinds", "`dahl` or `slip` for each element") \
-    MODEL(asymmetric, ASYMMETRIC, Asymmetric, 16, 1, 2, 1, "", "") \
     MODEL(elastoplastic, ELASTOPLASTIC, ElastoPlastic, 17, 1, 1, 1, "breakaway", "a fraction of Fc") \
     MODEL(loaded, LOADED, Loaded, 18, 1, 1, 0, "", \
-          "a section `[load]`; `sigma0` and `Fc` hold at load 1")
+          "a section `[load]`; `sigma0` and `Fc` hold at load 1") \
+    DAHL_FRAMES_DIRECTED_MODELS(MODEL)
+
+/** Rows of the models with one Fc for each direction and the state of one bristle. Their log call,
+ * scenes, tests and benchmarks read these rows. Each must have:
+ * - dahl_name_params_t: sigma0, Fc_forward, Fc_backward, theta_per_count, all float
+ * - the calls dahl_name_prepare(), dahl_name_step_counts(), dahl_name_step_counts_q30() and
+ *   dahl_node_use_name(), with the arguments that those of `asymmetric` have */
+#define DAHL_FRAMES_DIRECTED_MODELS(MODEL) \
+    MODEL(asymmetric, ASYMMETRIC, Asymmetric, 16, 1, 2, 1, "", "")
 /* clang-format on */
 
 /** All models: the Dahl element and DAHL_FRAMES_OTHER_MODELS. */

@@ -1,17 +1,26 @@
 /* SPDX-License-Identifier: MIT */
-/* Ticks of Dahl's element on any plan and any state, with new torques and plans between them. The laws are those of dahl.h and
+/* Ticks of each form on any plan and any state, with new torques and plans between them. The laws are those of dahl.h and
  * lib/model/bristle_update.h; the exact solution is expm1l. */
+#include "dahl_batch.h"
+#include "dahl_float.h"
 #include "plans.h"
 
 #define ONE ((int64_t)1 << 62)
 #define PAST ((int64_t)1 << 31) /* a step exceeds 1 by less */
 
-enum { COUNTS, ANGLE, REST, SET, CHANGE, PLACE, KINDS };
+enum { COUNTS, ANGLE, REST, SET, CHANGE, PLACE, BETWEEN, TRAVELS, KINDS };
 enum { STEPS_MAX = 12 };
 
 typedef struct {
     const fuzz_plan_t *plan, *other;
     dahl_state_t state;
+    dahl_float_plan_t float_plan;
+    dahl_float_state_t float_state;
+    double float_errors; /* that the literal form may have accumulated, in DAHL_FLOAT_ERROR */
+    int moves;
+    int32_t dcounts[STEPS_MAX];
+    float F[STEPS_MAX];
+    dahl_state_t before_moves;
 } walk_t;
 
 static uint32_t bits_of(float x)
@@ -64,6 +73,21 @@ static void check_direction(int64_t w, int64_t now, int forward)
     LAW(forward ? now >= w : now <= w, "the state moves towards its target");
 }
 
+static void start_float(walk_t *walk)
+{
+    walk->float_state = (dahl_float_state_t){.w_reversal = (float)value_of(walk->state.w)};
+    walk->float_errors = 1;
+}
+
+/* Each reversal and each addition to the travel adds an error. */
+static void check_float(walk_t *walk, float F, float literal)
+{
+    float Fc = walk->plan->params.Fc;
+    walk->float_errors += 2;
+    LAW(fabs((double)literal - (double)F) <= (double)Fc * DAHL_FLOAT_ERROR * walk->float_errors,
+        "the literal form agrees within its error");
+}
+
 static void move_counts(walk_t *walk, int32_t dcounts, int exact)
 {
     const dahl_plan_t *plan = &walk->plan->plan;
@@ -83,6 +107,24 @@ static void move_counts(walk_t *walk, int32_t dcounts, int exact)
         long double travel = (long double)dcounts * (long double)walk->plan->params.theta_per_count;
         check_solution(w, walk->state.w, fuzz_travel(&walk->plan->params, travel), dcounts > 0, 0x1p-32L);
     }
+    check_float(walk, F, dahl_float_step_counts(&walk->float_plan, &walk->float_state, dcounts));
+    walk->dcounts[walk->moves] = dcounts;
+    walk->F[walk->moves++] = F;
+}
+
+static void check_batch(walk_t *walk)
+{
+    float F[STEPS_MAX];
+    dahl_state_t state = walk->before_moves;
+    dahl_batch_counts(&walk->plan->plan, &state, walk->dcounts, F, (size_t)walk->moves);
+    LAW(state.w == walk->state.w || walk->moves == 0, "a batch leaves the state of single steps");
+    LAW(memcmp(F, walk->F, (size_t)walk->moves * sizeof F[0]) == 0, "a batch returns the bits of single steps");
+}
+
+static void begin_batch(walk_t *walk)
+{
+    walk->before_moves = walk->state;
+    walk->moves = 0;
 }
 
 static int32_t any_counts(fuzz_bytes_t *bytes, uint32_t size)
@@ -134,18 +176,24 @@ static void move_angle(walk_t *walk, float dtheta, int exact)
     if (exact && isfinite(dtheta) && dtheta != 0) {
         check_angle(walk, w, dtheta);
     }
+    check_float(walk, F, dahl_float_step(&walk->float_plan, &walk->float_state, is_zero_angle(dtheta) ? 0.0f : dtheta));
+    begin_batch(walk);
 }
 
 static void rest(walk_t *walk)
 {
     const dahl_plan_t *plan = &walk->plan->plan;
     int64_t w = walk->state.w;
+    dahl_float_state_t literal = walk->float_state;
     dahl_step_counts(plan, &walk->state, 0);
     dahl_step_counts_q30(plan, &walk->state, 0);
     dahl_step(plan, &walk->state, -0.0f);
     dahl_step(plan, &walk->state, fuzz_float_of(0xffc00001u));
     dahl_set_torque(plan, &walk->state, fuzz_float_of(0x7f800001u));
+    dahl_float_step_counts(&walk->float_plan, &walk->float_state, 0);
+    dahl_float_step(&walk->float_plan, &walk->float_state, fuzz_float_of(0x7fc00000u));
     LAW(walk->state.w == w, "0 counts, an angle of 0 and NaN keep the state");
+    LAW(memcmp(&literal, &walk->float_state, sizeof literal) == 0, "0 counts and NaN keep the state of the literal form");
 }
 
 static void set(walk_t *walk, float F)
@@ -158,6 +206,8 @@ static void set(walk_t *walk, float F)
         LAW(walk->state.w <= ONE && walk->state.w >= -ONE, "a set torque is clamped");
         LAW(fabsf(wanted) < 0x1p-36f * Fc || got == wanted, "a set torque is read back");
     }
+    start_float(walk);
+    begin_batch(walk);
 }
 
 /* The torque is clamped to the new Fc, and scaled if the bristle becomes softer. */
@@ -175,6 +225,9 @@ static void change(walk_t *walk)
     LAW(now * now / (long double)to->sigma0 <= F * F / (long double)from->sigma0, "the stored energy does not grow");
     walk->plan = walk->other;
     walk->other = left;
+    LAW(dahl_float_prepare(&walk->float_plan, to) == DAHL_OK, "the literal form accepts the same parameters");
+    start_float(walk);
+    begin_batch(walk);
 }
 
 /* A state in range, a small one, or any bits, which the next call clamps. */
@@ -187,6 +240,27 @@ static void place(walk_t *walk, uint64_t value, uint32_t size)
     check_torque(walk, w, dahl_torque(&walk->plan->plan, &walk->state));
     dahl_step_counts(&walk->plan->plan, &walk->state, 0);
     LAW(walk->state.w == w, "any bits are a safe state");
+    start_float(walk);
+    begin_batch(walk);
+}
+
+static void between(fuzz_bytes_t *bytes)
+{
+    uint32_t before = fuzz_u32(bytes), now = fuzz_u32(bytes), n = fuzz_u32(bytes);
+    int64_t turn = n == 0 ? (int64_t)1 << 32 : n;
+    int64_t way = dahl_counts_between(before, now, n);
+    LAW(2 * way >= -turn && 2 * way < turn, "the move is the shortest one; half a turn is negative");
+    LAW((before % turn + way - now % turn) % turn == 0, "the move leads to the reading");
+}
+
+static void travels(const walk_t *walk, float one, float two)
+{
+    dahl_state_t x = walk->state, y = walk->state;
+    if (isfinite(one) && isfinite(two)) {
+        dahl_step(&walk->plan->plan, &x, fminf(one, two));
+        dahl_step(&walk->plan->plan, &y, fmaxf(one, two));
+        LAW(x.w <= y.w, "monotone in travel");
+    }
 }
 
 /* Any float, or Fc/4 to Fc/2. */
@@ -200,13 +274,18 @@ static void act(walk_t *walk, fuzz_bytes_t *bytes)
 {
     uint8_t what = fuzz_u8(bytes);
     uint32_t size = (what >> 4) % 3u;
+    float one;
     switch (what % KINDS) {
     case COUNTS: move_counts(walk, any_counts(bytes, size), what >> 7); break;
     case ANGLE: move_angle(walk, any_angle(walk, bytes, size), what >> 7); break;
     case REST: rest(walk); break;
     case SET: set(walk, any_torque(walk, bytes, size)); break;
     case CHANGE: change(walk); break;
-    default: place(walk, fuzz_u64(bytes), size);
+    case PLACE: place(walk, fuzz_u64(bytes), size); break;
+    case BETWEEN: between(bytes); break;
+    default:
+        one = any_angle(walk, bytes, 1);
+        travels(walk, one, size == 0 ? nextafterf(one, INFINITY) : any_angle(walk, bytes, size));
     }
 }
 
@@ -218,8 +297,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (!first.good || !second.good) {
         return 0;
     }
+    LAW(dahl_float_prepare(&walk.float_plan, &first.params) == DAHL_OK, "the literal form accepts the same parameters");
+    start_float(&walk);
     for (int i = 0; i < STEPS_MAX && bytes.left > 0; i++) {
         act(&walk, &bytes);
     }
+    check_batch(&walk);
     return 0;
 }

@@ -34,7 +34,8 @@ class Fuzzer:
 
 FUZZERS = {
     "step": Fuzzer(64, 1_000_000),
-    "models": Fuzzer(140, 60_000),
+    "prepare": Fuzzer(64, 400_000),
+    "parts": Fuzzer(140, 60_000),
     "codec": Fuzzer(24, 1_500_000),
     "receiver": Fuzzer(300, 400_000),
     "slcan": Fuzzer(128, 500_000),

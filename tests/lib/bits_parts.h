@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 /* Golden bits of the parts: for each parameter set of bits.h the hash of each torque, Q30 value and state, over all hard
- * motions in turn. A new part is a function and a row of the table. */
+ * motions in turn. DAHL_FRAMES_DIRECTED_MODELS gives the models with one Fc for each direction; any other new part is a
+ * function and a row of the table. */
 #ifndef BITS_PARTS_H
 #define BITS_PARTS_H
 
 #include "bits.h"
+#include "dahl_frames.h"
 #include "dahl_parts.h"
 
 #define BITS_PARTS_TICKS (BITS_TICKS / 200) /* an AVR needs a minute for them */
@@ -109,23 +111,28 @@ static inline void bits_beside(bits_of_part_t *run)
     }
 }
 
-static inline void bits_asymmetric(bits_of_part_t *run)
-{
-    const dahl_params_t *p = run->params;
-    const dahl_asymmetric_params_t params = {p->sigma0, p->Fc, 0.5f * p->Fc, p->theta_per_count};
-    dahl_asymmetric_plan_t plan;
-    dahl_state_t torque = {0}, q30 = {0};
-    motion_t motion = MOTION_START;
-    if (dahl_asymmetric_prepare(&plan, &params) != DAHL_OK) {
-        return;
+/* Elements by counts with the state of one bristle, whose prepare has these arguments. */
+#define BITS_OF_BRISTLE(name, ...)                                                                                             \
+    static inline void bits_##name(bits_of_part_t *run)                                                                        \
+    {                                                                                                                          \
+        const dahl_params_t *p = run->params;                                                                                  \
+        dahl_##name##_plan_t plan;                                                                                             \
+        dahl_state_t torque = {0}, q30 = {0};                                                                                  \
+        motion_t motion = MOTION_START;                                                                                        \
+        if (dahl_##name##_prepare(&plan, __VA_ARGS__) != DAHL_OK) {                                                            \
+            return;                                                                                                            \
+        }                                                                                                                      \
+        for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {                                                                       \
+            int32_t d = run->next(&motion);                                                                                    \
+            run->hash = bits_fold(run->hash, bits_of_float(dahl_##name##_step_counts(&plan, &torque, d)));                     \
+            run->hash = bits_fold(run->hash, (uint32_t)dahl_##name##_step_counts_q30(&plan, &q30, d));                         \
+            run->hash = bits_fold(run->hash, (uint64_t)q30.w);                                                                 \
+        }                                                                                                                      \
     }
-    for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {
-        int32_t d = run->next(&motion);
-        run->hash = bits_fold(run->hash, bits_of_float(dahl_asymmetric_step_counts(&plan, &torque, d)));
-        run->hash = bits_fold(run->hash, (uint32_t)dahl_asymmetric_step_counts_q30(&plan, &q30, d));
-        run->hash = bits_fold(run->hash, (uint64_t)q30.w);
-    }
-}
+#define BITS_DIRECTED(name, ...)                                                                                               \
+    BITS_OF_BRISTLE(name, &(dahl_##name##_params_t){p->sigma0, p->Fc, 0.5f * p->Fc, p->theta_per_count})
+DAHL_FRAMES_DIRECTED_MODELS(BITS_DIRECTED)
+BITS_OF_BRISTLE(elastoplastic, p, 0.7f)
 
 static inline void bits_loaded(bits_of_part_t *run)
 {
@@ -161,24 +168,9 @@ static inline void bits_clamped(bits_of_part_t *run)
     }
 }
 
-static inline void bits_elastoplastic(bits_of_part_t *run)
-{
-    dahl_elastoplastic_plan_t plan;
-    dahl_state_t torque = {0}, q30 = {0};
-    motion_t motion = MOTION_START;
-    if (dahl_elastoplastic_prepare(&plan, run->params, 0.7f) != DAHL_OK) {
-        return;
-    }
-    for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {
-        int32_t d = run->next(&motion);
-        run->hash = bits_fold(run->hash, bits_of_float(dahl_elastoplastic_step_counts(&plan, &torque, d)));
-        run->hash = bits_fold(run->hash, (uint32_t)dahl_elastoplastic_step_counts_q30(&plan, &q30, d));
-        run->hash = bits_fold(run->hash, (uint64_t)q30.w);
-    }
-}
-
 typedef void (*bits_fold_part_t)(bits_of_part_t *run);
 
+#define BITS_ROW(name, ...) {#name, bits_##name},
 static const struct {
     const char *name;
     bits_fold_part_t fold;
@@ -186,7 +178,7 @@ static const struct {
     {"slip", bits_slip},
     {"mix", bits_mix},
     {"beside", bits_beside},
-    {"asymmetric", bits_asymmetric},
+    DAHL_FRAMES_DIRECTED_MODELS(BITS_ROW)
     {"loaded", bits_loaded},
     {"elastoplastic", bits_elastoplastic},
     {"clamped", bits_clamped},

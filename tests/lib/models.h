@@ -6,6 +6,7 @@
 
 #include <string.h>
 
+#include "dahl_frames.h"
 #include "dahl_parts.h"
 #include "motions.h"
 #include "reference.h"
@@ -28,10 +29,11 @@ typedef struct {
     uint32_t load_q30;
 } move_t;
 
+#define PLAN_OF(name, ...) dahl_##name##_plan_t name;
 typedef union {
     dahl_plan_t dahl;
     dahl_slip_plan_t slip;
-    dahl_asymmetric_plan_t asymmetric;
+    DAHL_FRAMES_DIRECTED_MODELS(PLAN_OF)
     dahl_elastoplastic_plan_t elastoplastic;
     struct {
         dahl_plan_t dahl;
@@ -59,6 +61,13 @@ typedef struct {
     int plastic;    /* elastoplastic: direction of sliding; 0: elastic */
 } exact_t;
 
+/* A move of one bristle, in units of Fc and of Fc/sigma0; w is the state before and after it. */
+typedef struct {
+    const set_t *set;
+    int direction;
+    long double travel, load, w0, w1;
+} stroke_t;
+
 typedef struct {
     const char *name;
     dahl_err_t (*prepare)(any_plan_t *plan, const set_t *set);
@@ -66,6 +75,8 @@ typedef struct {
     int32_t (*step_q30)(const any_plan_t *plan, any_state_t *state, move_t move);
     void (*begin)(exact_t *exact, const set_t *set);
     long double (*exact)(exact_t *exact, move_t move); /* as a fraction of whole_of() */
+    /* work minus the change of the stored energy, in units of Fc^2/sigma0; NULL: the state is not rounded */
+    long double (*loss)(const stroke_t *stroke);
     double ulps, q30_error; /* bounds of the header, relative to whole_of() */
     int by_angle;           /* the move is counts times theta_per_count, as a float */
     int is_odd;             /* the opposite motion has the opposite torque, bit for bit */
@@ -87,7 +98,6 @@ typedef struct {
     }
 FOLLOWS_COUNTS(dahl_model, dahl_step_counts, dahl, dahl)
 FOLLOWS_COUNTS(slip, dahl_slip_step_counts, slip, slip)
-FOLLOWS_COUNTS(asymmetric, dahl_asymmetric_step_counts, asymmetric, dahl)
 FOLLOWS_COUNTS(elastoplastic, dahl_elastoplastic_step_counts, elastoplastic, dahl)
 
 /* --- Dahl's element, by counts and by angle ----------------------------------------------------------------------- */
@@ -132,6 +142,22 @@ static inline void angle_begin(exact_t *exact, const set_t *set)
 static inline long double angle_exact(exact_t *exact, move_t move)
 {
     return reference_move(&exact->curve, (long double)angle_of(exact->set, move));
+}
+
+static inline long double rise_of(const stroke_t *x)
+{
+    return x->direction * (x->w1 - x->w0);
+}
+
+static inline long double stored_by(const stroke_t *x)
+{
+    return (x->w1 - x->w0) * (x->w1 + x->w0) / 2;
+}
+
+/* In one direction Eq. 1 is F dtheta = end (|dtheta| - s dF), as dahl_work sums it. */
+static inline long double dahl_loss(const stroke_t *x)
+{
+    return x->travel - rise_of(x) - stored_by(x);
 }
 
 /* --- slip elements, and a mix of them with a Dahl element ---------------------------------------------------------- */
@@ -198,7 +224,7 @@ static inline long double mix_exact(exact_t *exact, move_t move)
     return (counts_exact(exact, move) * Fc + slip_reference_move(&exact->slip, move.counts)) / sum;
 }
 
-/* --- asymmetric ---------------------------------------------------------------------------------------------------- */
+/* --- one Fc for each direction ------------------------------------------------------------------------------------- */
 
 static inline dahl_asymmetric_params_t asymmetric_params(const set_t *set)
 {
@@ -206,11 +232,15 @@ static inline dahl_asymmetric_params_t asymmetric_params(const set_t *set)
     return params;
 }
 
-static inline dahl_err_t asymmetric_prepare(any_plan_t *plan, const set_t *set)
-{
-    const dahl_asymmetric_params_t params = asymmetric_params(set);
-    return dahl_asymmetric_prepare(&plan->asymmetric, &params);
-}
+/* Define NAME_prepare, NAME_step and NAME_q30 of each model with one Fc for each direction. */
+#define DIRECTED(name, ...)                                                                                                    \
+    static inline dahl_err_t name##_prepare(any_plan_t *plan, const set_t *set)                                                \
+    {                                                                                                                          \
+        const dahl_##name##_params_t params = {set->p.sigma0, set->p.Fc, set->p.Fc * set->more, set->p.theta_per_count};       \
+        return dahl_##name##_prepare(&plan->name, &params);                                                                    \
+    }                                                                                                                          \
+    FOLLOWS_COUNTS(name, dahl_##name##_step_counts, name, dahl)
+DAHL_FRAMES_DIRECTED_MODELS(DIRECTED)
 
 /* After a reversal the curve ends at the Fc of the new direction, with the presliding length of that direction. */
 static inline long double asymmetric_exact(exact_t *exact, move_t move)
@@ -227,6 +257,13 @@ static inline long double asymmetric_exact(exact_t *exact, move_t move)
         r->a = params.sigma0 / Fc * params.theta_per_count;
     }
     return reference_move(r, move.counts);
+}
+
+static inline long double asymmetric_loss(const stroke_t *x)
+{
+    const dahl_asymmetric_params_t p = asymmetric_params(x->set);
+    const float Fc = x->direction > 0 ? p.Fc_forward : p.Fc_backward;
+    return (long double)Fc / fmaxf(p.Fc_forward, p.Fc_backward) * (x->travel - rise_of(x)) - stored_by(x);
 }
 
 /* --- loaded: Fc and sigma0 follow the load; clamped: Fc alone ------------------------------------------------------ */
@@ -256,6 +293,16 @@ static inline long double loaded_exact(exact_t *exact, move_t move)
     }
     exact->load = load;
     return reference_move(&exact->curve, move.counts) * (load * 0x1p-30L);
+}
+
+static inline long double loaded_loss(const stroke_t *x)
+{
+    return x->load * dahl_loss(x);
+}
+
+static inline long double clamped_loss(const stroke_t *x)
+{
+    return x->load * (x->travel - rise_of(x)) - stored_by(x);
 }
 
 static inline float clamped_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)
@@ -327,26 +374,33 @@ static inline long double elastoplastic_exact(exact_t *exact, move_t move)
     return elastoplastic_w(exact);
 }
 
+static inline long double elastoplastic_loss(const stroke_t *x)
+{
+    const long double b = x->set->more, from = fmaxl(x->direction * x->w0, b), to = fmaxl(x->direction * x->w1, from);
+    const long double elastic = fminl(fmaxl(b - x->direction * x->w0, 0), x->travel);
+    return x->travel - elastic - (to - from) * (1 - b + (to + from) / 2);
+}
+
 /* --- the table ----------------------------------------------------------------------------------------------------- */
 
 #define MIX_ERROR_Q30 DAHL_PARALLEL_ERROR_Q30(2)
 
 static const model_t models[] = {
-    {"counts", dahl_model_prepare, dahl_model_step, dahl_model_q30, counts_begin, counts_exact, DAHL_ULP_COUNTS, DAHL_ERROR_Q30,
-     .is_odd = 1},
-    {"angle", angle_prepare, angle_step, NULL, angle_begin, angle_exact, DAHL_ULP_ANGLE, 0, .by_angle = 1, .is_odd = 1},
-    {"slip", slip_prepare, slip_step, slip_q30, slip_begin, slip_exact, DAHL_ULP_PARTS, DAHL_SLIP_ERROR_Q30, .is_odd = 1,
+    {"counts", dahl_model_prepare, dahl_model_step, dahl_model_q30, counts_begin, counts_exact, dahl_loss, DAHL_ULP_COUNTS,
+     DAHL_ERROR_Q30, .is_odd = 1},
+    {"angle", angle_prepare, angle_step, NULL, angle_begin, angle_exact, dahl_loss, DAHL_ULP_ANGLE, 0, .by_angle = 1, .is_odd = 1},
+    {"slip", slip_prepare, slip_step, slip_q30, slip_begin, slip_exact, NULL, DAHL_ULP_PARTS, DAHL_SLIP_ERROR_Q30, .is_odd = 1,
      .is_split = 1, .more = MORE_IS_ELEMENTS},
-    {"mix", mix_prepare, mix_step, mix_q30, mix_begin, mix_exact, DAHL_ULP_PARTS, MIX_ERROR_Q30, .is_odd = 0,
+    {"mix", mix_prepare, mix_step, mix_q30, mix_begin, mix_exact, NULL, DAHL_ULP_PARTS, MIX_ERROR_Q30, .is_odd = 0,
      .more = MORE_IS_ELEMENTS},
-    {"asymmetric", asymmetric_prepare, asymmetric_step, asymmetric_q30, counts_begin, asymmetric_exact, DAHL_ULP_PARTS,
-     DAHL_ASYMMETRIC_ERROR_Q30, .is_odd = 0, .more = MORE_IS_RATIO},
-    {"loaded", dahl_model_prepare, loaded_step, loaded_q30, counts_begin, loaded_exact, DAHL_ULP_PARTS, DAHL_LOADED_ERROR_Q30,
-     .is_odd = 1, .has_load = 1},
-    {"clamped", angle_prepare, clamped_step, NULL, clamped_begin, clamped_exact, DAHL_ULP_ANGLE, 0, .by_angle = 1, .is_odd = 1,
-     .has_load = 2},
+    {"asymmetric", asymmetric_prepare, asymmetric_step, asymmetric_q30, counts_begin, asymmetric_exact, asymmetric_loss,
+     DAHL_ULP_PARTS, DAHL_ASYMMETRIC_ERROR_Q30, .is_odd = 0, .more = MORE_IS_RATIO},
+    {"loaded", dahl_model_prepare, loaded_step, loaded_q30, counts_begin, loaded_exact, loaded_loss, DAHL_ULP_PARTS,
+     DAHL_LOADED_ERROR_Q30, .is_odd = 1, .has_load = 1},
+    {"clamped", angle_prepare, clamped_step, NULL, clamped_begin, clamped_exact, clamped_loss, DAHL_ULP_ANGLE, 0, .by_angle = 1,
+     .is_odd = 1, .has_load = 2},
     {"elastoplastic", breakaway_prepare, elastoplastic_step, elastoplastic_q30, counts_begin, elastoplastic_exact,
-     DAHL_ULP_PARTS, DAHL_ELASTOPLASTIC_ERROR_Q30, .is_odd = 1, .more = MORE_IS_BREAKAWAY},
+     elastoplastic_loss, DAHL_ULP_PARTS, DAHL_ELASTOPLASTIC_ERROR_Q30, .is_odd = 1, .more = MORE_IS_BREAKAWAY},
 };
 enum { MODELS = sizeof models / sizeof models[0] };
 

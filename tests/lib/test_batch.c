@@ -10,7 +10,7 @@
 #define TEST_TICKS 100000
 #endif
 #define MANY 37 /* channels: two whole chunks of 16, and 5 more */
-#define ROWS 3000
+#define BATCHES (TEST_TICKS / 50)
 
 static const double travels[] = {1e-8, 1e-6, 1e-4, 1e-2, 0.3, 1.0, 20.0};
 #define TRAVELS (sizeof travels / sizeof travels[0])
@@ -46,15 +46,6 @@ static void set_channel(size_t c, const dahl_params_t *p)
     channels.wide[c] = in_double(p);
     channels.plans[c] = plan_for(p);
     channels.start[c].w = 0;
-}
-
-/* Each channel has another travel and Fc. */
-static void set_channels(void)
-{
-    for (size_t c = 0; c < MANY; c++) {
-        const dahl_params_t p = params_for(travels[c % TRAVELS] * (1.0 + 0.01 * (double)c), 0.5f + 0.37f * (float)c);
-        set_channel(c, &p);
-    }
 }
 
 static void assert_same(const float *got, const float *wanted, size_t n)
@@ -142,38 +133,55 @@ static void test_one_trajectory_on_each_motion_and_travel(void)
     }
 }
 
-static void test_any_number_of_channels(void)
+/* w at both ends of its range and of its type. */
+static const int64_t foreign[] = {((int64_t)1 << 62) + ((int64_t)1 << 31) - 1, ((int64_t)1 << 62) + ((int64_t)1 << 31),
+                                  -((int64_t)1 << 62) - ((int64_t)1 << 31),    -((int64_t)1 << 62) - ((int64_t)1 << 31) - 1,
+                                  INT64_MAX,                                   INT64_MIN};
+
+/* Channels of one plan, of one plan but for a softer one, or each with another travel and Fc; some with a foreign state. */
+static void make_channels(motion_t *m, size_t count)
 {
-    set_channels();
-    for (size_t count = 1; count <= MANY; count++) {
-        fill(motions[count % MOTIONS].next);
-        check(0, count, ROWS / count);
-        check(ANGLE, count, ROWS / count);
-        if (count % 4 == 1 || count == 18) {
-            check(FAST, count, TEST_TICKS / MANY);
-            check(FAST + ANGLE, count, 500);
-        }
+    const uint32_t kind = motion_random(m) % 3u, softer = motion_random(m) % MANY, travel = motion_random(m) % TRAVELS;
+    const int is_foreign = motion_random(m) % 4u == 0;
+    for (size_t c = 0; c < count; c++) {
+        const double u = kind == 2 ? travels[c % TRAVELS] * (1.0 + 0.01 * (double)c) : travels[travel];
+        dahl_params_t p = params_for(u, kind == 2 ? 0.5f + 0.37f * (float)c : 1.7f);
+        p.sigma0 *= kind == 1 && c == softer ? 0.8f : 1.0f;
+        set_channel(c, &p);
+        channels.start[c].w = is_foreign ? foreign[c % (sizeof foreign / sizeof foreign[0])] : 0;
     }
-    check(FAST, 16, 7); /* too few rows for a table to pay */
+}
+
+/* Moves of -most .. most counts; some have one long move, because a block uses the kernel for its largest move. */
+static void make_moves(motion_t *m, size_t n)
+{
+    static const uint32_t most[] = {0, 1, 7, 8, 9, 15, 16, 17, 400};
+    const uint32_t size = most[motion_random(m) % (sizeof most / sizeof most[0])];
+    for (size_t i = 0; i < n; i++) {
+        moves[i] = (int32_t)(motion_random(m) % (2 * size + 1)) - (int32_t)size;
+    }
+    if (motion_random(m) % 4u == 0) {
+        moves[motion_random(m) % n] = 20000000;
+    }
+    for (size_t i = 0; i < n; i++) {
+        angles[i] = (float)moves[i] * THETA;
+    }
+}
+
+static void test_any_batch(void)
+{
+    motion_t m = MOTION_START;
+    for (int i = 0; i < BATCHES; i++) {
+        const unsigned form = motion_random(&m) % (2 * ONE);
+        const size_t count = form & ONE ? 1 : motion_random(&m) % 2u ? 1 + motion_random(&m) % MANY : 16;
+        const size_t rows = 1 + motion_random(&m) % (form & ONE ? TEST_TICKS / 10 : 300);
+        make_channels(&m, count);
+        make_moves(&m, count * rows);
+        check(form, count, rows);
+    }
 }
 
 /* --- ties ----------------------------------------------------------------------------------------------------------- */
-
-/* States half way between two values in Q30, and next to it. */
-static void test_counts_from_a_tie_have_the_bits_of_single_steps(void)
-{
-    static const uint32_t low[] = {0x7fffffffu, 0x80000000u, 0x80000001u};
-    static const int32_t by[] = {1, -1, 8, -8, 9, -9, 1000, -1000, INT32_MAX, INT32_MIN};
-    const dahl_params_t p = params_for(0.3, 0.5f);
-    set_channel(0, &p);
-    for (int64_t high = -(1 << 30) + 1; high < 1 << 30; high += 99999989) {
-        for (size_t i = 0; i < sizeof low / sizeof low[0] * (sizeof by / sizeof by[0]); i++) {
-            channels.start[0].w = high * ((int64_t)1 << 32) + low[i % 3];
-            moves[0] = by[i / 3];
-            check(ONE, 1, 1);
-        }
-    }
-}
 
 /* The inverse of an odd number modulo 2^64, by Newton. */
 static uint64_t inverse_of(uint64_t odd)
@@ -236,52 +244,6 @@ static void test_torques_next_to_a_tie_have_the_bits_of_single_steps(void)
     }
 }
 
-/* --- moves that have a faster path ---------------------------------------------------------------------------------- */
-
-/* Each move of -most .. most counts: few counts use a table. Channels of one plan, or with a softer channel 7. */
-static void test_moves_of_few_counts(void)
-{
-    static const int32_t most[] = {0, 1, 7, 8, 9, 15, 16, 17};
-    for (size_t k = 0; k < sizeof most / sizeof most[0] * TRAVELS; k++) {
-        const int32_t n = most[k / TRAVELS];
-        dahl_params_t p = params_for(travels[k % TRAVELS], 1.7f);
-        for (int32_t t = 0; t < TEST_TICKS; t++) {
-            moves[t] = t * 7 % (2 * n + 1) - n;
-        }
-        for (size_t c = 0; c < MANY; c++) {
-            set_channel(c, &p);
-        }
-        for (unsigned form = 0; form <= FAST; form += FAST) {
-            check(ONE + form, 1, TEST_TICKS);
-            check(form, 16, 300);
-            check(form, MANY, 300);
-        }
-        p.sigma0 /= 1.25f;
-        set_channel(7, &p);
-        check(0, 16, 300);
-        check(FAST, 16, 300);
-    }
-}
-
-/* A block uses the kernel for its largest move and its stiffest channel. */
-static void test_one_long_move_at_any_place_of_a_block(void)
-{
-    enum { COUNT = 17, STEPS = 300, ALL = COUNT * STEPS };
-    static const size_t places[] = {0, 1, 16, 17, 33, 511, 512, 1023, ALL - COUNT, ALL - 2, ALL - 1};
-    const dahl_params_t p = params_for(1e-7, 1.0f), stiff = params_for(0.1, 1.0f);
-    for (size_t k = 0; k < sizeof places / sizeof places[0]; k++) {
-        for (size_t i = 0; i < ALL; i++) {
-            moves[i] = i == places[k] ? 20000000 : 1;
-        }
-        for (size_t c = 0; c < COUNT; c++) {
-            set_channel(c, &p);
-        }
-        check(ONE + FAST, 1, ALL);
-        set_channel(0, &stiff);
-        check(FAST, COUNT, STEPS);
-    }
-}
-
 /* --- cuts, and bad input -------------------------------------------------------------------------------------------- */
 
 static void test_a_batch_may_be_cut_anywhere_and_forms_may_alternate(void)
@@ -308,65 +270,30 @@ static void test_a_batch_may_be_cut_anywhere_and_forms_may_alternate(void)
     }
 }
 
+/* Several chunks must not offset a null pointer. */
 static void test_empty_batches_change_no_state(void)
 {
-    dahl_params_t p = params_for(1e-2, 1.0f);
-    dahl_throughput_params_t q = in_double(&p);
-    dahl_plan_t plan = plan_for(&p);
-    dahl_state_t state = {12345};
-    dahl_batch_counts(&plan, &state, NULL, NULL, 0);
-    dahl_batch(&plan, &state, NULL, NULL, 0);
-    dahl_batch_counts_channels(&plan, &state, SIZE_MAX, NULL, NULL, 0);
-    dahl_batch_counts_channels(NULL, NULL, 0, NULL, NULL, SIZE_MAX);
-    dahl_batch_channels(NULL, NULL, 0, NULL, NULL, SIZE_MAX);
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts(&q, &state, NULL, NULL, 0));
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&q, &state, NULL, NULL, 0));
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts_channels(NULL, NULL, 0, NULL, NULL, SIZE_MAX));
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(&q, &state, 1, NULL, NULL, 0));
-    set_channels(); /* several chunks must not offset a null pointer */
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(channels.wide, channels.batch, MANY, NULL, NULL, 0));
-    TEST_ASSERT_TRUE(state.w == 12345);
-}
-
-/* w at both ends of its range and of its type. */
-static const int64_t foreign[] = {((int64_t)1 << 62) + ((int64_t)1 << 31) - 1, ((int64_t)1 << 62) + ((int64_t)1 << 31),
-                                  -((int64_t)1 << 62) - ((int64_t)1 << 31),    -((int64_t)1 << 62) - ((int64_t)1 << 31) - 1,
-                                  3 * ((int64_t)1 << 61),                      -3 * ((int64_t)1 << 61),
-                                  INT64_MAX,                                   INT64_MIN};
-#define FOREIGN (sizeof foreign / sizeof foreign[0])
-
-static void test_states_out_of_range_are_clamped_as_by_single_steps(void)
-{
-    enum { N = 300 };
-    fill(motion_walk);
-    set_channels();
-    for (size_t c = 0; c < MANY; c++) {
-        channels.start[c].w = foreign[c % FOREIGN];
-    }
-    for (unsigned form = 0; form < ONE; form++) {
-        check(form, MANY, 40);
-    }
-    for (size_t k = 0; k < FOREIGN; k++) {
-        const dahl_params_t p = params_for(1e-4, 2.5f);
-        const dahl_throughput_element_t element = {in_double(&p), 0, {foreign[k]}, 0.0};
-        dahl_throughput_element_t parallel = element;
-        set_channel(0, &p);
-        channels.start[0].w = foreign[k];
-        for (unsigned form = ONE; form < 2 * ONE; form++) {
-            check(form, 1, N);
+    dahl_state_t before[MANY];
+    motion_t m = MOTION_START;
+    make_channels(&m, MANY);
+    memset(channels.batch, 0x11, sizeof channels.batch);
+    memcpy(before, channels.batch, sizeof before);
+    for (unsigned form = 0; form < 2 * ONE; form++) {
+        run(form, MANY, 0, NULL);
+        if (form < ONE) {
+            run(form, 0, SIZE_MAX, NULL);
         }
-        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_parallel_counts(&parallel, 1, moves, G, N));
-        check_bound(ONE, 1, N);
     }
+    TEST_ASSERT_EQUAL_MEMORY(before, channels.batch, sizeof before);
 }
 
-static void test_a_slip_element_with_any_deflection_stays_within_Fc(void)
+static void test_elements_in_parallel_with_any_state_stay_within_Fc(void)
 {
-    static const double any[] = {(double)NAN, (double)INFINITY, -(double)INFINITY, 1e300, -1e9};
+    static const double any[] = {(double)NAN, (double)INFINITY, -(double)INFINITY, 1e300, -1e9, 0.0};
     const dahl_params_t p = params_for(1e-2, 2.5f);
     fill(motion_walk);
-    for (size_t k = 0; k < sizeof any / sizeof any[0]; k++) {
-        dahl_throughput_element_t element = {in_double(&p), 1, {0}, any[k]};
+    for (size_t k = 0; k < 2 * sizeof any / sizeof any[0]; k++) {
+        dahl_throughput_element_t element = {in_double(&p), k % 2, {foreign[k / 2]}, any[k / 2]};
         TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_parallel_counts(&element, 1, moves, G, 300));
         for (int t = 0; t < 300; t++) {
             TEST_ASSERT_TRUE(fabsf(G[t]) <= p.Fc);
@@ -421,6 +348,10 @@ static void test_bad_parameters_change_no_state(void)
         TEST_ASSERT_EQUAL_INT(by_counts, dahl_throughput_counts_channels(params, states, 2, counts, out, by_counts == OK ? 0 : 1));
         TEST_ASSERT_EQUAL_INT(by_angle, dahl_throughput_channels(params, states, 2, dtheta, out, by_angle == OK ? 0 : 1));
         TEST_ASSERT_TRUE(states[0].w == 77 && states[1].w == 78 && out[0] < -2.0f && out[1] < -2.0f);
+        dahl_throughput_element_t elements[2] = {{params[0], 1, {0}, 3.0}, {params[1], 0, {7}, 2.0}}, before[2];
+        memcpy(before, elements, sizeof before);
+        TEST_ASSERT_EQUAL_INT(by_counts, dahl_throughput_parallel_counts(elements, 2, counts, out, by_counts == OK ? 0 : 1));
+        TEST_ASSERT_TRUE(memcmp(before, elements, sizeof before) == 0 && out[0] < -2.0f);
     }
 }
 

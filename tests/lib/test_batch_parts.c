@@ -21,10 +21,12 @@ static void mix_log(const any_plan_t *plan, any_state_t *state)
     dahl_batch_parallel_counts(parts, 2, dcounts, F, TICKS);
 }
 
-static void asymmetric_log(const any_plan_t *plan, any_state_t *state)
-{
-    dahl_batch_asymmetric_counts(&plan->asymmetric, &state->dahl, dcounts, F, TICKS);
-}
+#define DIRECTED_LOG(name, ...)                                                                                                \
+    static void name##_log(const any_plan_t *plan, any_state_t *state)                                                         \
+    {                                                                                                                          \
+        dahl_batch_##name##_counts(&plan->name, &state->dahl, dcounts, F, TICKS);                                              \
+    }
+DAHL_FRAMES_DIRECTED_MODELS(DIRECTED_LOG)
 
 static void loaded_log(const any_plan_t *plan, any_state_t *state)
 {
@@ -36,11 +38,12 @@ static void elastoplastic_log(const any_plan_t *plan, any_state_t *state)
     dahl_batch_elastoplastic_counts(&plan->elastoplastic, &state->dahl, dcounts, F, TICKS);
 }
 
+#define DIRECTED_ROW(name, ...) {name##_step, name##_log},
 static const struct {
     float (*step)(const any_plan_t *, any_state_t *, const set_t *, move_t);
     void (*log)(const any_plan_t *, any_state_t *);
-} logs[] = {{slip_step, slip_log}, {mix_step, mix_log}, {asymmetric_step, asymmetric_log}, {loaded_step, loaded_log},
-            {elastoplastic_step, elastoplastic_log}};
+} logs[] = {{slip_step, slip_log}, {mix_step, mix_log}, {loaded_step, loaded_log}, {elastoplastic_step, elastoplastic_log},
+            DAHL_FRAMES_DIRECTED_MODELS(DIRECTED_ROW)};
 
 void setUp(void)
 {
@@ -81,23 +84,19 @@ static void test_each_model_has_the_bits_of_single_ticks(void)
 
 static void test_work_and_tables_have_the_bits_of_single_ticks(void)
 {
+    static float by_speed[TICKS];
     const dahl_params_t params = params_for(1e-3, 0.5f);
     const dahl_plan_t plan = plan_for(&params);
-    dahl_velocity_params_t table = {.segment_bits = 4};
+    const dahl_velocity_params_t table = {.segment_bits = 4, .torque = {0.1f, -0.2f, 0.3f}};
     dahl_velocity_plan_t over_speed;
     dahl_state_t by_log = {0}, by_tick = {0};
     dahl_work_t work = {{0}, {0}}, work_by_tick = {{0}, {0}};
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_velocity_prepare(&over_speed, &table));
     dahl_batch_work_counts(&plan, &by_log, &work, dcounts, F, TICKS);
+    dahl_batch_velocity(&over_speed, dcounts, by_speed, TICKS);
     for (int t = 0; t < TICKS; t++) {
         TEST_ASSERT_TRUE(F[t] == dahl_work_step_counts(&plan, &by_tick, &work_by_tick, dcounts[t]));
+        TEST_ASSERT_TRUE(by_speed[t] == dahl_velocity_torque(&over_speed, dcounts[t]));
     }
     TEST_ASSERT_EQUAL_MEMORY(&work_by_tick, &work, sizeof work);
-    for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
-        table.torque[k] = 0.1f * (float)(k + 1);
-    }
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_velocity_prepare(&over_speed, &table));
-    dahl_batch_velocity(&over_speed, dcounts, F, TICKS);
-    for (int t = 0; t < TICKS; t++) {
-        TEST_ASSERT_TRUE(F[t] == dahl_velocity_torque(&over_speed, dcounts[t]));
-    }
 }

@@ -65,24 +65,6 @@ static void test_the_error_stays_within_its_bound(void)
     TEST_ASSERT_TRUE(over_all > 0.3L);
 }
 
-static void test_the_torque_is_odd_and_within_Fc_and_rest_keeps_the_state(void)
-{
-    dahl_params_t p = params_for(0.02, 1.3f);
-    dahl_float_plan_t plan = float_plan_for(&p);
-    dahl_float_state_t x = {0}, y = {0};
-    motion_t m = MOTION_START;
-    for (int t = 0; t < TEST_TICKS / 10; t++) {
-        int32_t d = t == 0 ? 0 : motion_walk(&m);
-        float F = dahl_float_step_counts(&plan, &x, d);
-        const dahl_float_state_t before = x;
-        TEST_ASSERT_TRUE(F >= -p.Fc && F <= p.Fc);
-        TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &y, -d) == -F);
-        TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &x, 0) == F && dahl_float_step(&plan, &x, 0.0f) == F);
-        TEST_ASSERT_TRUE(dahl_float_step(&plan, &x, -0.0f) == F && dahl_float_step(&plan, &x, NAN) == F);
-        TEST_ASSERT_EQUAL_MEMORY(&before, &x, sizeof x);
-    }
-}
-
 static void test_any_bits_are_a_safe_state(void)
 {
     static const float any[] = {NAN, INFINITY, -INFINITY, 7.0f, -1.0001f, 0.5f};

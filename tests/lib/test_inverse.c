@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* dahl_counts_to_torque: the move that it returns reaches the torque, shorter moves do not, and its length is that of a
- * logarithm in long double. dahl_tip_torque is compared with tanh in long double. */
-#include <stdio.h>
-
+/* dahl_counts_to_torque: the move that it returns reaches the torque, and shorter moves do not. dahl_tip_torque is compared
+ * with tanh in long double. test_part_laws.c has random torques. */
 #include "dahl_parts.h"
 #include "motions.h"
 #include "plans.h"
@@ -20,11 +18,6 @@ static const double travels[] = {1.1e-9, 1e-7, 1e-5, 1e-3, 0.1, 3.0, 20.0};
 static float after(const dahl_plan_t *plan, dahl_state_t state, int32_t dcounts)
 {
     return dahl_step_counts(plan, &state, dcounts);
-}
-
-static float random_torque(motion_t *m, float Fc)
-{
-    return Fc * (float)((int32_t)motion_random(m) >> (motion_random(m) & 7u)) / 2147483648.0f;
 }
 
 static void check_one(const dahl_plan_t *plan, const dahl_state_t *state, float F)
@@ -47,108 +40,39 @@ static void check_one(const dahl_plan_t *plan, const dahl_state_t *state, float 
     }
 }
 
-typedef struct {
-    const dahl_plan_t *plan;
-    dahl_state_t state;
-    dahl_params_t p;
-    float F;
-    int s;               /* direction of the move */
-    int32_t found;       /* counts that the library returns */
-    long double earlier; /* counts by which a shorter move may reach F too */
-    int32_t least;       /* the shortest move seen to reach F */
-} search_t;
-
-/* The gap from F to Fc in the direction of the move, as a fraction of Fc and at least 2^-25, as in the header. */
-static long double gap_to_Fc(const search_t *x)
+/* A shorter move may reach F within the rounding only. Return how much shorter it is. */
+static int32_t check_shorter(const dahl_plan_t *plan, const dahl_params_t *p, float F, int32_t found, int32_t counts)
 {
-    return fmaxl(1 - x->s * (long double)x->F / x->p.Fc, 0x1p-25L);
-}
-
-/* A shorter move may reach F within the rounding only, and only if it is not much shorter. */
-static void check_shorter(search_t *x, int32_t counts)
-{
-    const float F = after(x->plan, x->state, x->s * counts);
-    if (x->s > 0 ? F < x->F : F > x->F) {
-        return;
+    const dahl_state_t rest = {0};
+    const float reached = after(plan, rest, counts);
+    if (reached < F) {
+        return 0;
     }
-    const long double beyond = x->s * ((long double)F - x->F) / x->p.Fc;
-    TEST_ASSERT_TRUE(beyond <= (long double)DAHL_INVERSE_ERROR + 0.51L * ulp_of(fabsf(F)) / x->p.Fc);
-    TEST_ASSERT_TRUE(x->found - counts <= 1 + x->earlier);
-    x->least = counts < x->least ? counts : x->least;
+    TEST_ASSERT_TRUE(((long double)reached - F) / p->Fc <= (long double)DAHL_INVERSE_ERROR + 0.51L * ulp_of(reached) / p->Fc);
+    return found - counts;
 }
 
-/* The exact length is ln((1 - s w)/gap_to_Fc)/u counts. The float F is uncertain by half an ulp, u by 6e-11. */
-static void check_logarithm(const search_t *x, long double u)
-{
-    const long double gap = 1 - x->s * (long double)x->state.w * 0x1p-62L, half = ulp_of(fabsf(x->F)) / x->p.Fc / 2;
-    const long double least = logl(gap / (gap_to_Fc(x) + half)) / u, most = logl(gap / fmaxl(gap_to_Fc(x) - half, 0x1p-26L)) / u;
-    TEST_ASSERT_TRUE(x->found >= least - x->earlier - 6e-11L * x->found);
-    TEST_ASSERT_TRUE(x->found <= most + x->earlier + 6e-11L * x->found + 1);
-}
-
-/* Check the next shorter moves, moves within the allowed window, and random shorter moves. */
-static search_t check_neighbours(const dahl_plan_t *plan, const dahl_params_t *p, int64_t w, float F, motion_t *m)
-{
-    search_t x = {plan, {w}, *p, F, 1, 0, 0, 0};
-    const long double u = reference_by_counts(p).a;
-    if (dahl_counts_to_torque(plan, &x.state, F, &x.found) != DAHL_OK || x.found == 0) {
-        return x;
-    }
-    x.s = x.found < 0 ? -1 : 1;
-    x.found *= x.s;
-    x.least = x.found;
-    x.earlier = DAHL_INVERSE_ERROR / (u * gap_to_Fc(&x));
-    check_logarithm(&x, u);
-    const uint32_t window = (uint32_t)fminl(1.5L * x.earlier + 1, (long double)x.found);
-    for (int i = 1; i <= NEIGHBOURS; i++) {
-        check_shorter(&x, x.found > i ? x.found - i : 0);
-        check_shorter(&x, x.found - 1 - (int32_t)(motion_random(m) % window));
-        check_shorter(&x, (int32_t)(motion_random(m) % (uint32_t)x.found));
-    }
-    return x;
-}
-
-/* Random plan and state; half of the torques are within a few floats of Fc. Return the used fraction of the header's bound. */
-static long double check_any_neighbours(motion_t *m)
-{
-    const float Fc = 1.0f + (float)(motion_random(m) >> 9) * 0x1p-23f;
-    const dahl_params_t p = params_for(pow(2.0, motion_random(m) * 0x1p-32 * 26 - 29.5), motion_random(m) % 4 == 0 ? 1.0f : Fc);
-    const dahl_plan_t plan = plan_for(&p);
-    const int64_t w = motion_random(m) % 2 ? (int64_t)((uint64_t)motion_random(m) << 32 | motion_random(m)) >> 1 : 0;
-    float F = random_torque(m, p.Fc);
-    if (motion_random(m) % 2 == 0) {
-        F = copysignf(p.Fc - (float)(motion_random(m) % 4) * (float)ulp_of(p.Fc / 2), F);
-    }
-    const search_t x = check_neighbours(&plan, &p, w, F, m);
-    return x.earlier > 3 ? (x.found - x.least) / (1 + x.earlier) : 0;
-}
-
+/* From rest to Fc less a few floats, where rounding reorders the moves. The gap to Fc is at least 2^-25, as in the header. */
 static void test_a_shorter_move_reaches_the_torque_within_rounding_only(void)
 {
-    const dahl_params_t p = {1.0f, 1.0f, 1e-5f};
+    const dahl_params_t p = params_for(1e-5, 1.0f);
     const dahl_plan_t plan = plan_for(&p);
+    const dahl_state_t rest = {0};
     motion_t m = MOTION_START;
-    const search_t seen = check_neighbours(&plan, &p, 0, p.Fc, &m);
-    TEST_ASSERT_TRUE(seen.found - seen.least > 300);
-    long double worst = 0;
-    for (int i = 0; i < TRIES / 40; i++) {
-        worst = fmaxl(worst, check_any_neighbours(&m));
-    }
-    printf("shorter moves that reach F: %.3Lf of the bound\n", worst);
-}
-
-static void test_the_move_reaches_the_torque_and_one_count_less_does_not(void)
-{
-    motion_t m = MOTION_START;
-    for (size_t i = 0; i < TRAVELS; i++) {
-        dahl_params_t p = params_for(travels[i], 0.5f);
-        dahl_plan_t plan = plan_for(&p);
-        for (int k = 0; k < TRIES; k++) {
-            dahl_state_t state = {0};
-            dahl_set_torque(&plan, &state, random_torque(&m, p.Fc));
-            check_one(&plan, &state, random_torque(&m, p.Fc));
+    int32_t most = 0;
+    for (int floats = 0; floats < 8; floats++) {
+        const float F = p.Fc - (float)floats * 0x1p-24f;
+        const long double gap = fmaxl(1 - (long double)F, 0x1p-25L), earlier = DAHL_INVERSE_ERROR / (1e-5L * gap);
+        int32_t found = 0;
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_counts_to_torque(&plan, &rest, F, &found));
+        for (int32_t i = 1; i <= NEIGHBOURS; i++) {
+            const int32_t next = check_shorter(&plan, &p, F, found, found - i);
+            const int32_t any = check_shorter(&plan, &p, F, found, (int32_t)(motion_random(&m) % (uint32_t)found));
+            most = next > most ? next : most;
+            TEST_ASSERT_TRUE(next <= 1 + earlier && any <= 1 + earlier);
         }
     }
+    TEST_ASSERT_TRUE(most > 300);
 }
 
 /* There a count changes the torque by a rounding or not at all. */

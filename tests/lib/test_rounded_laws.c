@@ -18,11 +18,6 @@ static motion_t m = MOTION_START;
 static subject_t subject;
 static set_t set;
 
-static int has_rounded_state(const model_t *model) /* the state of slip elements is exact */
-{
-    return model->step != slip_step && model->step != mix_step;
-}
-
 static float random_mantissa(void)
 {
     return 1.0f + (float)(motion_random(&m) >> 9) * 0x1p-23f;
@@ -48,32 +43,11 @@ static long double w_of(const any_state_t *state)
     return (long double)state->dahl.w * 0x1p-62L;
 }
 
-/* In units of Fc^2/sigma0. In one direction Eq. 1 is F dtheta = end (|dtheta| - s dF), as dahl_work sums it. */
-typedef struct {
-    long double loss; /* work minus the change of the stored energy */
-    long double way;
-} energy_t;
-
-static energy_t energy_of(const model_t *model, move_t move, long double w0, long double w1)
+static stroke_t stroke_of(const model_t *model, move_t move, long double w0, long double w1)
 {
-    const long double whole = whole_of(model, &set), c = move.load_q30 * 0x1p-30L;
     const long double theta = model->by_angle ? angle_of(&set, move) : (long double)move.counts * set.p.theta_per_count;
-    const int s = theta < 0 ? -1 : 1;
-    const long double u = fabsl(theta) * set.p.sigma0 / whole, stored = (w1 - w0) * (w1 + w0) / 2, rise = s * (w1 - w0);
-    energy_t energy = {u - rise - stored, u};
-    if (model->more == MORE_IS_RATIO) {
-        const dahl_asymmetric_params_t p = asymmetric_params(&set);
-        energy.loss = (s > 0 ? p.Fc_forward : p.Fc_backward) / whole * (u - rise) - stored;
-    } else if (model->step == loaded_step) { /* w is F/(c Fc), and sigma0 follows c */
-        energy.loss *= c;
-    } else if (model->step == clamped_step) {
-        energy.loss = c * (u - rise) - stored;
-    } else if (model->more == MORE_IS_BREAKAWAY) {
-        const long double b = set.more, from = fmaxl(s * w0, b), to = fmaxl(s * w1, from), elastic = fminl(fmaxl(b - s * w0, 0), u);
-        energy.loss = u - elastic - (to - from) * (1 - b + (to + from) / 2);
-    }
-    energy.way *= model->has_load != 0 ? fmaxl(c, 1) : 1;
-    return energy;
+    const long double travel = fabsl(theta) * set.p.sigma0 / whole_of(model, &set);
+    return (stroke_t){&set, theta < 0 ? -1 : 1, travel, move.load_q30 * 0x1p-30L, w0, w1};
 }
 
 static int32_t next_move(uint32_t kind, int t, int32_t amplitude)
@@ -98,9 +72,9 @@ static long double least_loss(const model_t *model)
         const long double before = w_of(&subject.state);
         move.counts = next_move(kind, t, amplitude);
         (void)subject_step(&subject, &subject.state, move.counts, move.load_q30);
-        const energy_t energy = energy_of(model, move, before, w_of(&subject.state));
-        loss += energy.loss;
-        way += energy.way;
+        const stroke_t stroke = stroke_of(model, move, before, w_of(&subject.state));
+        loss += model->loss(&stroke);
+        way += stroke.travel * (model->has_load != 0 ? fmaxl(stroke.load, 1) : 1);
         least = way > 0 ? fminl(least, loss / way) : least;
     }
     return least;
@@ -110,7 +84,7 @@ static void test_no_motion_makes_more_energy_than_its_rounding(void)
 {
     for (size_t i = 0; i < MODELS; i++) {
         long double least = 0;
-        if (!has_rounded_state(&models[i])) {
+        if (models[i].loss == NULL) {
             continue;
         }
         for (int k = 0; k < TEST_TICKS / 200; k++) {
@@ -145,7 +119,7 @@ static void test_opposite_motion_is_opposite_except_at_ties(void)
 {
     int64_t most = 0;
     for (size_t i = 0; i < MODELS; i++) {
-        for (int k = 0; models[i].is_odd && has_rounded_state(&models[i]) && k < TEST_TICKS / 10; k++) {
+        for (int k = 0; models[i].is_odd && models[i].loss != NULL && k < TEST_TICKS / 10; k++) {
             begin_any(&models[i]);
             const uint32_t low = motion_random(&m);
             TEST_ASSERT_TRUE_MESSAGE(low == TIE || asymmetry_of_tick(&models[i], low) == 0, models[i].name);
@@ -180,7 +154,7 @@ static void test_a_longer_move_falls_short_by_its_rounding_at_most(void)
 {
     for (size_t i = 0; i < MODELS; i++) {
         long double most = 0;
-        if (!has_rounded_state(&models[i]) || models[i].by_angle) {
+        if (models[i].loss == NULL || models[i].by_angle) {
             continue;
         }
         for (int k = 0; k < TEST_TICKS / 10; k++) {

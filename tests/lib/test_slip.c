@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Slip elements: random parameters, the ends of the number format, return-point memory. The common contract is in
- * test_accuracy.c and test_laws.c; congruency, Masing's rule and passivity follow from the exact reference that they compare
- * with.
+ * Slip elements: random parameters and the ends of the number format. The common contract is in test_accuracy.c and
+ * test_laws.c; congruency, Masing's rule and passivity follow from the exact reference. test_part_laws.c has return-point
+ * memory.
  */
 #include <stdio.h>
 #include <unity.h>
@@ -13,7 +13,6 @@
 #define TEST_TICKS 100000
 #endif
 
-#define LAW_TICKS (TEST_TICKS < 20000 ? TEST_TICKS : 20000)
 #define PLANS (TEST_TICKS < 20000 ? 300 : 20000)
 
 static dahl_slip_plan_t plan_of(const dahl_slip_params_t *params)
@@ -101,31 +100,4 @@ static void test_the_ends_of_the_number_format(void)
     plan = plan_of(&one);
     TEST_ASSERT_TRUE(dahl_slip_step_counts(&plan, &rest, 1) == one.Fc[0]);
     TEST_ASSERT_TRUE(fabsf(dahl_slip_step_counts(&plan, &rest, -1)) <= 0x1p-29f);
-}
-
-/* A loop inside the last one, with loops inside it, restores each bit at its start. */
-static void closed_loop(const dahl_slip_plan_t *plan, dahl_slip_state_t *state, int32_t size, int32_t s, motion_t *m)
-{
-    const dahl_slip_state_t tip = *state;
-    int32_t way = (int32_t)(motion_random(m) % (uint32_t)size) + 1;
-    (void)dahl_slip_step_counts(plan, state, -s * way);
-    if (way > 2) {
-        closed_loop(plan, state, way - 1, -s, m);
-    }
-    (void)dahl_slip_step_counts(plan, state, s * way);
-    TEST_ASSERT_EQUAL_MEMORY(&tip, state, sizeof tip);
-}
-
-static void test_return_point_memory_is_exact(void)
-{
-    const dahl_slip_params_t params = {4, 3.8e-4f, {900.0f, 170.0f, 21.0f, 3.1f}, {0.4f, 0.7f, 0.35f, 0.9f}};
-    const dahl_slip_plan_t plan = plan_of(&params);
-    motion_t m = MOTION_START;
-    for (int t = 0; t < LAW_TICKS; t++) {
-        dahl_slip_state_t state = {{0}};
-        int32_t size = (int32_t)(motion_random(&m) % 2000u) + 2, s = t % 2 ? 1 : -1;
-        (void)dahl_slip_step_counts(&plan, &state, -s * (int32_t)(motion_random(&m) % 3000u));
-        (void)dahl_slip_step_counts(&plan, &state, s * size);
-        closed_loop(&plan, &state, size, s, &m);
-    }
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* Any bits are a safe state. All calls run in random order, with all elements and several plans, on one memory whose bits are
- * spoiled now and then. Each call must keep the contract of its header from any such state. */
+ * spoiled now and then. Each call must keep the contract of its header from any such state.
+ * test_step_laws.c sets torques and changes plans. */
 #include "plans.h"
 #include "models.h"
 
@@ -9,8 +10,7 @@
 #endif
 #define HOLDS(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 
-#define HASH 0x18de190ea5c46a4du /* of the results of the first CALLS_HASHED calls, on every core */
-enum { CALLS_HASHED = 20000, CALLS = TEST_TICKS < 20000 ? CALLS_HASHED : 2 * TEST_TICKS, SETS = 4, WORK_TICKS = 8 };
+enum { CALLS = 2 * TEST_TICKS, SETS = 4, WORK_TICKS = 8 };
 
 typedef struct {
     const model_t *model;
@@ -18,9 +18,9 @@ typedef struct {
     any_plan_t plan;
 } element_t;
 
-static element_t element, other; /* each call prepares them again, because small cores have little memory */
+static element_t element; /* each call prepares them again, because small cores have little memory */
 static any_state_t state;
-static uint64_t seed, hash;
+static uint64_t seed;
 
 /* splitmix64 */
 static uint64_t random64(void)
@@ -48,13 +48,6 @@ static uint32_t random_load(void)
     return kind == 0 ? 0 : kind < 3 ? ONE_Q30 : any >> random_below(4);
 }
 
-static uint32_t bits_of(float x)
-{
-    uint32_t bits;
-    memcpy(&bits, &x, sizeof bits);
-    return bits;
-}
-
 static float float_of(uint32_t bits)
 {
     float x;
@@ -66,12 +59,6 @@ static float random_torque(float Fc)
 {
     const uint32_t any = (uint32_t)random64(), kind = random_below(8);
     return kind == 0 ? NAN : kind < 3 ? float_of(any) : Fc * 0x1p-30f * (float)(int32_t)any;
-}
-
-/* FNV-1a over words */
-static void add_to_hash(uint32_t word)
-{
-    hash = (hash ^ word) * 0x100000001b3u;
 }
 
 static void prepare(element_t *e, const model_t *model)
@@ -92,12 +79,17 @@ static const element_t *dahl_element(element_t *e)
     return e;
 }
 
-/* Flip one bit, replace all bits, or set words to the ends of their type. */
+/* Flip one bit, replace all bits, set words to the ends of their type, or w to an end of its range or next to it. */
 static void spoil(void)
 {
+    const int64_t past = ((int64_t)1 << 62) + ((int64_t)1 << 31), end = past - 1 + (int64_t)random_below(3);
     uint32_t words[sizeof state / sizeof(uint32_t)];
-    const uint32_t kind = random_below(3);
+    const uint32_t kind = random_below(4);
     memcpy(words, &state, sizeof words);
+    if (kind == 3) {
+        state.dahl.w = random_below(2) ? end : -end;
+        return;
+    }
     if (kind == 0) {
         words[random_below(sizeof words / sizeof words[0])] ^= UINT32_C(1) << random_below(32);
     }
@@ -129,8 +121,17 @@ static void check_q30(const element_t *e, any_state_t before, move_t move, float
     const int32_t q30 = e->model->step_q30(&e->plan, &before, move);
     const long double slack = e->model->q30_error * whole + e->model->ulps * ulp_now(e->model, &e->set, move);
     HOLDS(fabsl(q30 * (long double)DAHL_Q30 * whole - F) <= slack, "both forms agree");
+    HOLDS(load_in_range(move) > ONE_Q30 || (q30 <= (int32_t)ONE_Q30 && q30 >= -(int32_t)ONE_Q30), "a ratio is at most 2^30");
     HOLDS(memcmp(&before, &state, sizeof state) == 0, "both forms leave the same state");
-    add_to_hash((uint32_t)q30);
+}
+
+/* The same result as after a rest under the load before. */
+static void check_clamped_first(const element_t *e, any_state_t before, move_t move, float F)
+{
+    const move_t rest = {0, e->model->has_load == 1 ? before.loaded.load_q30 : move.load_q30};
+    (void)e->model->step(&e->plan, &before, &e->set, rest);
+    HOLDS(e->model->step(&e->plan, &before, &e->set, move) == F, "a call clamps the state first");
+    HOLDS(memcmp(&before, &state, sizeof state) == 0, "a call clamps the state first");
 }
 
 static void step_any_element(void)
@@ -145,34 +146,11 @@ static void step_any_element(void)
     check_limits(e, move, F);
     HOLDS(move.counts > 0 ? F >= F0 : move.counts < 0 ? F <= F0 : F == F0, "the torque follows the direction of the move");
     check_q30(e, before, move, F);
+    check_clamped_first(e, before, move, F);
     const any_state_t after = state;
     HOLDS(e->model->step(&e->plan, &state, &e->set, rest) == F, "0 counts keep the torque");
     HOLDS(memcmp(&after, &state, sizeof state) == 0, "a call leaves a state in range");
     HOLDS(e->model->prepare != dahl_model_prepare || dahl_state_ok(&state.dahl), "dahl_state_ok() accepts it");
-    add_to_hash(bits_of(F));
-}
-
-static void set_any_torque(void)
-{
-    const element_t *e = dahl_element(&element);
-    const float Fc = e->set.p.Fc, F = random_torque(Fc), before = dahl_torque(&e->plan.dahl, &state.dahl);
-    HOLDS(fabsf(before) <= Fc, "the torque stays within Fc");
-    dahl_set_torque(&e->plan.dahl, &state.dahl, F);
-    const float now = dahl_torque(&e->plan.dahl, &state.dahl), wanted = fmaxf(-Fc, fminf(F, Fc));
-    HOLDS(isnan(F) ? now == before : now == wanted || fabsf(wanted) < 0x1p-36f * Fc, "the torque is set and clamped; NaN is ignored");
-    HOLDS(dahl_state_ok(&state.dahl), "the state is in range");
-    add_to_hash(bits_of(now));
-}
-
-static void change_any_plan(void)
-{
-    const element_t *from = dahl_element(&element), *to = dahl_element(&other);
-    const float before = dahl_torque(&from->plan.dahl, &state.dahl);
-    dahl_change_plan(&from->plan.dahl, &to->plan.dahl, &state.dahl);
-    const float now = dahl_torque(&to->plan.dahl, &state.dahl);
-    HOLDS(fabsf(now) <= to->set.p.Fc && fabsf(now) <= fabsf(before) * (1 + 0x1p-22f), "new parameters do not raise the torque");
-    HOLDS(now * before >= 0 && dahl_state_ok(&state.dahl), "the torque keeps its sign, the state is in range");
-    add_to_hash(bits_of(now));
 }
 
 /* From any bits, a bearing returns at most the energy that its clamped state stores. */
@@ -189,7 +167,6 @@ static void work_from_here(void)
         (void)dahl_work_step_counts_q30(&e->plan.dahl, &by_q30, &work_q30, counts);
         HOLDS(W >= -F0 * F0 / (2 * (long double)p->sigma0) - 0x1p-22L * energy, "the bearing returns at most the stored energy");
         HOLDS(fabsf(F) <= p->Fc, "the torque stays within Fc");
-        add_to_hash(bits_of(W));
     }
     HOLDS(by_q30.w == state.dahl.w && memcmp(&work, &work_q30, sizeof work) == 0, "both forms leave the same state and work");
 }
@@ -207,14 +184,13 @@ static void go_to_any_torque(void)
         const float reached = dahl_step_counts(&e->plan.dahl, &state.dahl, counts);
         HOLDS(F >= here ? reached >= F : reached <= F, "the counts reach the torque");
     }
-    add_to_hash((uint32_t)counts);
 }
 
 static void test_calls_in_any_order_are_safe_on_any_bits(void)
 {
-    static void (*const calls[])(void) = {spoil, spoil, set_any_torque, change_any_plan, work_from_here, go_to_any_torque};
+    static void (*const calls[])(void) = {spoil, spoil, work_from_here, go_to_any_torque};
     enum { OTHERS = sizeof calls / sizeof calls[0] };
-    seed = hash = 1;
+    seed = 1;
     for (int i = 0; i < CALLS; i++) {
         const uint32_t which = random_below(3 * OTHERS);
         if (which < OTHERS) {
@@ -222,7 +198,6 @@ static void test_calls_in_any_order_are_safe_on_any_bits(void)
         } else {
             step_any_element();
         }
-        HOLDS(i + 1 != CALLS_HASHED || hash == HASH, "every core has the same results");
     }
 }
 
@@ -257,30 +232,5 @@ static void test_state_ok_is_the_range_to_the_bit(void)
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         const dahl_state_t bearing = {cases[i].w};
         TEST_ASSERT_EQUAL_INT(cases[i].ok, dahl_state_ok(&bearing));
-    }
-}
-
-/* From both ends of the range of states, to the bit: a ratio is at most 2^30, under a load of 1 too. */
-static void check_ratios_from(const element_t *e, int64_t w)
-{
-    static const int32_t counts[] = {0, 1, 8, 9, -1, -9};
-    for (size_t k = 0; k < sizeof counts / sizeof counts[0]; k++) {
-        const move_t move = {counts[k], ONE_Q30};
-        any_state_t at_end = {{0}};
-        at_end.dahl.w = w;
-        const int32_t q30 = e->model->step_q30(&e->plan, &at_end, move);
-        HOLDS(q30 <= (int32_t)ONE_Q30 && q30 >= -(int32_t)ONE_Q30, e->model->name);
-    }
-}
-
-static void test_ratios_stay_within_2_to_the_30(void)
-{
-    const int64_t end = ((int64_t)1 << 62) + ((int64_t)1 << 31), starts[] = {end - 1, end, end + 1, 1 - end, -end, -end - 1};
-    seed = 3;
-    for (uint32_t i = 0; i < 16 * MODELS; i++) {
-        prepare(&element, &models[i % MODELS]);
-        for (size_t k = 0; k < sizeof starts / sizeof starts[0] && element.model->step_q30 != NULL; k++) {
-            check_ratios_from(&element, starts[k]);
-        }
     }
 }

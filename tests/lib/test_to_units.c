@@ -21,31 +21,6 @@ static void check_nearest(int32_t ratio, uint32_t Fc_units)
     TEST_ASSERT_TRUE(-ONE_Q30 / 2 <= off && off < ONE_Q30 / 2);
 }
 
-#define SHAFTS 5
-
-/* The recipe for a coarse unit errs by half a unit, and by 1/16 for each torque. A shift without + 8 is half a unit low. */
-static void test_a_sum_in_sixteenths_of_a_unit_is_rounded_once(void)
-{
-    motion_t m = MOTION_START;
-    double sum_of_errors = 0, sum_of_shifts = 0;
-    for (int t = 0; t < TEST_TICKS; t++) {
-        double exact = 0;
-        int32_t sum = 0;
-        for (int k = 0; k < SHAFTS; k++) {
-            const double Fc = motion_random(&m) * 0x1p-26; /* up to 64 units */
-            const int32_t ratio = (int32_t)motion_random(&m) / 2;
-            exact += ratio * 0x1p-30 * Fc;
-            sum += dahl_to_units(ratio, (uint32_t)(16 * Fc + 0.5));
-        }
-        const double error = ((sum + 8) >> 4) - exact;
-        TEST_ASSERT_TRUE(fabs(error) <= 0.5 + SHAFTS / 16.0 + 1e-6);
-        sum_of_errors += error;
-        sum_of_shifts += (sum >> 4) - exact;
-    }
-    TEST_ASSERT_TRUE(fabs(sum_of_errors / TEST_TICKS) < 0.05);
-    TEST_ASSERT_TRUE(sum_of_shifts / TEST_TICKS < -0.4);
-}
-
 static void test_the_result_is_the_nearest_whole_number(void)
 {
     motion_t m = MOTION_START;

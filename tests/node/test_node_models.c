@@ -7,16 +7,12 @@
 #include "node_talk.h"
 
 static const dahl_params_t bearing = {100.0f, 0.5f, 1e-4f};
-static const dahl_asymmetric_params_t preloaded = {100.0f, 0.3f, 0.5f, 1e-4f}, mirrored = {100.0f, 0.5f, 0.3f, 1e-4f};
 static const dahl_slip_params_t springs = {3, 1e-4f, {100.0f, 60.0f, 40.0f}, {0.25f, 0.5f, 1.0f}};
 static const dahl_node_parallel_params_t mix = {4, 0x6u, 1e-4f, {100.0f, 60.0f, 40.0f, 200.0f}, {0.25f, 0.5f, 1.0f, 0.3f}};
 
+#define KEPT(name, ...) dahl_node_##name##_t name;
 static struct {
-    dahl_node_slip_t slip;
-    dahl_node_asymmetric_t asymmetric;
-    dahl_node_elastoplastic_t elastoplastic;
-    dahl_node_loaded_t loaded;
-    dahl_node_parallel_t parallel;
+    DAHL_FRAMES_OTHER_MODELS(KEPT)
 } kept; /* of the nodes' models */
 static uint32_t counter;
 static int32_t place;
@@ -52,15 +48,22 @@ static dahl_err_t use_slip(void)
     return dahl_node_use_slip(&node, &kept.slip, &springs);
 }
 
-static dahl_err_t use_asymmetric(void)
-{
-    return dahl_node_use_asymmetric(&node, &kept.asymmetric, &preloaded);
-}
-
-static dahl_err_t use_mirrored(void)
-{
-    return dahl_node_use_asymmetric(&node, &kept.asymmetric, &mirrored);
-}
+/* A model with one Fc for each direction, and the same with both exchanged. */
+#define DIRECTED(name, ...)                                                                                                    \
+    static dahl_err_t use_##name##_of(float Fc_forward, float Fc_backward)                                                     \
+    {                                                                                                                          \
+        const dahl_##name##_params_t given = {100.0f, Fc_forward, Fc_backward, 1e-4f};                                         \
+        return dahl_node_use_##name(&node, &kept.name, &given);                                                                \
+    }                                                                                                                          \
+    static dahl_err_t use_##name(void)                                                                                         \
+    {                                                                                                                          \
+        return use_##name##_of(0.3f, 0.5f);                                                                                    \
+    }                                                                                                                          \
+    static dahl_err_t use_##name##_mirrored(void)                                                                              \
+    {                                                                                                                          \
+        return use_##name##_of(0.5f, 0.3f);                                                                                    \
+    }
+DAHL_FRAMES_DIRECTED_MODELS(DIRECTED)
 
 static dahl_err_t use_elastoplastic(void)
 {
@@ -77,14 +80,18 @@ static dahl_err_t use_parallel(void)
     return dahl_node_use_parallel(&node, &kept.parallel, &mix);
 }
 
+#define RATIO_OF_3_TO_5 644245120
+#define DIRECTED_ROWS(name, NAME, ...)                                                                                         \
+    {use_##name, DAHL_FRAMES_MODEL_##NAME, 100u << 10, 1u << 19, RATIO_OF_3_TO_5},                                             \
+    {use_##name##_mirrored, DAHL_FRAMES_MODEL_##NAME, 100u << 10, 1u << 19, 1 << 30},
+
 /* sigma0 and Fc are raw values. tests/python/can/test_node.py compares each torque with that of the model alone. */
 static const struct {
     dahl_err_t (*use)(void);
     uint32_t kind, sigma0, Fc;
     int32_t end; /* ratio after a long way forward, at 3/4 of the load */
 } models[] = {{use_slip, DAHL_FRAMES_MODEL_SLIP + 3, 200u << 10, 7u << 18, 1 << 30},
-              {use_asymmetric, DAHL_FRAMES_MODEL_ASYMMETRIC, 100u << 10, 1u << 19, 644245120 /* 0.3 of 0.5 */},
-              {use_mirrored, DAHL_FRAMES_MODEL_ASYMMETRIC, 100u << 10, 1u << 19, 1 << 30},
+              DAHL_FRAMES_DIRECTED_MODELS(DIRECTED_ROWS)
               {use_elastoplastic, DAHL_FRAMES_MODEL_ELASTOPLASTIC, 100u << 10, 1u << 19, 1 << 30},
               {use_loaded, DAHL_FRAMES_MODEL_LOADED, 100u << 10, 1u << 19, 3 * (1 << 28)},
               {use_parallel, DAHL_FRAMES_MODEL_PARALLEL + 4, 400u << 10, 2149581u /* 2.05 2^20 */, 1 << 30}};
@@ -193,6 +200,8 @@ static void assert_refused(dahl_err_t wanted, dahl_err_t got)
     TEST_ASSERT_EACH_EQUAL_HEX8(0x25, &kept, sizeof kept);
 }
 
+#define REFUSE(name, ...) assert_refused(DAHL_ERR_PARAM, use_##name##_of(0.3f, bad[i]));
+
 /* Each kind of element, and numbers of elements out of range. */
 static void test_bad_parameters_change_neither_node_nor_memory(void)
 {
@@ -201,7 +210,6 @@ static void test_bad_parameters_change_neither_node_nor_memory(void)
     dahl_slip_params_t slip = springs;
     node_before = node;
     for (size_t i = 0; i < 4; i++) {
-        const dahl_asymmetric_params_t asymmetric = {100.0f, 0.3f, bad[i], 1e-4f};
         const dahl_params_t one = {100.0f, bad[i], 1e-4f};
         parallel = mix;
         parallel.Fc[0] = bad[i]; /* one of Dahl's */
@@ -214,7 +222,7 @@ static void test_bad_parameters_change_neither_node_nor_memory(void)
         assert_refused(DAHL_ERR_PARAM, dahl_node_use_parallel(&node, &kept.parallel, &parallel));
         slip.Fc[2] = bad[i];
         assert_refused(DAHL_ERR_PARAM, dahl_node_use_slip(&node, &kept.slip, &slip));
-        assert_refused(DAHL_ERR_PARAM, dahl_node_use_asymmetric(&node, &kept.asymmetric, &asymmetric));
+        DAHL_FRAMES_DIRECTED_MODELS(REFUSE)
         assert_refused(DAHL_ERR_PARAM, dahl_node_use_loaded(&node, &kept.loaded, &one));
         assert_refused(DAHL_ERR_PARAM, dahl_node_use_elastoplastic(&node, &kept.elastoplastic, &one, 0.5f));
     }

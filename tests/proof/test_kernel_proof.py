@@ -102,28 +102,41 @@ def test_certificate_is_of_this_kernel(pieces: list[cert.Piece]) -> None:
     assert lowest < 0.7 * cert.worst(pieces).error.a
 
 
+def slopes(folder: Path, macro: str, most: float) -> list[tuple[float, float]]:
+    """Return places up to `most` and the values of a macro of fast.h there."""
+    program = folder / "slope.c"
+    program.write_text(
+        '#include <stdio.h>\n#include "fast.h"\nint main(void)\n{\n'
+        "    for (int k = 1; k <= 999; k++) {\n"
+        f"        double x = {most!r} * k / 999;\n"
+        f'        printf("%a\\n", {macro}(x));\n    }}\n}}\n'
+    )
+    flags = ["-O1", "-ffp-contract=off", *INCLUDES, "-o", folder / "slope", "-lm"]
+    subprocess.run(["cc", program, *flags], check=True)
+    printed = subprocess.run([folder / "slope"], capture_output=True, text=True, check=True).stdout
+    values = map(float.fromhex, printed.split())
+    return [(most * k / 999, value) for k, value in enumerate(values, 1)]
+
+
+def worst_error(pairs: list[tuple[float, float]]) -> float:
+    """Return the largest relative error of g = x slope(x)."""
+    return max(abs(slope * x / -math.expm1(-x) - 1) for x, slope in pairs)
+
+
 def test_the_kernel_of_the_vectors_is_the_one_that_is_generated(tmp_path: Path) -> None:
     """Bit for bit, with the error that the generator prints, within DAHL_G_ERROR."""
     words = [sys.executable, ROOT / "tools/generators/fast_kernel.py"]
     said = subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
     polynomial = [float.fromhex(line) for line in said[:-1]]
-    program = tmp_path / "slope.c"
-    program.write_text(
-        '#include <stdio.h>\n#include "fast.h"\nint main(void)\n{\n'
-        "    for (int k = 1; k <= 999; k++) {\n"
-        "        double x = DAHL_LN2 * k / 999;\n"
-        '        printf("%a\\n", DAHL_SLOPE(x));\n    }\n}\n'
-    )
-    flags = ["-O1", "-ffp-contract=off", *INCLUDES, "-o", tmp_path / "slope", "-lm"]
-    subprocess.run(["cc", program, *flags], check=True)
-    printed = subprocess.run(
-        [tmp_path / "slope"], capture_output=True, text=True, check=True
-    ).stdout
-    computed = [float.fromhex(line) for line in printed.split()]
-    places = [math.log(2) * k / 999 for k in range(1, 1000)]
+    pairs = slopes(tmp_path, "DAHL_SLOPE", math.log(2))
     horner = lambda x: functools.reduce(lambda p, c: p * x + c, reversed(polynomial))  # noqa: E731
-    assert computed == [horner(x) for x in places]
-    worst = max(abs(p * x / -math.expm1(-x) - 1) for x, p in zip(places, computed, strict=True))
+    assert [slope for _, slope in pairs] == [horner(x) for x, _ in pairs]
     printed_error = float(said[-1].removeprefix("relative error at most "))
-    assert printed_error == pytest.approx(worst, rel=5e-3)
+    assert printed_error == pytest.approx(worst_error(pairs), rel=5e-3)
     assert printed_error < number("DAHL_G_ERROR", "fast.h")
+
+
+def test_the_kernel_of_short_travel_keeps_its_bound(tmp_path: Path) -> None:
+    """The bound is tight: it is nearly reached at the largest travel."""
+    worst = worst_error(slopes(tmp_path, "DAHL_TINY_SLOPE", math.log(2) / 128))
+    assert 0.9 < worst / number("DAHL_G_ERROR_TINY", "fast.h") <= 1

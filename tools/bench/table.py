@@ -6,7 +6,19 @@ from __future__ import annotations
 import sys
 from typing import Any
 
+from dahl.binding import models
+
 MARKS = ("<!-- bench:target -->", "<!-- /bench:target -->")
+
+
+def rows_of(model: models.Model) -> tuple[tuple[str, str], ...]:
+    """Return the rows of a model with one Fc for each direction."""
+    return (
+        (f"`dahl_{model.name}_step_counts_q30`", f"{model.name}_q30"),
+        (f"`dahl_{model.name}_step_counts`, F in N m", f"{model.name}_float"),
+        (f"`dahl_{model.name}_prepare`", f"{model.name}_prepare"),
+    )
+
 
 ROWS = [
     ("`dahl_step_counts_q30`, one count", "one_count_q30"),
@@ -43,9 +55,7 @@ ROWS = [
     ("`dahl_parallel_step_counts_q30`, a Dahl and a slip element", "mixed_2_q30"),
     ("`dahl_parallel_step_counts_q30`, 3 Dahl elements and a slip element", "mixed_4_q30"),
     ("`dahl_slip_prepare`, 8 elements", "slip_prepare_8"),
-    ("`dahl_asymmetric_step_counts_q30`", "asymmetric_q30"),
-    ("`dahl_asymmetric_step_counts`, F in N m", "asymmetric_float"),
-    ("`dahl_asymmetric_prepare`", "asymmetric_prepare"),
+    *(row for model in models.table().values() if model.has_directions for row in rows_of(model)),
     ("`dahl_loaded_step_counts_q30`", "loaded_q30"),
     ("`dahl_loaded_step_counts_q30`, the load grew", "loaded_more_q30"),
     ("`dahl_loaded_step_counts`, F in N m", "loaded_float"),

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from dahl.binding import models
 from dahl.sim import firmware
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -239,19 +240,10 @@ def measure_sizes(core: Core) -> dict[str, int]:
     return result
 
 
-# Cases of dahl_parts.h, and Coulomb for measured.py
+# Beginnings of the cases of dahl_parts.h, and Coulomb for measured.py
 PARTS = (
-    *(
-        "slip_",
-        "parallel_",
-        "mixed_",
-        "asymmetric_",
-        "loaded_",
-        "clamped_",
-        "elastic_",
-        "plastic_",
-        "crossing_",
-    ),
+    *(f"{name}_" for name in models.table() if name != "dahl"),
+    *("mixed_", "clamped_", "elastic_", "plastic_", "crossing_"),
     *("work_", "counts_to_torque", "tip_torque", "velocity_"),
     "coulomb",
 )

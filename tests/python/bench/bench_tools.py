@@ -19,6 +19,7 @@ from typing import Any
 
 import pytest
 from conftest import ROOT
+from dahl.binding import models
 from matplotlib import pyplot
 from matplotlib.figure import Figure
 
@@ -123,11 +124,13 @@ CASES = [f"{case}_{form}" for case in BY_FORM for form in ("q30", "float")]
 CASES += """angle_zero angle_worst prepare torque set_torque change_plan counts_between
     counts_between_below encoder_move encoder_move_other encoder_move_jump to_units control_tick
     control_tick_units slip_1_q30 slip_2_q30 slip_4_q30 slip_8_q30 slip_4 slip_prepare_8 parallel_2
-    parallel_4 parallel_2_q30 parallel_4_q30 mixed_2_q30 mixed_4_q30 asymmetric_q30 coulomb
-    asymmetric_float asymmetric_prepare loaded_q30 loaded_more_q30 loaded_float clamped_float
+    parallel_4 parallel_2_q30 parallel_4_q30 mixed_2_q30 mixed_4_q30 coulomb
+    loaded_q30 loaded_more_q30 loaded_float clamped_float
     elastic_q30 plastic_q30 crossing_q30 crossing_float work_step work_step_q30 work_read
     counts_to_torque counts_to_torque_fine tip_torque_1000 tip_torque tip_torque_fine
     velocity_torque_q30 velocity_torque dense_q30""".split()
+DIRECTED = [model.name for model in models.table().values() if model.has_directions]
+CASES += [f"{name}_{call}" for name in DIRECTED for call in ("q30", "float", "prepare")]
 OF_A_LIBC = ("expm1f", "expf", "exp_double")
 OF_RIVALS = ("euler", "rk4", "table")
 BYTES = ("code_bytes", "code_bytes_angle", "const_bytes_angle", "static_bytes_angle")

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from bench_tools import (
     CALLS,
+    DIRECTED,
     HOST_NAMES,
     JUMPS,
     KEYS,
@@ -49,9 +50,10 @@ def bench(tmp_path) -> Bench:
 
 
 # Words that the title of a row must have, by the words of its key.
-IN_TITLE = {word: word for word in """prepare slip parallel asymmetric work tip newlib picolibc
+IN_TITLE = {word: word for word in """prepare slip parallel work tip newlib picolibc
     expm1f expf double euler rk4 code const static plan state stack between below units control
     reversal jump q30 1000 worst table""".split()}  # fmt: skip
+IN_TITLE |= {name: name for name in DIRECTED}
 IN_TITLE |= {
     "c": "by the c",
     "eight": "8",

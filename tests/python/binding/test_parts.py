@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from functools import partial
 
 import dahl
 import numpy as np
@@ -15,6 +16,7 @@ import pytest
 from dahl.binding import models
 from hypothesis import given
 from hypothesis import strategies as st
+from model_examples import BRISTLES, made, whole
 from strategies import as_float
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -24,15 +26,12 @@ PLAN = dahl.Plan(100.0, 0.5, 2e-4)
 SIGMA0, FC, THETA = [100.0, 70.0, 3.0], [0.5, 1.25, 0.01], 2e-4
 ULPS = 0.55  # of Fc (of the sum, of the larger Fc): the bound of the docstrings
 FAST_ULPS = 0.5001  # of ThroughputSlip
-MADE = {
-    "asymmetric": lambda: dahl.Asymmetric(100.0, 0.5, 0.3, THETA),
-    BREAKAWAY.name: lambda: models.class_of(BREAKAWAY)(100.0, 0.5, THETA, 0.7),
-    "slip": lambda: dahl.Slip(SIGMA0, FC, THETA),
+TABLE = {model.name: model for model in BRISTLES}
+TABLE |= {name: model for name, model in models.table().items() if model.sigma0s == 0}
+MADE = {name: partial(made, model) for name, model in TABLE.items()} | {
     "work": lambda: dahl.Work(PLAN),
-    "parallel": lambda: dahl.Parallel(dahl.Friction(PLAN), dahl.Slip(SIGMA0, FC, THETA)),
     "velocity": lambda: dahl.VelocityTable([0.1 * k - 0.3 for k in range(16)], 2),
 }
-LARGER_FC = {"asymmetric": 0.5, BREAKAWAY.name: 0.5, "slip": sum(FC), "parallel": sum(FC) + 0.5}
 MOVES = np.random.default_rng(5).integers(-60, 61, 3000).astype(np.int32)
 LOADS = np.random.default_rng(6).uniform(0, 1.99, MOVES.size)
 
@@ -52,9 +51,9 @@ def test_a_log_has_the_bits_of_single_moves(name):
     assert torques.tolist() == [one.step_counts(int(move)) for move in MOVES]
     if name != "velocity":  # it has no state
         assert one == many and many.torque == torques[-1]
-    if name in LARGER_FC:
+    if name in TABLE:
         ratios = [by_ratio.step_counts_q30(move) * 2.0**-30 for move in MOVES.tolist()]
-        assert ratios == pytest.approx(torques.astype(float) / LARGER_FC[name], abs=7e-8)
+        assert ratios == pytest.approx(torques.astype(float) / whole(TABLE[name]), abs=7e-8)
 
 
 @pytest.mark.parametrize("is_fixed", [False, True])
@@ -122,7 +121,7 @@ def exact_slip(sigma0, torques, moves, exact=lambda x: Fraction(as_float(x))) ->
 
 
 def test_slip_is_exact_in_torque_in_ratio_and_in_the_fast_form():
-    slip, by_ratio = MADE["slip"](), MADE["slip"]()
+    slip, by_ratio = (dahl.Slip(SIGMA0, FC, THETA) for _ in range(2))
     exact, ulp = exact_slip(SIGMA0, FC, MOVES), Fraction(ulp_of(sum(FC)))
     found = [Fraction(float(torque)) for torque in slip.run_counts(MOVES)]
     assert max(abs(a - b) for a, b in zip(found, exact, strict=True)) <= Fraction(ULPS) * ulp
@@ -136,7 +135,8 @@ def test_slip_is_exact_in_torque_in_ratio_and_in_the_fast_form():
 
 
 def test_a_mix_is_the_sum_of_its_parts_with_their_present_plans():
-    alone, mix = dahl.Friction(PLAN), MADE["parallel"]()
+    alone = dahl.Friction(PLAN)
+    mix = dahl.Parallel(dahl.Friction(PLAN), dahl.Slip(SIGMA0, FC, THETA))
     exact = np.array(exact_slip(SIGMA0, FC, MOVES), float) + alone.run_counts(MOVES)
     torques = mix.run_counts(MOVES)
     assert np.abs(torques - exact).max() <= (ULPS + 0.52) * ulp_of(sum(FC) + 0.5)

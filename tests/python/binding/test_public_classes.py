@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from dahl import codec, node
 from dahl.binding import models
+from model_examples import BRISTLES, OWN, THETA, numbers
 from strategies import COPIES
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -63,11 +64,17 @@ def others(name: str, value: Any) -> Iterator[Any]:
             yield KINDS[type(value).__name__].make(**{field: other})
 
 
+def arguments_of(model: models.Model) -> dict[str, Any]:
+    """Return the arguments of a class that is derived from Bristle, by name."""
+    sigma0, torques = numbers(model)
+    own = [OWN[model.key]] if model.key else []
+    names = inspect.signature(models.class_of(model)).parameters
+    return dict(zip(names, [*sigma0, *torques, THETA, *own], strict=True))
+
+
 PLAN = {"sigma0": 100.0, "Fc": 0.5, "theta_per_count": 2e-4}
-BREAKAWAY = models.with_key("breakaway")
 PLANNED = {"plan": dahl.Plan(**PLAN)}
 TWO = {"sigma0": [100.0, 50.0], "Fc": [0.5, 1.0], "theta_per_count": 1e-3}
-SEAL = {"sigma0": 100.0, "Fc_forward": 0.5, "Fc_backward": 0.3, "theta_per_count": 2e-4}
 NODE = {"gain": 0.5, "limit": 0.25, "ramp": 0.3, "timeout": 0.02, "max_step": 7}
 NODE |= {"status_period": 0.07}
 TABLE = [0.5, 0.3, 0.25, -0.125, *(0.0625 * k for k in range(1, 13))]
@@ -76,8 +83,7 @@ FAST = (dahl.Throughput(**PLAN), dahl.ThroughputSlip(**TWO))
 KINDS = {
     kind.of.__name__: kind
     for kind in (
-        Kind(dahl.Asymmetric, SEAL, step),
-        Kind(models.class_of(BREAKAWAY), PLAN | {"breakaway": 0.5}, step),
+        *(Kind(models.class_of(model), arguments_of(model), step) for model in BRISTLES),
         Kind(dahl.Encoder, {"modulus": 65536, "sign": 1, "largest_step": 9}, lambda o: o.move(12)),
         Kind(dahl.Friction, PLANNED, step),
         Kind(

@@ -16,32 +16,14 @@ from dahl import codec
 from dahl.binding import models
 from dahl.codec import EncoderState, Param, ParamWrite, Write
 from loop_tools import SCENES, read_log, run
+from model_examples import THETA, keys, made
 from strategies import COPIES
 from test_node_sequences import message_of
 
 pytestmark = pytest.mark.usefixtures("library")
 
-THETA = 3.8e-4
-BREAKAWAY = models.with_key("breakaway")
 PLAN = dahl.Plan(100, 0.7, THETA)
-MODELS = {  # keys of a scene, and the same in Python
-    "dahl": ("sigma0 = 100\nFc = 0.7", PLAN),
-    "slip": ("sigma0 = 100 30\nFc = 0.2 0.7", dahl.Slip([100, 30], [0.2, 0.7], THETA)),
-    "parallel": (
-        "kinds = slip dahl dahl\nsigma0 = 30 100 50\nFc = 0.7 0.2 0.05",
-        dahl.Parallel(
-            dahl.Slip([30], [0.7], THETA),
-            dahl.Friction(dahl.Plan(100, 0.2, THETA)),
-            dahl.Friction(dahl.Plan(50, 0.05, THETA)),
-        ),
-    ),
-    "asymmetric": ("sigma0 = 100\nFc = 0.2 0.7", dahl.Asymmetric(100, 0.2, 0.7, THETA)),
-    BREAKAWAY.name: (
-        "sigma0 = 100\nFc = 0.7\nbreakaway = 0.6",
-        models.make(BREAKAWAY, [100], [0.7], THETA, 0.6),
-    ),
-    "loaded": ("sigma0 = 100\nFc = 0.7", dahl.Loaded(PLAN)),
-}
+MODELS = {name: (keys(model), made(model)) for name, model in models.table().items()}
 FROM_NODE = (0x110, 0x120, 0x140)
 Sent = list[tuple[int, bytes]]
 
@@ -81,10 +63,10 @@ MOTOR += "[motor]\namplitude = 2\nfrequency = 3\nseconds = 1\n"
 @pytest.mark.parametrize("model", MODELS)
 def test_each_model_answers_as_the_program_does(tmp_path, model):
     """With gain, limit and ramp. The load follows the torque of a motor, by parameter Load."""
-    keys, friction = MODELS[model]
+    lines, friction = MODELS[model]
     path = tmp_path / "model.ini"
     path.write_text(
-        f"[friction]\nmodel = {model}\n{keys}\ntheta_per_count = {THETA}\n"
+        f"[friction]\n{lines}theta_per_count = {THETA}\n"
         "gain = 0.91\nlimit = 0.85\nramp_ms = 300\nmax_step = 5000\n"
         f"{MOTOR if model == 'loaded' else STEERING}[status]\nperiod_ms = 70\n"
     )

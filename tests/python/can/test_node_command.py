@@ -114,8 +114,8 @@ def test_a_served_node_has_the_number_of_the_option_or_else_of_the_scene(
 @pytest.mark.parametrize("model", MODELS)
 def test_the_node_has_the_model_and_settings_of_its_scene(dahl, tmp_path, model):
     """A client asks it after its first Status, and ends it by Ctrl-C."""
-    keys, friction = MODELS[model]
-    words = f"[friction]\nmodel = {model}\n{keys}\ntheta_per_count = {THETA}\n"
+    lines, friction = MODELS[model]
+    words = f"[friction]\n{lines}theta_per_count = {THETA}\n"
     kept = "gain = 0.5\nlimit = 0.25\nramp_ms = 300\nmax_step = 700\ntimeout_ms = 9000\n"
     (tmp_path / "own.ini").write_text(f"{words}{kept}[status]\nperiod_ms = 40\n")
     found: dict[Param, codec.ParamReply] = {}

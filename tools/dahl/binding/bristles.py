@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Asymmetric with one Fc for each direction, and ElastoPlastic without creep below breakaway. Same
-names, units and bits as dahl_parts.h.
-"""
+"""The base of the elements with the state of one bristle, a dahl_state_t."""
 
 from __future__ import annotations
 
@@ -9,7 +7,7 @@ from typing import Any, ClassVar
 
 from dahl.binding import checks, parameters
 from dahl.binding.elements import RatioElement
-from dahl.binding.friction import Plan, State
+from dahl.binding.friction import State
 from dahl.binding.library import c
 from dahl.binding.parameters import Parameter
 from dahl.errors import Error
@@ -64,99 +62,3 @@ class Bristle(RatioElement):
     def __repr__(self) -> str:
         named = (f"{name}={parameters.digits(value)}" for name, value in self._values.items())
         return f"{type(self).__name__}({', '.join(named)})"
-
-
-@checks.calls_checked
-class Asymmetric(Bristle):
-    """Friction with one Fc for each direction (dahl_asymmetric_plan_t), relaxed at first:
-    dF/dtheta = sigma0 (1 - F/Fc_forward) forward, sigma0 (1 + F/Fc_backward) backward. Passive over
-    every closed cycle, within rounding.
-
-    sigma0           N m/rad  stiffness at F = 0, both ways, range as in Plan
-    Fc_forward       N m      F after a long way forward, range of Fc in Plan
-    Fc_backward      N m      -F after a long way backward, the same range
-    theta_per_count  rad      per encoder count; sigma0/Fc*theta_per_count in the range of Plan for
-                              either Fc
-
-    Torques are within 0.55 ulp of the larger Fc. A step costs about 1 us from Python, a tick in
-    run_counts() about 10 ns. Two are equal if parameters and state are; picklable; a copy has a
-    state of its own. Raises dahl.Error with the parameter, its value and its limit.
-
-    >>> seal = dahl.Asymmetric(sigma0=100.0, Fc_forward=0.5, Fc_backward=0.25, theta_per_count=1e-3)
-    >>> seal.step_counts(10**6), seal.step_counts(-(10**6))
-    (0.5, -0.25)
-    """
-
-    _kind = "asymmetric_"
-    sigma0 = Parameter(parameters.SIGMA0)
-    Fc_forward = Parameter(parameters.FC.replace("Fc", "Fc_forward"))
-    Fc_backward = Parameter(parameters.FC.replace("Fc", "Fc_backward"))
-    theta_per_count = Parameter(parameters.COUNTED)
-
-    def __init__(
-        self,
-        sigma0: float,
-        Fc_forward: float,  # noqa: N803 (the field's name)
-        Fc_backward: float,  # noqa: N803
-        theta_per_count: float,
-    ) -> None:
-        self._set(sigma0, Fc_forward, Fc_backward, theta_per_count)
-
-    def _params(self) -> tuple[Any, ...]:
-        return (c.new("dahl_asymmetric_params_t *", self._values),)
-
-    def _refusal(self) -> str:
-        parameters.need_counted(self.theta_per_count)
-        for name in ("Fc_forward", "Fc_backward"):
-            try:
-                Plan(self.sigma0, self._values[name], self.theta_per_count)
-            except Error as error:
-                return str(error).replace("Fc", name)
-        return f"{self!r} is refused by dahl_asymmetric_prepare"
-
-
-@checks.calls_checked
-class ElastoPlastic(Bristle):
-    """Elasto-plastic friction (Dupont 2002; over space as in Hayward 2009;
-    dahl_elastoplastic_plan_t), with its state, relaxed at first: a spring up to F = breakaway*Fc in
-    the direction of motion, without creep however often it goes to and fro, and then Dahl's curve,
-    without a corner.
-
-    sigma0           N m/rad  stiffness of the spring, range as in Plan
-    Fc               N m      Coulomb torque, range as in Plan
-    theta_per_count  rad      per encoder count, range as in Plan, not 0
-    breakaway        fraction of Fc at which it begins to slide, 0 < breakaway < 1
-
-    Torques are within 0.55 ulp of Fc. A step costs about 1 us from Python, a tick in run_counts()
-    about 10 ns. Two are equal if parameters and state are; picklable; a copy has a state of its
-    own. Raises dahl.Error with the parameter, its value and its limit.
-
-    >>> bearing = dahl.ElastoPlastic(sigma0=128.0, Fc=0.5, theta_per_count=2**-13, breakaway=0.7)
-    >>> bearing.step_counts(16), bearing.step_counts(-16)
-    (0.25, 0.0)
-    """
-
-    _kind = "elastoplastic_"
-    sigma0 = Parameter(parameters.SIGMA0)
-    Fc = Parameter(parameters.FC)
-    theta_per_count = Parameter(parameters.COUNTED)
-    breakaway = Parameter("0 < breakaway < 1 (part of Fc)")
-
-    def __init__(
-        self,
-        sigma0: float,
-        Fc: float,  # noqa: N803 (the field's name)
-        theta_per_count: float,
-        breakaway: float,
-    ) -> None:
-        self._set(sigma0, Fc, theta_per_count, breakaway)
-
-    def _params(self) -> tuple[Any, ...]:
-        *dahl, breakaway = self._values.values()
-        return c.new("dahl_params_t *", dahl), breakaway
-
-    def _refusal(self) -> str:
-        parameters.need_counted(self.theta_per_count)
-        Plan(self.sigma0, self.Fc, self.theta_per_count)
-        shown, limit = parameters.digits(self.breakaway), self._limits["breakaway"]
-        return f"breakaway = {shown} is outside {limit}"

@@ -11,6 +11,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dahl import paths
@@ -41,7 +42,7 @@ class Model:
     class_name: str
     number: int
     sigma0s: int  # numbers of sigma0 [N m/rad]; 0: one for each element
-    Fcs: int  # numbers of Fc [N m]; 0: one for each element; 2: forward and backward
+    Fcs: int  # numbers of Fc [N m]; 0: one for each element; 2: one for each direction
     has_plan: bool
     key: str
     meaning: str
@@ -116,10 +117,9 @@ def make(
 
 def class_of(model: Model) -> Any:
     """Return the Python class of a model."""
-    from dahl.binding import bristles, friction, loaded, slip
-
     name = "Plan" if model.name == "dahl" else model.class_name
-    return next(getattr(m, name) for m in (friction, slip, bristles, loaded) if hasattr(m, name))
+    module = {"dahl": "friction", "parallel": "slip"}.get(model.name, model.name)
+    return getattr(import_module(f"dahl.binding.{module}"), name)
 
 
 def _element(

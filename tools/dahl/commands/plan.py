@@ -43,7 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--fc",
         required=True,
         metavar="Y",
-        help="Coulomb torque, N m; of slip one per element: Y,Y; of asymmetric forward,backward",
+        help="Coulomb torque, N m; of slip one per element: Y,Y; if each direction has its own:"
+        " forward,backward",
     )
     parser.add_argument(
         "--breakaway",

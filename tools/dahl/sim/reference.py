@@ -183,9 +183,9 @@ EXACT: dict[str, Callable[[Scene, Moves, Iterable[Fraction]], list[mpmath.mpf]]]
     "dahl": _dahl,
     "slip": _slip,
     "parallel": _parallel,
-    "asymmetric": _asymmetric,
     "elastoplastic": _elastoplastic,
     "loaded": _loaded,
+    "asymmetric": _asymmetric,
 }  # torque ratio after each move, from rest, by the name of the model; loads as fractions of 1
 
 

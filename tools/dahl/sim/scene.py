@@ -64,7 +64,7 @@ class Scene:
     path: Path
     title: str
     model: str = "dahl"  # a name in models.table()
-    # (sigma0 [N m/rad], Fc [N m]) of each element, of asymmetric forward and backward
+    # (sigma0 [N m/rad], Fc [N m]) of each element, or of each direction: forward, backward
     elements: tuple[tuple[float, float], ...] = ()
     theta_per_count: float = 0.0
     seconds: float = 0.0  # length of the motion; 0 if the scene does not give it
@@ -92,14 +92,14 @@ class Scene:
 
     @property
     def sigma0(self) -> float:
-        """N m/rad, the sum of all elements; of asymmetric that of each direction."""
+        """N m/rad, the sum of all elements; if Fc has a direction, that of both."""
         if self.has_directions:
             return self.elements[0][0]
         return sum(sigma0 for sigma0, _ in self.elements)
 
     @property
     def Fc(self) -> float:  # noqa: N802
-        """N m, at a torque ratio of 1: the sum of all elements; of asymmetric the larger one."""
+        """N m, at a torque ratio of 1: the sum of all elements, or the larger of two directions."""
         if self.has_directions:
             return max(torque for _, torque in self.elements)
         return sum(torque for _, torque in self.elements)

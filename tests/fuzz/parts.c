@@ -1,0 +1,173 @@
+/* SPDX-License-Identifier: MIT */
+/* Ticks of each model on any plan, from rest: the contract of tests/lib/laws.h, and laws of single models. */
+#include "dahl_batch.h"
+#include "plans.h"
+#define HOLDS(condition, words) LAW(condition, words)
+#include "../lib/laws.h"
+
+enum { STEPS_MAX = 12 };
+
+typedef struct {
+    dahl_params_t params[2];
+    float breakaway, ratio;
+    int elements;
+    int moves;
+    move_t move[STEPS_MAX];
+    int32_t dcounts[STEPS_MAX];
+} walk_t;
+
+/* Without the mirrored walk, which may differ at ties. */
+static void check_contract(const walk_t *walk)
+{
+    static subject_t subject;
+    if (walk->params[0].theta_per_count == 0 || fuzz_judge(&walk->params[0]) != DAHL_OK) {
+        return;
+    }
+    for (size_t i = 0; i < MODELS; i++) {
+        model_t model = models[i];
+        const set_t set = {walk->params[0], more_for(&model, (float)walk->elements, walk->ratio, walk->breakaway)};
+        model.is_odd = model.is_split;
+        if (subject_begin(&subject, &model, &set)) {
+            check_walk(&subject, walk->move, (size_t)walk->moves);
+            check_ends(&subject);
+        }
+    }
+}
+
+static void check_memory(const walk_t *walk)
+{
+    dahl_slip_params_t params = {1, walk->params[0].theta_per_count, {walk->params[0].sigma0}, {walk->params[0].Fc}};
+    dahl_slip_plan_t plan;
+    dahl_slip_state_t state = {{0}};
+    if (dahl_slip_prepare(&plan, &params) != DAHL_OK) {
+        return;
+    }
+    int32_t out = walk->dcounts[0], back = out / 2;
+    (void)dahl_slip_step_counts_q30(&plan, &state, out);
+    dahl_slip_state_t kept = state;
+    (void)dahl_slip_step_counts_q30(&plan, &state, -back);
+    (void)dahl_slip_step_counts_q30(&plan, &state, back);
+    LAW(memcmp(&state, &kept, sizeof state) == 0, "slip: return-point memory");
+}
+
+static void check_no_creep(const walk_t *walk)
+{
+    const model_t *model = model_with(MORE_IS_BREAKAWAY);
+    const set_t set = {walk->params[0], walk->breakaway};
+    any_plan_t plan;
+    any_state_t state = {{0}};
+    if (model->prepare(&plan, &set) != DAHL_OK) {
+        return;
+    }
+    long double most = (long double)walk->breakaway / fuzz_travel(&walk->params[0], (long double)walk->params[0].theta_per_count);
+    uint32_t below = most * 0.999L < 2147483647.0L ? (uint32_t)(most * 0.999L) : INT32_MAX;
+    int32_t n = below < 1 ? 0 : (int32_t)((uint32_t)walk->dcounts[0] % below);
+    (void)model->step_q30(&plan, &state, (move_t){n, 0});
+    (void)model->step_q30(&plan, &state, (move_t){-n, 0});
+    LAW(state.dahl.w == 0, "elasto-plastic: no creep below breakaway");
+}
+
+/* A Dahl and a slip element: fast form against exact form. */
+static void check_fast_sum(const walk_t *walk)
+{
+    const dahl_params_t *p = &walk->params[0];
+    const dahl_params_t other = {walk->params[1].sigma0, walk->params[1].Fc, p->theta_per_count};
+    const dahl_slip_params_t slip_params = {1, p->theta_per_count, {other.sigma0}, {other.Fc}};
+    dahl_plan_t plan;
+    dahl_slip_plan_t slip;
+    dahl_state_t state = {0};
+    dahl_slip_state_t slip_state = {{0}};
+    float G[STEPS_MAX];
+    if (dahl_prepare(&plan, p) != DAHL_OK || dahl_slip_prepare(&slip, &slip_params) != DAHL_OK) {
+        return;
+    }
+    const dahl_part_t parts[] = {DAHL_PART(&plan, &state), DAHL_SLIP_PART(&slip, &slip_state)};
+    dahl_throughput_element_t fast[] = {{{(double)p->sigma0, (double)p->Fc, (double)p->theta_per_count}, 0, {0}, 0},
+                                        {{(double)other.sigma0, (double)other.Fc, (double)other.theta_per_count}, 1, {0}, 0}};
+    LAW(dahl_throughput_parallel_counts(fast, 2, walk->dcounts, G, (size_t)walk->moves) == DAHL_OK, "fast: the same limits");
+    for (int i = 0; i < walk->moves; i++) {
+        float F = dahl_parallel_step_counts(parts, 2, walk->dcounts[i]);
+        LAW(fabsl((long double)F - (long double)G[i]) <= 1.1L * ulp_of_sum((long double)p->Fc + (long double)other.Fc),
+            "fast: within both bounds of the exact form");
+    }
+}
+
+static void check_work(const walk_t *walk)
+{
+    const dahl_params_t *p = &walk->params[0];
+    dahl_plan_t plan;
+    dahl_state_t state = {0}, alone = {0};
+    dahl_work_t work = {{0}, {0}};
+    if (dahl_prepare(&plan, p) != DAHL_OK) {
+        return;
+    }
+    long double a = (long double)p->sigma0 / (long double)p->Fc, exact = 0, way = 0;
+    for (int i = 0; i < walk->moves; i++) {
+        long double x = fabsl((long double)walk->dcounts[i]) * (long double)p->theta_per_count;
+        long double sw = ldexpl((long double)state.w, -62) * (walk->dcounts[i] < 0 ? -1 : 1);
+        way += x;
+        exact += (long double)p->Fc * (x + (1 - sw) * expm1l(-a * x) / a); /* the integral of F dtheta of this move */
+        float F = dahl_work_step_counts(&plan, &state, &work, walk->dcounts[i]);
+        LAW(F == dahl_step_counts(&plan, &alone, walk->dcounts[i]) && state.w == alone.w, "work: the torque is the element's");
+    }
+    long double got = (long double)dahl_work(p, &work), energy = (long double)p->Fc / a;
+    long double bound = 0x1p-22L * fabsl(exact) + 0x1p-24L * energy + 0x1p-50L * way * (long double)p->Fc + 0x1p-120L;
+    LAW(isinf(got) || fabsl(got - exact) <= bound,
+        "work: the integral of the torque");
+    LAW(!(dahl_work(p, &work) < -0x1p-28f * p->Fc / p->sigma0 * p->Fc), "work: a bearing at rest returns no energy");
+}
+
+static void check_inverse(const walk_t *walk, uint32_t part_of_Fc)
+{
+    const dahl_params_t *p = &walk->params[0];
+    dahl_plan_t plan;
+    dahl_state_t state = {0};
+    int32_t found = 77;
+    if (dahl_prepare(&plan, p) != DAHL_OK) {
+        return;
+    }
+    (void)dahl_step_counts_q30(&plan, &state, walk->dcounts[0]);
+    float F = p->Fc * (float)(int32_t)part_of_Fc * 0x1p-31f, here = dahl_torque(&plan, &state);
+    dahl_err_t err = dahl_counts_to_torque(&plan, &state, F, &found);
+    int s = F > here ? 1 : -1;
+    dahl_state_t there = state, before = state;
+    if (err != DAHL_OK) {
+        float most = dahl_step_counts(&plan, &there, s * INT32_MAX);
+        LAW(found == 77 && (s > 0 ? most < F : most > F), "inverse: refused only if no move reaches the torque");
+        return;
+    }
+    float reached = dahl_step_counts(&plan, &there, found);
+    LAW(F == here ? found == 0 : s > 0 ? reached >= F : reached <= F, "inverse: the move reaches the torque");
+    LAW(F == here || (s > 0 ? dahl_step_counts(&plan, &before, found - 1) < F : dahl_step_counts(&plan, &before, found + 1) > F),
+        "inverse: one count less does not");
+    LAW(dahl_tip_torque(&plan, part_of_Fc) <= p->Fc, "tips are below Fc");
+}
+
+static int32_t any_counts(fuzz_bytes_t *bytes)
+{
+    uint8_t size = fuzz_u8(bytes) % 3u;
+    uint32_t value = fuzz_u32(bytes);
+    return size == 0 ? (int32_t)(value % 17u) - 8 : (int32_t)value >> (size == 1 ? 18 : 0);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    fuzz_bytes_t bytes = {data, size};
+    walk_t walk = {.params = {fuzz_params(&bytes), fuzz_params(&bytes)}};
+    uint32_t torque = fuzz_u32(&bytes);
+    walk.breakaway = fuzz_scaled(fuzz_u32(&bytes), -1 - (int)(torque % 3u));
+    walk.ratio = fuzz_scaled(torque, (int)(torque >> 24) % 9 - 5);
+    walk.elements = (int)(torque >> 16 & 7u) + 1;
+    for (walk.moves = 0; walk.moves < STEPS_MAX && bytes.left > 0; walk.moves++) {
+        walk.dcounts[walk.moves] = any_counts(&bytes);
+        const move_t move = {walk.dcounts[walk.moves], fuzz_u32(&bytes) >> (fuzz_u8(&bytes) % 4u)};
+        walk.move[walk.moves] = move;
+    }
+    check_contract(&walk);
+    check_memory(&walk);
+    check_no_creep(&walk);
+    check_fast_sum(&walk);
+    check_work(&walk);
+    check_inverse(&walk, torque);
+    return 0;
+}

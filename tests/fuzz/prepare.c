@@ -1,0 +1,216 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Any bytes as parameters of each model. They are accepted if and only if they are in range, compared exactly in long double. A
+ * refusal leaves the plan unchanged. The entries of a plan are 1 - exp(-u) and increase; a long way in one direction ends at
+ * its Fc.
+ */
+#include "dahl_batch.h"
+#include "dahl_float.h"
+#include "plans.h"
+#define HOLDS(condition, words) LAW(condition, words)
+#include "../lib/laws.h"
+
+enum { ENTRIES = 37, DENSE = 8 };
+
+static const long double PREPARED = 0x1p-32L; /* relative error of an entry, lib/model/prepare.c */
+
+static uint64_t entry_of(const dahl_plan_t *plan, int i)
+{
+    return (uint64_t)plan->g[i].hi << 32 | plan->g[i].lo;
+}
+
+static long double counts_of(int i)
+{
+    return i <= DENSE ? (long double)i : ldexpl(1.0L, i - DENSE + 3);
+}
+
+static void check_entries(const dahl_plan_t *plan, const dahl_params_t *p)
+{
+    long double travel = fuzz_travel(p, (long double)p->theta_per_count);
+    LAW(entry_of(plan, 0) == 0, "entry 0 is 0");
+    for (int i = 1; i < ENTRIES; i++) {
+        long double exact = -expm1l(-travel * counts_of(i)), got = ldexpl((long double)entry_of(plan, i), -64);
+        LAW(fabsl(got - exact) <= PREPARED * exact, "an entry is 1 - exp(-u) within 2^-32 of itself");
+        LAW(entry_of(plan, i) >= entry_of(plan, i - 1), "the plan is monotone");
+        LAW(p->theta_per_count == 0 || i > DENSE || entry_of(plan, i) > entry_of(plan, i - 1) || exact > 0.999L,
+            "the dense entries grow strictly until they saturate");
+    }
+}
+
+static void check_plan(const dahl_plan_t *plan, const dahl_params_t *p)
+{
+    long double a = (long double)p->sigma0 / (long double)p->Fc * 1.44269504088896340736L;
+    long double got = ldexpl((long double)plan->a_mantissa, plan->a_exponent);
+    LAW(plan->a_mantissa >> 31 == 1 && plan->Fc_mantissa >> 31 == 1, "mantissas are normalised");
+    LAW(fabsl(got - a) <= 0x1p-31L * a, "a/ln 2 within a unit");
+    LAW(dahl_torque(plan, &(dahl_state_t){(int64_t)1 << 62}) == p->Fc, "w = 1 gives Fc");
+    LAW(dahl_torque(plan, &(dahl_state_t){-((int64_t)1 << 62)}) == -p->Fc, "w = -1 gives -Fc");
+}
+
+typedef struct {
+    uint32_t elements;
+    dahl_params_t of[DAHL_SLIP_MAX];
+    float more; /* breakaway, or a ratio */
+} given_t;
+
+static dahl_err_t both(dahl_err_t a, dahl_err_t b)
+{
+    return a == DAHL_ERR_PARAM || b == DAHL_ERR_PARAM ? DAHL_ERR_PARAM : a == DAHL_OK ? b : a;
+}
+
+static dahl_err_t judge(const dahl_params_t *p)
+{
+    return p->theta_per_count == 0 ? DAHL_ERR_PARAM : fuzz_judge(p);
+}
+
+static given_t any_given(fuzz_bytes_t *bytes)
+{
+    given_t given = {.elements = fuzz_u8(bytes) % 10u};
+    int is_noise = fuzz_u8(bytes) % 4u == 0;
+    for (uint32_t k = 0; k < DAHL_SLIP_MAX; k++) {
+        dahl_params_t *one = &given.of[k];
+        if (is_noise) {
+            one->sigma0 = fuzz_float_of(fuzz_u32(bytes));
+            one->Fc = fuzz_float_of(fuzz_u32(bytes));
+            one->theta_per_count = fuzz_float_of(fuzz_u32(bytes));
+        } else {
+            *one = fuzz_params(bytes);
+            one->sigma0 = k == 0 ? one->sigma0 : given.of[0].sigma0 * fuzz_scaled(fuzz_u32(bytes), 0);
+            one->Fc = k == 0 ? one->Fc : given.of[0].Fc * fuzz_scaled(fuzz_u32(bytes), 0);
+        }
+        one->theta_per_count = given.of[0].theta_per_count;
+    }
+    given.more = is_noise ? fuzz_float_of(fuzz_u32(bytes)) : fuzz_scaled(fuzz_u32(bytes), -1 - (int)(fuzz_u8(bytes) % 40u));
+    return given;
+}
+
+static void check_untouched(const void *plan, size_t size)
+{
+    const uint8_t *bytes = (const uint8_t *)plan;
+    for (size_t i = 0; i < size; i++) {
+        LAW(bytes[i] == 0xA5, "a refusal leaves the plan unchanged");
+    }
+}
+
+/* All forms of Dahl's element. Only dahl_prepare and the literal form accept a theta_per_count of 0. */
+static void check_element(const dahl_params_t *p)
+{
+    const dahl_throughput_params_t wide = {(double)p->sigma0, (double)p->Fc, (double)p->theta_per_count};
+    const dahl_err_t wanted = fuzz_judge(p);
+    dahl_float_plan_t literal;
+    dahl_plan_t plan;
+    dahl_state_t state = {0};
+    memset(&plan, 0xA5, sizeof plan);
+    LAW(dahl_prepare(&plan, p) == wanted, "the error code of dahl_prepare is right");
+    LAW(dahl_float_prepare(&literal, p) == wanted, "the literal form has the same limits");
+    LAW(p->theta_per_count == 0 || dahl_throughput_counts(&wide, &state, NULL, NULL, 0) == wanted, "the throughput form has the same limits");
+    if (wanted == DAHL_OK) {
+        check_entries(&plan, p);
+        check_plan(&plan, p);
+    } else {
+        check_untouched(&plan, sizeof plan);
+    }
+}
+
+static void check_model(dahl_err_t (*prepare)(any_plan_t *, const set_t *), const set_t *set, dahl_err_t wanted)
+{
+    static subject_t subject;
+    any_plan_t plan;
+    memset(&plan, 0xA5, sizeof plan);
+    LAW(prepare(&plan, set) == wanted, "the error code of the model is right");
+    if (wanted != DAHL_OK) {
+        check_untouched(&plan, sizeof plan);
+        return;
+    }
+    for (size_t i = 0; i < MODELS; i++) {
+        if (models[i].prepare == prepare && subject_begin(&subject, &models[i], set)) {
+            check_ends(&subject);
+        }
+    }
+}
+
+static dahl_err_t judge_breakaway(float b)
+{
+    return !(b > 0) || !isfinite(b) ? DAHL_ERR_PARAM : b < 1 ? DAHL_OK : DAHL_ERR_RANGE;
+}
+
+static void prepare_slip(const given_t *given)
+{
+    dahl_slip_params_t params = {given->elements, given->of[0].theta_per_count, {0}, {0}};
+    dahl_slip_plan_t plan;
+    dahl_slip_state_t state = {{0}};
+    dahl_err_t wanted = given->elements == 0 ? DAHL_ERR_PARAM : given->elements > DAHL_SLIP_MAX ? DAHL_ERR_RANGE : DAHL_OK;
+    long double sum = 0;
+    for (uint32_t k = 0; k < DAHL_SLIP_MAX; k++) {
+        params.sigma0[k] = given->of[k].sigma0;
+        params.Fc[k] = given->of[k].Fc;
+        if (wanted != DAHL_ERR_PARAM && k < given->elements && given->elements <= DAHL_SLIP_MAX) {
+            wanted = both(wanted, judge(&given->of[k]));
+            sum += (long double)given->of[k].Fc;
+        }
+    }
+    memset(&plan, 0xA5, sizeof plan);
+    LAW(dahl_slip_prepare(&plan, &params) == wanted, "slip: the error code is right");
+    if (wanted != DAHL_OK) {
+        check_untouched(&plan, sizeof plan);
+        return;
+    }
+    for (int way = 1; way >= -1; way -= 2) {
+        const int32_t far = way > 0 ? INT32_MAX : -INT32_MAX;
+        (void)dahl_slip_step_counts(&plan, &state, far);
+        float F = dahl_slip_step_counts(&plan, &state, far);
+        LAW(fabsl((long double)F - (long double)way * sum) <= 0.55L * ulp_of_sum(sum), "slip: both ends are the sum of Fc");
+    }
+}
+
+static int is_table_value(float x)
+{
+    return x == 0 || (fabsf(x) >= DAHL_TORQUE_MIN && fabsf(x) < DAHL_TORQUE_MAX);
+}
+
+static void check_table(const dahl_velocity_plan_t *plan, const dahl_velocity_params_t *params, long double largest)
+{
+    for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
+        int32_t counts = (int32_t)((uint32_t)(k + 1) << params->segment_bits);
+        float F = dahl_velocity_torque(plan, counts);
+        LAW(fabsl((long double)F - (long double)params->torque[k]) <= (0x1p-31L + 0x1p-24L) * largest, "table: the torque at a value is that value");
+        LAW(dahl_velocity_torque(plan, -counts) == -F, "table: the torque is odd");
+    }
+    LAW(dahl_velocity_torque(plan, 0) == 0, "table: rest has no torque");
+}
+
+static void prepare_velocity(const given_t *given)
+{
+    dahl_velocity_params_t params = {given->elements < 5 ? 3 * given->elements : 17 + given->elements, {0}}; /* 0 .. 26 */
+    dahl_velocity_plan_t plan;
+    dahl_err_t wanted = params.segment_bits > 24 ? DAHL_ERR_RANGE : DAHL_OK;
+    long double largest = 0;
+    for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
+        float x = k % 2 ? -given->of[k / 2].sigma0 : given->of[k / 2].Fc;
+        params.torque[k] = x;
+        wanted = both(wanted, !isfinite(x) ? DAHL_ERR_PARAM : is_table_value(x) ? DAHL_OK : DAHL_ERR_RANGE);
+        largest = fmaxl(largest, fabsl((long double)x));
+    }
+    memset(&plan, 0xA5, sizeof plan);
+    LAW(dahl_velocity_prepare(&plan, &params) == wanted, "table: the error code is right");
+    if (wanted != DAHL_OK) {
+        check_untouched(&plan, sizeof plan);
+    } else {
+        check_table(&plan, &params, largest);
+    }
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    fuzz_bytes_t bytes = {data, size};
+    const given_t given = any_given(&bytes);
+    const dahl_params_t *one = &given.of[0];
+    const set_t set = {*one, given.more};
+    const dahl_params_t backward = {one->sigma0, one->Fc * given.more, one->theta_per_count};
+    check_element(one);
+    check_model(model_with(MORE_IS_RATIO)->prepare, &set, both(judge(one), judge(&backward)));
+    check_model(model_with(MORE_IS_BREAKAWAY)->prepare, &set, both(judge(one), judge_breakaway(given.more)));
+    prepare_slip(&given);
+    prepare_velocity(&given);
+    return 0;
+}

@@ -1,0 +1,16 @@
+/* SPDX-License-Identifier: MIT */
+/* The laws of the fuzzer of plans, checked with random input: parameters are accepted if and only if they are in range, a
+ * refusal leaves the plan unchanged, and the entries of a plan are 1 - exp(-u). */
+#include <unity.h>
+
+#define LAW(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
+#include "../fuzz/prepare.c"
+
+#ifndef TEST_TICKS
+#define TEST_TICKS 200000
+#endif
+
+static void test_the_laws_of_plans_hold_for_random_parameters(void)
+{
+    fuzz_at_random(TEST_TICKS / 4, 256);
+}
