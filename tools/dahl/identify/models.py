@@ -3,7 +3,8 @@
 
 A law returns F/Fc after each move, from rest at the first row of each piece. Moves have shape (n,)
 in rad (m); `a` = sigma0/Fc in 1/rad (1/m). For every law, sigma0 is the slope dF/dtheta at rest and
-Fc is the torque at full slip. Time appears in one law only: Stribeck's limit depends on speed.
+Fc is the torque at full slip. Time appears in two laws only: Fc of "stribeck" and "log speed"
+depends on speed.
 """
 
 from __future__ import annotations
@@ -116,8 +117,16 @@ LAWS = {
         Law("soft shaft", ("table",), shape=((0.05, -0.5, 0.6),), special_cases=("dahl",)),
         Law(
             "stribeck",
-            ("stribeck",),
+            ("limits",),
             shape=((0.2, -0.9, 10.0), (float(np.log(0.15)), -6.0, 3.0)),
+            special_cases=("dahl",),
+        ),
+        # dry contacts: Fc changes by a few per cent for each factor e of speed (rate and state)
+        Law("log speed", ("limits",), shape=((0.03, -0.3, 0.3),), special_cases=("dahl",)),
+        Law(  # contacts that age at rest: more Fc, until a few presliding lengths have renewed them
+            "breakaway",
+            ("limits",),
+            shape=((0.1, -0.5, 5.0), (float(np.log(2.0)), -1.0, 2.0)),
             special_cases=("dahl",),
         ),
     )

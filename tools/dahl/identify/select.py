@@ -29,6 +29,7 @@ MAX_LOGS_WITH_DELAYS = 4  # logs that may each have a delay of their own
 FAR_STEP = 0.1  # of ln a: a plausible subset whose linearisation went further is fitted again
 MAX_REFITS = 8  # until the best one is at its optimum
 MAX_COST_RATIO = 1.5  # to the best cost of its law and lag; costlier sets of terms are dropped
+MIN_RESTS = 0.05  # of the samples, if the shaft dwells; a sine is so slow in 1 %
 OTHER_ANGLES = 5  # laws that are fitted again with the other angles
 
 
@@ -152,7 +153,10 @@ def _law_starts(
     plain = replace(base, lag="none")
     pairs = pair_starts(fitter, plain, a)
     starts: dict[str, np.ndarray] = {}
-    for law in ("slip", "stribeck", "asymmetric", "exponent", "bouc-wen", "soft shaft"):
+    laws = ["slip", "stribeck", "log speed", "asymmetric", "exponent", "bouc-wen", "soft shaft"]
+    if fitter.samples.is_at_rest.mean() > MIN_RESTS:
+        laws.append("breakaway")
+    for law in laws:
         by_stroke = LAWS[law].kinds == ("table",)
         if not by_stroke or fitter.strokes[base.angle] < models.MAX_STROKES:
             starts[law] = fitter.start(replace(plain, law=law), a)

@@ -87,7 +87,7 @@ def _torque_on(fitter: Fitter, fit: Fit, true: np.ndarray) -> np.ndarray:
 def _friction(fitter: Fitter, fit: Fit, true: np.ndarray, steps: int) -> np.ndarray:
     """Friction alone, with so many steps from sample to sample; no law with speed or load."""
     h, parts = fit.hypothesis, []
-    if h.law in ("stribeck", "loaded"):
+    if h.friction.kinds[0] in ("limits", "loaded"):
         return np.zeros(len(true))
     for rows in fitter.samples.pieces:
         n = rows.stop - rows.start
