@@ -307,7 +307,7 @@ class Fitter:
                     break
                 continue
             gain, best, p, scale = best - cost, cost, trial, 1.0
-            found = Optimum(trial, grams, at, _peaks(table, m))
+            found = Optimum(trial, grams, at, np.abs(table[:, :m]).max(axis=0))
             limits = coefficients[:m] if (coefficients[:m] > 0).all() else None
             step = self._step(h, p, solve(whole, range(table.shape[1]))[m : m + k])
             if np.abs(step[:m]).max() < SETTLED_STEP and gain < MIN_GAIN * cost:
@@ -368,9 +368,9 @@ class Fitter:
         sigma0 = np.sum(a * (c[..., :m] + limits * change), axis=-1)
         return np.stack((sigma0, c[..., :m].sum(axis=-1)), axis=-1)
 
-    def fit(self, h: Hypothesis, p: np.ndarray) -> Fit | None:
+    def fit(self, h: Hypothesis, p: np.ndarray, rounds: int = ROUNDS) -> Fit | None:
         """Fit and score one hypothesis from start values p."""
-        at = self.optimum(h, p)
+        at = self.optimum(h, p, rounds)
         return None if at is None else self.scored(h, at, range(at.grams.shape[-1] - 1))
 
     def fit_subsets(
@@ -417,8 +417,3 @@ def _subsets(names: Sequence[str]) -> list[tuple[str, ...]]:
         for n in range(len(timed) + 1)
         for more in combinations(timed, n)
     ]
-
-
-def _peaks(table: np.ndarray, elements: int) -> np.ndarray:
-    peaks: np.ndarray = np.abs(table[:, :elements]).max(axis=0)
-    return peaks
