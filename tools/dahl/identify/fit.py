@@ -209,7 +209,7 @@ class Fitter:
         return [laws[kind](moves, pieces, a[k]) for k, kind in enumerate(law.kinds)]
 
     def _limits(self, h: Hypothesis, a: float, shape: Sequence[float]) -> np.ndarray:
-        """Fc at each sample, of a law that changes it, as parts: (n,)."""
+        """Fc of each sample, in parts of Fc: (n,)."""
         s, strength = self.samples, shape[0]
         if h.law == "stribeck":
             change = np.exp(-((s.speed / (self.fast * np.exp(shape[1]))) ** 2))
@@ -384,19 +384,12 @@ class Fitter:
         table, limits = self.columns(h, at.p, at.limits, names)
         at = replace(at, grams=self.samples.grams(table), limits=limits)
         base = len(limits) + len(at.p) + h.lag_columns
-        places, k = {}, base
-        for name in names:
-            width = self.samples.waves.shape[1] if name == "waves" else 1
-            places[name] = list(range(k, k + width))
-            k += width
+        term_of = [name for name in names for _ in self.term_columns([name])]
         found = []
         for terms in _subsets(names):
-            columns = [*range(base), *(k for term in terms for k in places[term])]
-            one = self.scored(replace(h, terms=terms), at, columns)
-            found += [one] if one is not None else []
-        return found
-
-    # --- views of a fit ---
+            own = [base + k for term in terms for k, name in enumerate(term_of) if name == term]
+            found.append(self.scored(replace(h, terms=terms), at, [*range(base), *own]))
+        return [fit for fit in found if fit is not None]
 
     def predicted(self, fit: Fit) -> np.ndarray:
         """The torque of a fit at each sample: (n,) N m (N)."""

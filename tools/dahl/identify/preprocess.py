@@ -143,9 +143,7 @@ def drop_stale_angles(log: Log) -> Log:
     every = rows_per_reading(log.theta, changes, log.resolution)
     if every < 2:
         return log
-    rows = np.diff(
-        changes, append=log.rows
-    )  # with one value; several readings if the shaft is slow
+    rows = np.diff(changes, append=log.rows)  # of one value: several readings if the shaft is slow
     readings = np.maximum(np.rint(rows / every).astype(int), 1)
     number = np.concatenate([np.arange(count) for count in readings])
     fresh = np.minimum(np.repeat(changes, readings) + every * number, log.rows - 1)
