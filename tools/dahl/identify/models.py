@@ -21,6 +21,15 @@ from dahl.binding.throughput import Throughput
 Pieces = Sequence[slice]  # rows of each uninterrupted recording
 MAX_STROKES = 250  # above it, laws that are evaluated stroke by stroke would cost seconds
 
+LABELS = {
+    "dahl": "Dahl",
+    "2 dahl": "Dahl K=2",
+    "bouc-wen": "Bouc-Wen",
+    "exponent": "general exponent",
+    "log speed": "logarithm of speed",
+    "stribeck": "Stribeck",
+}
+
 
 @dataclass(frozen=True)
 class Law:
@@ -44,12 +53,11 @@ class Law:
     @property
     def label(self) -> str:
         """For people."""
-        known = {"dahl": "Dahl", "bouc-wen": "Bouc-Wen", "stribeck": "Stribeck"}
-        known |= {"exponent": "general exponent", "2 dahl": "Dahl K=2", "mixed": "mixed K=2"}
         if self.kinds[0] == "slip":
             return f"slip K={self.elements}"
-        mixed = f"mixed K={self.elements}" if self.elements > 2 else self.name
-        return known.get(self.name, mixed)
+        if self.name.startswith("mixed"):
+            return f"mixed K={self.elements}"
+        return LABELS.get(self.name, self.name)
 
     @property
     def parameters(self) -> int:

@@ -349,9 +349,10 @@ def smooth_clock(log: Log) -> Log:
     """Smooth times that jitter around an even clock, since speeds need their differences."""
     if log.time is None or log.rows <= CLOCK_ROWS:
         return log
-    off = np.diff(log.time) - np.median(np.diff(log.time))
+    usual = np.median(np.diff(log.time))
+    off = np.diff(log.time) - usual
     white = off[1:] @ off[:-1] < JITTER_CORRELATION * (off @ off)
-    if not white or off.std() < MIN_JITTER * np.median(np.diff(log.time)):
+    if not white or off.std() < MIN_JITTER * usual:
         return log
     time = savgol_filter(log.time, CLOCK_ROWS, 1)
     return replace(log, time=time, notes=[*log.notes, "the times jitter: smoothed"])

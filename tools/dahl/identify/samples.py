@@ -32,7 +32,11 @@ MIN_TURN_LENGTHS = 0.3  # presliding lengths by which a reversal must turn to be
 HUBER = 4.0  # robust standard deviations beyond which a row weighs less
 NEIGHBOURS = 9  # rows whose median says what a row should be
 MAX_OUTLIERS = 0.002  # part of the rows; with more, blocks would spread outliers
-FAST_PERCENTILE = 98  # of the speeds
+MIN_NOISE_COUNTS = 0.3  # below it, noise of an angle is part of its counts
+KEEP_ALL = 0.6  # part of the rows, above which segments are not worth the cycles that they cut
+MIN_SEGMENT_ROWS = 300
+NO_CLOCK_STEP = 1e-3  # s, of rows without a clock
+FAST_PERCENTILE = 98  # of the speeds: a few wild ones of a jittering clock lie above
 REST_SPEED = 0.02  # of fast motion, below which the shaft rests
 KNOTS = 17  # of a torque that depends on the angle
 MIN_STEP = 0.2  # of the usual time step: a shorter one is jitter and would give a wild speed
@@ -253,12 +257,6 @@ def _reference_of(table: dict[str, np.ndarray]) -> Reference:
     mean_speed = float(np.exp(np.mean(np.log(moving)))) if len(moving) else fast
     load = float(np.median(table["load"])) if "load" in table else 1.0
     return Reference((high + low) / 2, (high - low) / 2, fast, mean_speed, load)
-
-
-MIN_NOISE_COUNTS = 0.3  # below it, noise of an angle is part of its counts
-KEEP_ALL = 0.6  # part of the rows, above which segments are not worth the cycles that they cut
-MIN_SEGMENT_ROWS = 300
-NO_CLOCK_STEP = 1e-3  # s, of rows without a clock
 
 
 def _block_of(logs: Sequence[Log]) -> int:

@@ -72,7 +72,8 @@ def fit_all(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[
     if not fits:
         return fits
     if fitter.samples.load is not None and "loaded" in space.laws:
-        for angle, lag in product(fitter.samples.angles, {"none", "delay"} & {*space.lags}):
+        lags = [lag for lag in ("none", "delay") if lag in space.lags]
+        for angle, lag in product(fitter.samples.angles, lags):
             h = Hypothesis("loaded", lag, angle)
             fits += _subsets(fitter, h, fitter.start(h, a, delay or 1.0), space)
     fits += _other_laws(fitter, fits, space)
