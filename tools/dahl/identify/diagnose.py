@@ -148,8 +148,10 @@ class _Judge:
 
 
 def _withdraws(row: Row, moved: np.ndarray, gain: float) -> tuple[bool, bool]:
-    """Whether sigma0 and Fc move too far. A row that explains most of the residual, `gain` times
-    what it leaves, shows that the hypothesis is wrong.
+    """Whether sigma0 and Fc move too far.
+
+    A row that explains most of the residual, `gain` times the rest, shows that the hypothesis is
+    wrong.
     """
     far = np.abs(moved) > row.max_move
     wrong = bool(np.isfinite(row.max_move)) and gain > 1
