@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: MIT
 """Lack of fit: columns that must not explain what the best hypothesis leaves.
 
-Each row of the table is one thing that the hypotheses do not know. If cycles that were left out ask
-for it, it widens the intervals by what it moves. If it moves a parameter too far, the claim of that
-parameter is withdrawn.
+Each row of the table is one thing that the hypotheses do not know; other laws and further elements
+are hypotheses themselves. If cycles that were left out ask for a row, it widens the intervals by
+what it moves. If it moves a parameter too far, the claim of that parameter is withdrawn.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -28,20 +28,17 @@ CORRECTABLE = "encoder error"  # rows whose name begins so can be taken out of t
 
 @dataclass
 class Row:
-    """Columns of one thing, and what their coefficients add to sigma0 and Fc.
+    """Columns of one thing, and how sigma0 and Fc vary with their coefficients.
 
-    `effect` (2, columns) is added to sigma0 and Fc. `ends` (2, ends, columns) gives ln a and Fc at
-    both ends of what varies, as parts. `max_move` is the part by which a parameter may move before
-    its claim is withdrawn.
+    `ends` (2, ends, columns) gives ln a and Fc at both ends of what varies, as parts. `max_move` is
+    the part by which a parameter may move before its claim is withdrawn.
     """
 
     name: str
     columns: np.ndarray
     max_move: float = np.inf
     min_gain: float = MIN_RESIDUAL_GAIN
-    effect: np.ndarray | None = None
     ends: np.ndarray | None = None
-    is_friction: bool = False  # the first coefficient is an Fc and must be positive
 
 
 @dataclass
@@ -77,12 +74,6 @@ class Context:
         self.moves = self.fitter.moves[h.angle]
         self.angle = self.samples.angles[h.angle]
         self.delay = float(self.fit.p[-1]) if h.lag in ("delay", "delay+filter") else 0.0
-
-    def element(self, law: Callable[..., np.ndarray], *parameters: float | str) -> np.ndarray:
-        """Fc times another law on the same motion, with the delay of the fit."""
-        w = law(self.moves, self.samples.pieces, *parameters)
-        found: np.ndarray = self.Fc * self.samples.delayed(w, self.delay)
-        return found
 
 
 def lack_of_fit(
@@ -128,11 +119,9 @@ class _Judge:
         gain, error = excess(self.before, after)
         x, each_x = c[columns.start - columns.stop :], left[:, columns.start - columns.stop :]
         is_asked = gain > SURE * error and gain > row.min_gain * after.sum()
-        if not known and (not is_asked or (row.is_friction and x[0] <= 0)):
+        if not (known or is_asked):
             return None
         value, each = self._parameters(c), self._parameters(left)
-        if row.effect is not None:
-            value, each = value + row.effect @ x, each + each_x @ row.effect.T
         spread = quantile * jackknife(each)
         low, high = value - spread, value + spread
         moved = value / self.value - 1
@@ -180,35 +169,8 @@ def _at_ends(
 
 def table(x: Context) -> list[Row]:
     """Return all rows that a log can support."""
-    makers = (_laws, _elements, _turns_and_lags, _speed, _drift, _angle, _encoder, _between_logs)
+    makers = (_turns_and_lags, _speed, _drift, _angle, _encoder, _between_logs)
     return [row for make in makers for row in make(x)]
-
-
-def _laws(x: Context) -> list[Row]:
-    """Another law in place of the one that was fitted."""
-    h = x.fit.hypothesis
-    many = x.fitter.strokes[h.angle] >= models.MAX_STROKES
-    if h.friction.kinds == ("table",) or many:
-        return []
-    shapes = (("exponent", 0.7), ("exponent", 1.4), ("bouc-wen", 1.5))
-    found = [(x.element(models.tabulated, x.a, *law) - x.friction)[:, None] for law in shapes]
-    names = [f"{kind} {shape}" for kind, shape in shapes]
-    return [Row(name, column, max_move=0.1) for name, column in zip(names, found, strict=True)]
-
-
-def _elements(x: Context) -> list[Row]:
-    """One more element than the law has."""
-    more = ((models.dahl, 1 / 3), (models.dahl, 3.0), (models.slip, 0.5), (models.slip, 2.0))
-    return [
-        Row(
-            f"second element ({law.__name__} {ratio:.2g} a)",
-            x.element(law, x.a * ratio)[:, None],
-            max_move=0.15,
-            effect=np.array([[ratio * x.a * x.Fc], [x.Fc]]),
-            is_friction=True,
-        )
-        for law, ratio in more
-    ]
 
 
 def _turns_and_lags(x: Context) -> list[Row]:
