@@ -9,6 +9,7 @@ import json
 from collections.abc import Callable
 from functools import cache
 
+import hostile_logs
 import numpy as np
 import pytest
 from dahl import Error
@@ -174,6 +175,13 @@ def slower_is_more() -> np.ndarray:
     return varying_torque(MOTION, np.full(len(MOTION), SIGMA0), limit)
 
 
+def faster_is_more() -> np.ndarray:
+    """4 % more for each factor e of speed, as of dry contacts."""
+    speed = np.maximum(np.abs(np.gradient(MOTION, 1e-3)), 0.1)
+    change = 0.04 * np.log(speed)
+    return varying_torque(MOTION, np.full(len(MOTION), SIGMA0), FC * (1 + change - change.mean()))
+
+
 def asymmetric() -> np.ndarray:
     limit = np.where(np.diff(MOTION, prepend=MOTION[0]) > 0, 1.25 * FC, 0.75 * FC)
     return varying_torque(MOTION, np.full(len(MOTION), SIGMA0), limit)
@@ -196,6 +204,7 @@ MADE = {  # a torque, and the hypotheses that describe it
     "exponent": (lambda: tabulated("exponent"), ("exponent", "bouc-wen", "soft shaft", "mixed")),
     "bouc-wen": (lambda: tabulated("bouc-wen"), ("exponent", "bouc-wen", "soft shaft", "mixed")),
     "stribeck": (slower_is_more, ("stribeck",)),
+    "log speed": (faster_is_more, ("log speed",)),
     "asymmetric": (asymmetric, ("asymmetric",)),
     "damping": (with_damping, ("dahl",)),
 }
@@ -217,6 +226,12 @@ def test_a_law_is_recognised_and_its_numbers_mean_the_same(name):
     assert result.Fc.claimed and result.Fc.value == pytest.approx(FC, rel=0.02)
     assert result.r2 > 0.995
     assert ("damping" in result.hypothesis.lag) == (name == "damping")
+
+
+def test_a_peak_after_rests_hides_the_slope_at_rest_only():
+    result = identify([hostile_logs.adhesion_after_rest(1)])
+    assert result.hypothesis.law == "breakaway" and result.claimed == (False, True)
+    assert result.Fc.low <= hostile_logs.FC <= result.Fc.high
 
 
 def test_the_names_of_the_models_are_laws_of_the_library():

@@ -290,7 +290,7 @@ def test_the_scene_has_the_numbers_and_its_log_is_the_first_one(rig):
     timed = extra["viscous"] * speed + extra["inertia"] * np.gradient(speed, TIME)
     assert table[measured["torque"]][inner] == pytest.approx((force_of(1) - timed)[inner], abs=0.01)
     gone = np.cumsum(np.abs(np.diff(way, prepend=way[0])))[int(measured["settle"])]
-    assert gone == pytest.approx(5 / rig.kept["a"], rel=0.05)
+    assert gone == pytest.approx(6 / rig.kept["a"], rel=0.05)
 
 
 def replayed(scene: Path, program: str, folder: Path) -> str:

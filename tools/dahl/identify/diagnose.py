@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: MIT
 """Lack of fit: columns that must not explain what the best hypothesis leaves.
 
-Each row of the table is one thing that the hypotheses do not know. If cycles that were left out ask
-for it, it widens the intervals by what it moves. If it moves a parameter too far, the claim of that
-parameter is withdrawn.
+Each row of the table is one thing that the hypotheses do not know; other laws and further elements
+are hypotheses themselves. If cycles that were left out ask for a row, it widens the intervals by
+what it moves. If it moves a parameter too far, the claim of that parameter is withdrawn.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -28,20 +28,17 @@ CORRECTABLE = "encoder error"  # rows whose name begins so can be taken out of t
 
 @dataclass
 class Row:
-    """Columns of one thing, and what their coefficients add to sigma0 and Fc.
+    """Columns of one thing, and how sigma0 and Fc vary with their coefficients.
 
-    `effect` (2, columns) is added to sigma0 and Fc. `ends` (2, ends, columns) gives ln a and Fc at
-    both ends of what varies, as parts. `max_move` is the part by which a parameter may move before
-    its claim is withdrawn.
+    `ends` (2, ends, columns) gives ln a and Fc at both ends of what varies, as parts. `max_move` is
+    the part by which a parameter may move before its claim is withdrawn.
     """
 
     name: str
     columns: np.ndarray
     max_move: float = np.inf
     min_gain: float = MIN_RESIDUAL_GAIN
-    effect: np.ndarray | None = None
     ends: np.ndarray | None = None
-    is_friction: bool = False  # the first coefficient is an Fc and must be positive
 
 
 @dataclass
@@ -76,16 +73,7 @@ class Context:
         self.a = float(np.sum(np.exp(self.fit.p[:m]) * self.fit.limits) / self.Fc)
         self.moves = self.fitter.moves[h.angle]
         self.angle = self.samples.angles[h.angle]
-        self.z = self.samples.terms["spring"]
-        self.progress = np.linspace(-0.5, 0.5, self.samples.rows)  # through all logs
-        self.relative_speed = np.abs(self.samples.speed) / self.fitter.fast
         self.delay = float(self.fit.p[-1]) if h.lag in ("delay", "delay+filter") else 0.0
-
-    def element(self, law: Callable[..., np.ndarray], *parameters: float | str) -> np.ndarray:
-        """Fc times another law on the same motion, with the delay of the fit."""
-        w = law(self.moves, self.samples.pieces, *parameters)
-        found: np.ndarray = self.Fc * self.samples.delayed(w, self.delay)
-        return found
 
 
 def lack_of_fit(
@@ -99,49 +87,41 @@ def lack_of_fit(
     h = fit.hypothesis
     base, _ = fitter.columns(h, fit.p, fit.limits, h.terms)
     rows = table(Context(fitter, fit, base))
-    units = [np.sqrt(np.mean(row.columns**2, axis=0)) + 1e-300 for row in rows]
-    scaled = [row.columns / unit for row, unit in zip(rows, units, strict=True)]
-    judge = _Judge(fitter, fit, np.column_stack((base, *scaled)), base.shape[1])
-    lacks, first = [], base.shape[1]
-    for row, unit in zip(rows, units, strict=True):
-        columns = list(range(first, first + row.columns.shape[1]))
-        first += row.columns.shape[1]
-        lack = judge.lack(row, columns, unit, quantile, row.name in corrected)
-        lacks += [lack] if lack is not None else []
-    return lacks
+    judge = _Judge(fitter, fit, np.column_stack((base, *(row.columns for row in rows))))
+    found, first = [], base.shape[1]
+    for row in rows:
+        columns = range(first, first + row.columns.shape[1])
+        first = columns.stop
+        found.append(judge.lack(row, columns, quantile, row.name in corrected))
+    return [lack for lack in found if lack is not None]
 
 
 class _Judge:
     """Scores rows against the fit without them."""
 
-    def __init__(self, fitter: Fitter, fit: Fit, columns: np.ndarray, own: int) -> None:
-        self.fitter, self.fit, self.own = fitter, fit, list(range(own))
+    def __init__(self, fitter: Fitter, fit: Fit, columns: np.ndarray) -> None:
+        self.fitter, self.fit, self.own = fitter, fit, range(len(fit.coefficients))
         self.grams = fitter.samples.grams(columns)
         self.whole = self.grams.sum(axis=0)
         self.before, _, c = self._score(self.own)
         self.value = self._parameters(c)
 
-    def _score(self, columns: list[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _score(self, columns: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         left = solve(self.whole - self.grams, columns)
         return cost_of(self.grams, columns, left), left, solve(self.whole, columns)
 
     def _parameters(self, c: np.ndarray) -> np.ndarray:
         return self.fitter.parameters(self.fit.p, self.fit.limits, c)
 
-    def lack(
-        self, row: Row, columns: list[int], unit: np.ndarray, quantile: float, known: bool
-    ) -> Lack | None:
+    def lack(self, row: Row, columns: range, quantile: float, known: bool) -> Lack | None:
         """Score one row; None if the cycles do not ask for it."""
-        after, left, c = self._score(self.own + columns)
+        after, left, c = self._score([*self.own, *columns])
         gain, error = excess(self.before, after)
-        asked = gain > SURE * error and gain > row.min_gain * after.sum()
-        own = len(self.own)
-        if not (known or asked) or (row.is_friction and not known and c[own] <= 0):
+        x, each_x = c[columns.start - columns.stop :], left[:, columns.start - columns.stop :]
+        is_asked = gain > SURE * error and gain > row.min_gain * after.sum()
+        if not (known or is_asked):
             return None
-        x, each_x = c[own:] / unit, left[:, own:] / unit
         value, each = self._parameters(c), self._parameters(left)
-        if row.effect is not None:
-            value, each = value + row.effect @ x, each + each_x @ row.effect.T
         spread = quantile * jackknife(each)
         low, high = value - spread, value + spread
         moved = value / self.value - 1
@@ -157,8 +137,10 @@ class _Judge:
 
 
 def _withdraws(row: Row, moved: np.ndarray, gain: float) -> tuple[bool, bool]:
-    """Whether sigma0 and Fc move too far. A row that explains most of the residual, `gain` times
-    what it leaves, shows that the hypothesis is wrong.
+    """Whether sigma0 and Fc move too far.
+
+    A row that explains most of the residual, `gain` times the rest, shows that the hypothesis is
+    wrong.
     """
     far = np.abs(moved) > row.max_move
     wrong = bool(np.isfinite(row.max_move)) and gain > 1
@@ -187,52 +169,17 @@ def _at_ends(
 
 def table(x: Context) -> list[Row]:
     """Return all rows that a log can support."""
-    makers = (_laws, _elements, _turns_and_lags, _speed, _drift, _angle, _encoder, _between_logs)
+    makers = (_turns_and_lags, _speed, _drift, _angle, _encoder, _between_logs)
     return [row for make in makers for row in make(x)]
-
-
-def _stack(*columns: np.ndarray) -> np.ndarray:
-    return np.column_stack(columns)
-
-
-def _laws(x: Context) -> list[Row]:
-    """Another law in place of the one that was fitted."""
-    h = x.fit.hypothesis
-    many = x.fitter.strokes[h.angle] >= models.MAX_STROKES
-    if h.friction.kinds == ("table",) or many:
-        return []
-    shapes = (("exponent", 0.7), ("exponent", 1.4), ("bouc-wen", 1.5))
-    return [
-        Row(
-            f"{kind} {shape}",
-            _stack(x.element(models.tabulated, x.a, kind, shape) - x.friction),
-            max_move=0.1,
-        )
-        for kind, shape in shapes
-    ]
-
-
-def _elements(x: Context) -> list[Row]:
-    """One more element than the law has."""
-    more = ((models.dahl, 1 / 3), (models.dahl, 3.0), (models.slip, 0.5), (models.slip, 2.0))
-    return [
-        Row(
-            f"second element ({law.__name__} {ratio:.2g} a)",
-            _stack(x.element(law, x.a * ratio)),
-            max_move=0.15,
-            effect=np.array([[ratio * x.a * x.Fc], [x.Fc]]),
-            is_friction=True,
-        )
-        for law, ratio in more
-    ]
 
 
 def _turns_and_lags(x: Context) -> list[Row]:
     """The shape after a turn, and a torque that is late."""
     rate = x.samples.rate(x.friction)
+    rates = np.column_stack((rate, x.samples.rate(rate)))
     return [
         Row("shape since the turn", _since_turn(x), max_move=0.03, min_gain=0.03),
-        Row("low pass or delay", _stack(rate, x.samples.rate(rate)), max_move=0.2),
+        Row("low pass or delay", rates, max_move=0.2),
     ]
 
 
@@ -255,17 +202,19 @@ def _since_turn(x: Context) -> np.ndarray:
 
 def _speed(x: Context) -> list[Row]:
     """Friction that depends on speed."""
-    slow = [x.w * np.exp(-((x.relative_speed / part) ** 2)) for part in (0.1, 0.4)]
+    speed = x.samples.speed
+    slow = [x.w * np.exp(-((speed / (part * x.fitter.fast)) ** 2)) for part in (0.1, 0.4)]
     return [
-        Row("speed", _stack(*slow), max_move=0.03),
-        Row("viscous", _stack(x.samples.speed), max_move=0.2),
+        Row("speed", np.column_stack(slow), max_move=0.03),
+        Row("viscous", speed[:, None], max_move=0.2),
     ]
 
 
 def _drift(x: Context) -> list[Row]:
     """Parameters that change with time or with the direction."""
-    t, step = x.progress, np.sign(x.progress)
-    trend = _stack(t, t**2 - 1 / 12)
+    t = np.linspace(-0.5, 0.5, x.samples.rows)  # through all logs
+    step = np.sign(t)
+    trend = np.column_stack((t, t**2 - 1 / 12))
     at = np.array([-0.45, 0.0, 0.45])
     slope, none = np.column_stack((at, at**2 - 1 / 12)), np.zeros((3, 1))
     rates = np.hstack((0 * slope, at[:, None]))
@@ -278,10 +227,10 @@ def _drift(x: Context) -> list[Row]:
             np.column_stack((x.friction[:, None] * trend, x.by_a * t)),
             ends=np.stack((rates, sizes)),
         ),
-        Row("step", _stack(x.friction * step, x.by_a * step), ends=both_ways),
+        Row("step", np.column_stack((x.friction * step, x.by_a * step)), ends=both_ways),
         Row(
             "direction",
-            _stack(np.maximum(x.friction, 0), x.by_a * (np.sign(x.w) > 0)),
+            np.column_stack((np.maximum(x.friction, 0), x.by_a * (x.w > 0))),
             max_move=0.2,
         ),
     ]
@@ -289,8 +238,8 @@ def _drift(x: Context) -> list[Row]:
 
 def _angle(x: Context) -> list[Row]:
     """Torque or friction that depends on the angle."""
-    waves = x.samples.waves
-    rows = [Row("cubic spring", _stack(x.z, x.z**3, x.z**5))]
+    waves, z = x.samples.waves, x.samples.terms["spring"]
+    rows = [Row("cubic spring", np.column_stack((z, z**3, z**5)))]
     if "waves" not in x.fit.hypothesis.terms:
         rows.append(Row("angle ripple", waves, max_move=0.2))
     rows.append(
@@ -314,7 +263,7 @@ def _encoder(x: Context) -> list[Row]:
             change = changed - models.dahl(x.moves, x.samples.pieces, x.a)
             pair.append(x.Fc * x.samples.delayed(change, x.delay) / (ENCODER_ERROR * count))
         name = f"{CORRECTABLE} each {period} counts"
-        rows.append(Row(name, _stack(*pair), max_move=0.1, min_gain=0.03))
+        rows.append(Row(name, np.column_stack(pair), max_move=0.1, min_gain=0.03))
     return rows
 
 
@@ -330,11 +279,12 @@ def _between_logs(x: Context) -> list[Row]:
     none = np.zeros_like(each)
     ends = np.stack((np.hstack((each, none)), np.hstack((none, each))))
     rate = x.samples.rate(x.friction)
-    both = _stack(*(part * mask for part in (x.by_a, x.friction) for mask in masks))
+    both = np.column_stack([part * mask for part in (x.by_a, x.friction) for mask in masks])
+    rates = np.column_stack([rate * mask for mask in masks])
     return [
         Row("each log", both, min_gain=0.005, ends=ends),
-        Row("delay of each log", _stack(*(rate * mask for mask in masks)), max_move=0.1),
-        Row("offset of each log", _stack(*masks)),
+        Row("delay of each log", rates, max_move=0.1),
+        Row("offset of each log", np.column_stack(masks)),
     ]
 
 
@@ -345,6 +295,4 @@ def correct_encoder(samples: Samples, error: Lack) -> Samples:
     for name, angle in samples.angles.items():
         phase = 2 * np.pi * angle / period
         angles[name] = angle + error.coefficients @ np.stack((np.sin(phase), np.cos(phase)))
-    for name, angle in angles.items():
-        samples = samples.with_angle(name, angle)
-    return samples
+    return replace(samples, angles=angles)

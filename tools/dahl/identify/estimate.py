@@ -130,13 +130,8 @@ def _encoder_error(fitter: Fitter, fits: list[Fit], corrected: list[str]) -> Lac
     """Return the largest periodic error that both a simple Dahl law and the best law leave."""
     plain = [f for f in fits if f.hypothesis.law == "dahl" and f.hypothesis.size < 4]
     found = diagnose.lack_of_fit(fitter, select.best_of(plain or fits), diagnose.SURE)
-    errors = [
-        one
-        for one in found
-        if one.name.startswith(CORRECTABLE)
-        and one.gain > MIN_ENCODER_GAIN
-        and one.name not in corrected
-    ]
+    large = [one for one in found if one.gain > MIN_ENCODER_GAIN and one.name not in corrected]
+    errors = [one for one in large if one.name.startswith(CORRECTABLE)]
     if not errors:
         return None
     left = diagnose.lack_of_fit(fitter, select.best_of(fits), diagnose.SURE)

@@ -20,6 +20,7 @@ from dahl.identify import encoder_grid, models
 from dahl.identify.fit import Fit
 from dahl.identify.models import LAWS, OPTIONS
 from dahl.identify.result import Result, terms_of
+from dahl.identify.samples import SETTLE_LENGTHS
 from dahl.identify.select import best_of
 from dahl.io.files import write_atomic
 from dahl.io.log import Log
@@ -32,7 +33,6 @@ MAX_REPLAYED_ROWS = 200_000  # of the first log, in a scene
 COMMENT_WIDTH = 110  # columns
 SCENE_TERMS = ("offset", "spring")  # keys of [measured] in a scene
 NO_ENCODER_COUNT = 1e-3  # presliding lengths per count, if the log shows no encoder
-SETTLED_LENGTHS = 5  # presliding lengths until the torque at the start is forgotten
 MIN_LOAD_SHARE = 1e-3  # of the load that the plan is for
 
 
@@ -326,7 +326,7 @@ def _scene(result: Result, model: RunnableModel, name: str, angle: str, force: s
 
 def _settled_rows(moves: np.ndarray, a: float) -> int:
     """Return the rows until the torque at the start is forgotten; 0 if these are half of all."""
-    settled = int(np.searchsorted(np.cumsum(np.abs(moves)), SETTLED_LENGTHS / a))
+    settled = int(np.searchsorted(np.cumsum(np.abs(moves)), SETTLE_LENGTHS / a))
     return settled if settled < len(moves) // 2 else 0
 
 

@@ -29,9 +29,11 @@ MIN_GAIN, SETTLED_STEP = 1e-4, 1e-3  # of the cost and of ln a, below which the 
 MIN_LOW_PASS = 0.3  # samples; a shorter time constant has no effect
 MAX_LINEAR = 0.6  # of ln a: beyond it a linearisation is useless
 MAX_ELEMENT = 1.0  # presliding lengths in a count: one of several elements cannot be stiffer
-MIN_STRIBECK = -0.02  # of Fc; friction that grows with speed is viscous
+MIN_PEAK = -0.02  # of Fc, by which it is larger if slow or after a rest; noise may go below 0
 MIN_VISCOUS = -0.02  # of MAX_FRICTION, at high speed; friction that falls with speed is Stribeck's
 MAX_FRICTION = 1.5  # of the measured torque: more would have to be cancelled by inertia or a spring
+MIN_LOG_SPEED = 0.01  # of fast motion; at a reversal a logarithm would have no bound
+MIN_LIMIT = 0.05  # of Fc: friction stays friction at any speed
 DERIVATIVE_STEP, DERIVATIVE_STEP_ROWS = 0.01, 0.05  # of numerical derivatives
 
 
@@ -156,7 +158,8 @@ class Fitter:
         self.samples = samples
         self.moves = {name: samples.moves(angle) for name, angle in samples.angles.items()}
         self.strokes = {name: len(models.strokes(m)[0]) for name, m in self.moves.items()}
-        self.fast = float(np.percentile(np.abs(samples.speed), 98)) or 1.0
+        self.fast = samples.reference.fast
+        self.since_rest = samples.travel_since_rest()
         torque = samples.torque[samples.weight > 0]
         self.max_friction = MAX_FRICTION * float(np.ptp(np.percentile(torque, (1, 99)))) / 2
 
@@ -191,9 +194,8 @@ class Fitter:
             float(np.clip(x, low, high))
             for x, (_, low, high) in zip(p[law.elements :], law.shape, strict=False)
         ]
-        if h.law == "stribeck":
-            slow = np.exp(-((s.speed / (self.fast * np.exp(shape[1]))) ** 2))
-            limits = np.maximum(1 + shape[0] * slow, 0.05)
+        if law.kinds == ("limits",):
+            limits = self._limits(h, a[0], shape)
             return [models.dahl_with_limits(moves, pieces, a[0], limits)]
         if h.law == "loaded":
             assert s.load is not None
@@ -205,6 +207,19 @@ class Fitter:
             return [models.tabulated(moves, pieces, a[0], h.law, shape[0])]
         laws = {"dahl": models.dahl, "slip": models.slip}
         return [laws[kind](moves, pieces, a[k]) for k, kind in enumerate(law.kinds)]
+
+    def _limits(self, h: Hypothesis, a: float, shape: Sequence[float]) -> np.ndarray:
+        """Fc of each sample, in parts of Fc: (n,)."""
+        s, strength = self.samples, shape[0]
+        if h.law == "stribeck":
+            change = np.exp(-((s.speed / (self.fast * np.exp(shape[1]))) ** 2))
+        elif h.law == "log speed":
+            speed = np.maximum(np.abs(s.speed), MIN_LOG_SPEED * self.fast)
+            change = np.log(speed / s.reference.mean_speed)
+        else:  # breakaway
+            change = np.exp(-a * self.since_rest / np.exp(shape[1]))
+        limits: np.ndarray = np.maximum(1 + strength * change, MIN_LIMIT)
+        return limits
 
     def _lagged(self, h: Hypothesis, p: np.ndarray, x: np.ndarray) -> np.ndarray:
         """x as a late or slow torque sensor shows it."""
@@ -292,7 +307,7 @@ class Fitter:
                     break
                 continue
             gain, best, p, scale = best - cost, cost, trial, 1.0
-            found = Optimum(trial, grams, at, _peaks(table, m))
+            found = Optimum(trial, grams, at, np.abs(table[:, :m]).max(axis=0))
             limits = coefficients[:m] if (coefficients[:m] > 0).all() else None
             step = self._step(h, p, solve(whole, range(table.shape[1]))[m : m + k])
             if np.abs(step[:m]).max() < SETTLED_STEP and gain < MIN_GAIN * cost:
@@ -333,7 +348,8 @@ class Fitter:
         positive = bool((c[:m] > 0).all() and (value > 0).all())
         too_large = c[:m] @ at.peaks > self.max_friction
         too_stiff = m > 1 and np.exp(at.p[:m].max()) * self.samples.count > MAX_ELEMENT
-        falls = h.law != "stribeck" or at.p[1] + c[m + 1] > MIN_STRIBECK
+        has_peak = h.law in ("stribeck", "breakaway")
+        falls = not has_peak or at.p[1] + c[m + 1] > MIN_PEAK
         resists = self._viscous(h, c) > MIN_VISCOUS * self.max_friction
         return bool(positive and falls and resists and not too_large and not too_stiff)
 
@@ -352,9 +368,9 @@ class Fitter:
         sigma0 = np.sum(a * (c[..., :m] + limits * change), axis=-1)
         return np.stack((sigma0, c[..., :m].sum(axis=-1)), axis=-1)
 
-    def fit(self, h: Hypothesis, p: np.ndarray) -> Fit | None:
+    def fit(self, h: Hypothesis, p: np.ndarray, rounds: int = ROUNDS) -> Fit | None:
         """Fit and score one hypothesis from start values p."""
-        at = self.optimum(h, p)
+        at = self.optimum(h, p, rounds)
         return None if at is None else self.scored(h, at, range(at.grams.shape[-1] - 1))
 
     def fit_subsets(
@@ -368,19 +384,12 @@ class Fitter:
         table, limits = self.columns(h, at.p, at.limits, names)
         at = replace(at, grams=self.samples.grams(table), limits=limits)
         base = len(limits) + len(at.p) + h.lag_columns
-        places, k = {}, base
-        for name in names:
-            width = self.samples.waves.shape[1] if name == "waves" else 1
-            places[name] = list(range(k, k + width))
-            k += width
+        term_of = [name for name in names for _ in self.term_columns([name])]
         found = []
         for terms in _subsets(names):
-            columns = [*range(base), *(k for term in terms for k in places[term])]
-            one = self.scored(replace(h, terms=terms), at, columns)
-            found += [one] if one is not None else []
-        return found
-
-    # --- views of a fit ---
+            own = [base + k for term in terms for k, name in enumerate(term_of) if name == term]
+            found.append(self.scored(replace(h, terms=terms), at, [*range(base), *own]))
+        return [fit for fit in found if fit is not None]
 
     def predicted(self, fit: Fit) -> np.ndarray:
         """The torque of a fit at each sample: (n,) N m (N)."""
@@ -401,8 +410,3 @@ def _subsets(names: Sequence[str]) -> list[tuple[str, ...]]:
         for n in range(len(timed) + 1)
         for more in combinations(timed, n)
     ]
-
-
-def _peaks(table: np.ndarray, elements: int) -> np.ndarray:
-    peaks: np.ndarray = np.abs(table[:, :elements]).max(axis=0)
-    return peaks

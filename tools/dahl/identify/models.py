@@ -3,7 +3,8 @@
 
 A law returns F/Fc after each move, from rest at the first row of each piece. Moves have shape (n,)
 in rad (m); `a` = sigma0/Fc in 1/rad (1/m). For every law, sigma0 is the slope dF/dtheta at rest and
-Fc is the torque at full slip. Time appears in one law only: Stribeck's limit depends on speed.
+Fc is the torque at full slip. Time appears in two laws only: Fc of "stribeck" and "log speed"
+depends on speed.
 """
 
 from __future__ import annotations
@@ -19,6 +20,15 @@ from dahl.binding.throughput import Throughput
 
 Pieces = Sequence[slice]  # rows of each uninterrupted recording
 MAX_STROKES = 250  # above it, laws that are evaluated stroke by stroke would cost seconds
+
+LABELS = {
+    "dahl": "Dahl",
+    "2 dahl": "Dahl K=2",
+    "bouc-wen": "Bouc-Wen",
+    "exponent": "general exponent",
+    "log speed": "logarithm of speed",
+    "stribeck": "Stribeck",
+}
 
 
 @dataclass(frozen=True)
@@ -43,12 +53,11 @@ class Law:
     @property
     def label(self) -> str:
         """For people."""
-        known = {"dahl": "Dahl", "bouc-wen": "Bouc-Wen", "stribeck": "Stribeck"}
-        known |= {"exponent": "general exponent", "2 dahl": "Dahl K=2", "mixed": "mixed K=2"}
         if self.kinds[0] == "slip":
             return f"slip K={self.elements}"
-        mixed = f"mixed K={self.elements}" if self.elements > 2 else self.name
-        return known.get(self.name, mixed)
+        if self.name.startswith("mixed"):
+            return f"mixed K={self.elements}"
+        return LABELS.get(self.name, self.name)
 
     @property
     def parameters(self) -> int:
@@ -116,8 +125,16 @@ LAWS = {
         Law("soft shaft", ("table",), shape=((0.05, -0.5, 0.6),), special_cases=("dahl",)),
         Law(
             "stribeck",
-            ("stribeck",),
+            ("limits",),
             shape=((0.2, -0.9, 10.0), (float(np.log(0.15)), -6.0, 3.0)),
+            special_cases=("dahl",),
+        ),
+        # dry contacts: Fc changes by a few per cent for each factor e of speed (rate and state)
+        Law("log speed", ("limits",), shape=((0.03, -0.3, 0.3),), special_cases=("dahl",)),
+        Law(  # contacts that age at rest: more Fc, until a few presliding lengths have renewed them
+            "breakaway",
+            ("limits",),
+            shape=((0.1, -0.5, 5.0), (float(np.log(2.0)), -1.0, 2.0)),
             special_cases=("dahl",),
         ),
     )

@@ -143,9 +143,7 @@ def drop_stale_angles(log: Log) -> Log:
     every = rows_per_reading(log.theta, changes, log.resolution)
     if every < 2:
         return log
-    rows = np.diff(
-        changes, append=log.rows
-    )  # with one value; several readings if the shaft is slow
+    rows = np.diff(changes, append=log.rows)  # of one value: several readings if the shaft is slow
     readings = np.maximum(np.rint(rows / every).astype(int), 1)
     number = np.concatenate([np.arange(count) for count in readings])
     fresh = np.minimum(np.repeat(changes, readings) + every * number, log.rows - 1)
@@ -351,9 +349,10 @@ def smooth_clock(log: Log) -> Log:
     """Smooth times that jitter around an even clock, since speeds need their differences."""
     if log.time is None or log.rows <= CLOCK_ROWS:
         return log
-    off = np.diff(log.time) - np.median(np.diff(log.time))
+    usual = np.median(np.diff(log.time))
+    off = np.diff(log.time) - usual
     white = off[1:] @ off[:-1] < JITTER_CORRELATION * (off @ off)
-    if not white or off.std() < MIN_JITTER * np.median(np.diff(log.time)):
+    if not white or off.std() < MIN_JITTER * usual:
         return log
     time = savgol_filter(log.time, CLOCK_ROWS, 1)
     return replace(log, time=time, notes=[*log.notes, "the times jitter: smoothed"])

@@ -329,6 +329,9 @@ def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
     if all(h.lag != "none" and h.law not in ONE_ELEMENT for h in plausible):
         text = "law and lag both round the loop at a reversal, and both are unusual"
         yield (True, False), f"{text}: no log separates them"
+    if result.hypothesis.law == "breakaway":
+        text = "the torque has a peak after each rest: its form changes the slope there"
+        yield (True, False), text
     if any(_is_steepest_at_rest(fit) for fit in result.plausible.fits):
         text = "the loop is steepest at rest, as of small stiff elements: sigma0 is larger"
         yield (True, False), text

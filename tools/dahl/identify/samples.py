@@ -32,6 +32,12 @@ MIN_TURN_LENGTHS = 0.3  # presliding lengths by which a reversal must turn to be
 HUBER = 4.0  # robust standard deviations beyond which a row weighs less
 NEIGHBOURS = 9  # rows whose median says what a row should be
 MAX_OUTLIERS = 0.002  # part of the rows; with more, blocks would spread outliers
+MIN_NOISE_COUNTS = 0.3  # below it, noise of an angle is part of its counts
+KEEP_ALL = 0.6  # part of the rows, above which segments are not worth the cycles that they cut
+MIN_SEGMENT_ROWS = 300
+NO_CLOCK_STEP = 1e-3  # s, of rows without a clock
+FAST_PERCENTILE = 98  # of the speeds: a few wild ones of a jittering clock lie above
+REST_SPEED = 0.02  # of fast motion, below which the shaft rests
 KNOTS = 17  # of a torque that depends on the angle
 MIN_STEP = 0.2  # of the usual time step: a shorter one is jitter and would give a wild speed
 
@@ -42,6 +48,8 @@ class Reference:
 
     centre: float  # rad (m), of springs
     reach: float  # rad (m), from there to the far end
+    fast: float  # rad/s (m/s), of fast motion
+    mean_speed: float  # geometric, of motion; Fc is given there if it follows the logarithm
     load: float = 1.0  # at which sigma0 and Fc are given
 
 
@@ -100,6 +108,21 @@ class Samples:
     def delayed(self, x: np.ndarray, delay: float) -> np.ndarray:
         """x as it was `delay` samples before."""
         return self.by_piece(lambda y: delayed(y, delay), x) if delay else x
+
+    @property
+    def is_at_rest(self) -> np.ndarray:
+        """Whether the shaft rests: (n,)."""
+        rests: np.ndarray = np.abs(self.speed) < REST_SPEED * self.reference.fast
+        return rests
+
+    def travel_since_rest(self) -> np.ndarray:
+        """Travel since the last sample at rest or the start of a piece: (n,) rad (m)."""
+        travel = np.cumsum(np.abs(self.moves(self.angles["between counts"])))
+        starts = self.is_at_rest
+        starts[[rows.start for rows in self.pieces]] = True
+        last = np.maximum.accumulate(np.where(starts, np.arange(self.rows), 0))
+        since: np.ndarray = travel - travel[last]
+        return since
 
     def with_angle(self, name: str, angle: np.ndarray) -> Samples:
         """The same samples with another angle."""
@@ -228,14 +251,12 @@ def _join(tables: list[dict[str, np.ndarray]]) -> tuple[dict[str, np.ndarray], l
 def _reference_of(table: dict[str, np.ndarray]) -> Reference:
     angle = table["between counts"]
     low, high = float(angle.min()), float(angle.max())
+    speed = np.abs(table["speed"])
+    fast = float(np.percentile(speed, FAST_PERCENTILE)) or 1.0
+    moving = speed[speed > REST_SPEED * fast]
+    mean_speed = float(np.exp(np.mean(np.log(moving)))) if len(moving) else fast
     load = float(np.median(table["load"])) if "load" in table else 1.0
-    return Reference((high + low) / 2, (high - low) / 2, load)
-
-
-MIN_NOISE_COUNTS = 0.3  # below it, noise of an angle is part of its counts
-KEEP_ALL = 0.6  # part of the rows, above which segments are not worth the cycles that they cut
-MIN_SEGMENT_ROWS = 300
-NO_CLOCK_STEP = 1e-3  # s, of rows without a clock
+    return Reference((high + low) / 2, (high - low) / 2, fast, mean_speed, load)
 
 
 def _block_of(logs: Sequence[Log]) -> int:

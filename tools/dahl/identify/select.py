@@ -29,6 +29,7 @@ MAX_LOGS_WITH_DELAYS = 4  # logs that may each have a delay of their own
 FAR_STEP = 0.1  # of ln a: a plausible subset whose linearisation went further is fitted again
 MAX_REFITS = 8  # until the best one is at its optimum
 MAX_COST_RATIO = 1.5  # to the best cost of its law and lag; costlier sets of terms are dropped
+MIN_RESTS = 0.05  # of the samples, if the shaft dwells; a sine is so slow in 1 %
 OTHER_ANGLES = 5  # laws that are fitted again with the other angles
 
 
@@ -71,7 +72,8 @@ def fit_all(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[
     if not fits:
         return fits
     if fitter.samples.load is not None and "loaded" in space.laws:
-        for angle, lag in product(fitter.samples.angles, {"none", "delay"} & {*space.lags}):
+        lags = [lag for lag in ("none", "delay") if lag in space.lags]
+        for angle, lag in product(fitter.samples.angles, lags):
             h = Hypothesis("loaded", lag, angle)
             fits += _subsets(fitter, h, fitter.start(h, a, delay or 1.0), space)
     fits += _other_laws(fitter, fits, space)
@@ -134,36 +136,34 @@ def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit
     a, angle = float(np.exp(best.p[0])), best.hypothesis.angle
     by_lag = {f.hypothesis.lag: f for f in sorted(fits, key=lambda f: -f.total)}
     terms = best.hypothesis.terms if "waves" not in best.hypothesis.terms else ("offset",)
+    starts = _law_starts(fitter, Hypothesis("dahl", "none", angle, terms), a, space)
     found: list[Fit] = []
     for lag in sorted({"none", "damping", best.hypothesis.lag} & {*space.lags, "delays"}):
         own = by_lag.get(lag, best)
         lead = own.p[own.hypothesis.friction.elements :]  # lag of the Dahl fit
-        base = Hypothesis("dahl", lag, angle, terms)
-        for law, p in _law_starts(fitter, base, a, space).items():
-            h = replace(base, law=law)
+        for law, p in starts.items():
+            h = Hypothesis(law, lag, angle, terms)
             found += _subsets(fitter, h, np.append(p, lead), space)
     return found + _with_other_angles(fitter, found, angle)
 
 
 def _law_starts(
-    fitter: Fitter, base: Hypothesis, a: float, space: SearchSpace
+    fitter: Fitter, plain: Hypothesis, a: float, space: SearchSpace
 ) -> dict[str, np.ndarray]:
-    """Start values without a lag, by law."""
-    plain = replace(base, lag="none")
-    pairs = pair_starts(fitter, plain, a)
-    starts: dict[str, np.ndarray] = {}
-    for law in ("slip", "stribeck", "asymmetric", "exponent", "bouc-wen", "soft shaft"):
-        by_stroke = LAWS[law].kinds == ("table",)
-        if not by_stroke or fitter.strokes[base.angle] < models.MAX_STROKES:
-            starts[law] = fitter.start(replace(plain, law=law), a)
-    starts |= pairs
+    """Start values without a lag, by law; `plain` is Dahl's law without one."""
+    laws = ["slip", "stribeck", "log speed", "asymmetric"]
+    if fitter.samples.is_at_rest.mean() > MIN_RESTS:
+        laws.append("breakaway")
+    if fitter.strokes[plain.angle] < models.MAX_STROKES:
+        laws += ["exponent", "bouc-wen", "soft shaft"]
+    starts = {law: fitter.start(replace(plain, law=law), a) for law in laws}
+    starts |= pair_starts(fitter, plain, a)
     several = slip_start(fitter, plain, a)
     if several is not None and several[0].friction.elements > 2:
         starts[several[0].law] = several[1]
-    if LAWS.get(space.wanted) is not None and space.wanted not in ("", "loaded"):
+    if space.wanted in LAWS:
         starts.setdefault(space.wanted, fitter.start(replace(plain, law=space.wanted), a))
-    kept = {*space.laws, space.wanted}
-    return {law: p for law, p in starts.items() if law in kept}
+    return {law: p for law, p in starts.items() if law in (*space.laws, space.wanted)}
 
 
 def _with_other_angles(fitter: Fitter, fits: list[Fit], angle: str) -> list[Fit]:
@@ -176,9 +176,9 @@ def _with_other_angles(fitter: Fitter, fits: list[Fit], angle: str) -> list[Fit]
         if (h.law, h.lag) in seen or len(seen) >= OTHER_ANGLES:
             continue
         seen.add((h.law, h.lag))
-        for other in (replace(h, angle=name) for name in others):
-            fit = None if _smooths_counts(other) else fitter.fit(other, one.p)
-            found += [fit] if fit is not None else []
+        same = [replace(h, angle=name) for name in others]
+        again = [fitter.fit(other, one.p) for other in same if not _smooths_counts(other)]
+        found += [fit for fit in again if fit is not None]
     return found
 
 

@@ -31,10 +31,10 @@ def torque_step(torque: np.ndarray) -> float:
     return 0.0 if len(np.unique(torque)) > MAX_LEVELS else resolution_of(torque)
 
 
-def refit_errors(fitter: Fitter, fit: Fit, draws: int = DRAWS, seed: int = 0) -> np.ndarray:
+def refit_errors(fitter: Fitter, fit: Fit) -> np.ndarray:
     """Return the relative errors of refits of simulated logs: (draws, 2), without the worst one."""
-    random = np.random.default_rng(seed)
-    refits = [_refit(fitter, fit, k, random) for k in range(draws)]
+    random = np.random.default_rng(0)
+    refits = [_refit(fitter, fit, k, random) for k in range(DRAWS)]
     errors = np.array([one.value / fit.value - 1 for one in refits if one is not None])
     errors = errors.reshape(-1, 2)
     if len(errors) < 4:
@@ -60,9 +60,7 @@ def _refit(fitter: Fitter, fit: Fit, draw: int, random: np.random.Generator) -> 
     made.used, made.folds, made.cycles = samples.used, samples.folds, samples.cycles
     if h.angle not in made.angles:
         made = made.with_angle(h.angle, made.theta)
-    again = Fitter(made)
-    at = again.optimum(h, fit.p, REFIT_ROUNDS)
-    return None if at is None else again.scored(h, at, range(at.grams.shape[-1] - 1))
+    return Fitter(made).fit(h, fit.p, REFIT_ROUNDS)
 
 
 def _other_phase(samples: Samples, h: Hypothesis, draw: int) -> np.ndarray:
@@ -87,7 +85,7 @@ def _torque_on(fitter: Fitter, fit: Fit, true: np.ndarray) -> np.ndarray:
 def _friction(fitter: Fitter, fit: Fit, true: np.ndarray, steps: int) -> np.ndarray:
     """Friction alone, with so many steps from sample to sample; no law with speed or load."""
     h, parts = fit.hypothesis, []
-    if h.law in ("stribeck", "loaded"):
+    if h.friction.kinds[0] in ("limits", "loaded"):
         return np.zeros(len(true))
     for rows in fitter.samples.pieces:
         n = rows.stop - rows.start
@@ -126,8 +124,7 @@ def hidden_travel(fitter: Fitter, fit: Fit) -> np.ndarray:
     for rows in samples.pieces:
         bent[rows] += _bump_at_turns(bent[rows], samples.count, float(np.exp(fit.p[0])))
     again = Fitter(samples.with_angle(h.angle, bent))
-    at = again.optimum(h, fit.p, REFIT_ROUNDS - 1)
-    one = None if at is None else again.scored(h, at, range(at.grams.shape[-1] - 1))
+    one = again.fit(h, fit.p, REFIT_ROUNDS - 1)
     if one is None:
         return np.full(2, np.inf)
     seen, error = _amplitude(fitter, fit, again.predicted(fit) - fitter.predicted(fit))
@@ -161,7 +158,5 @@ def _bump_at_turns(angle: np.ndarray, count: float, a: float) -> np.ndarray:
     away = np.abs(angle[nearest] - angle)
     before = np.maximum(nearest - max(len(angle) // len(turns) // 8, 2), 0)
     direction = np.sign(angle[nearest] - angle[before])
-    bump: np.ndarray = (
-        HIDDEN_COUNTS * count * np.clip(1 - away / (2 * count), 0.0, None) * direction
-    )
-    return bump
+    bump: np.ndarray = np.maximum(1 - away / (2 * count), 0.0) * direction
+    return HIDDEN_COUNTS * count * bump

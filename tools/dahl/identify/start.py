@@ -34,9 +34,9 @@ def coarse_start(fitter: Fitter) -> tuple[float, float, float]:
     for a in _stiffnesses(fitter):
         w = models.dahl(moves, s.pieces, a)
         for delay in DELAYS:
-            columns = np.column_stack((s.delayed(w, delay)[rows], *terms))
-            c = _weighted_least_squares(columns, torque, weight)
-            left = np.abs(torque - columns @ c) * np.sqrt(weight)
+            columns = np.column_stack((s.delayed(w, delay)[rows], *terms, torque))
+            c = solve((columns * weight[:, None]).T @ columns, range(columns.shape[1] - 1))
+            left = np.abs(torque - columns[:, :-1] @ c) * np.sqrt(weight)
             cost = float(np.mean(np.minimum(left, ROBUST * np.median(left))))
             if cost < best * (1.0 if delay == 0 or found[1] != 0 else MIN_DELAY_GAIN):
                 best, found = cost, (float(a), delay, float(np.sign(c[0])) or 1.0)
@@ -62,15 +62,6 @@ def _stiffnesses(fitter: Fitter) -> np.ndarray:
     usual = float(np.median(moves[moves != 0])) / 3 if moves.any() else span
     high = max(3 / max(s.count, usual), 100 / span)
     return np.geomspace(0.7 / span, min(high, 400 / span), STIFFNESSES)
-
-
-def _weighted_least_squares(
-    columns: np.ndarray, torque: np.ndarray, weight: np.ndarray
-) -> np.ndarray:
-    matrix = (columns * weight[:, None]).T @ columns
-    matrix += 1e-10 * np.diag(np.diag(matrix)) + 1e-300 * np.eye(len(matrix))
-    found: np.ndarray = np.linalg.solve(matrix, columns.T @ (weight * torque))
-    return found
 
 
 def pair_starts(fitter: Fitter, h: Hypothesis, a: float) -> dict[str, np.ndarray]:
