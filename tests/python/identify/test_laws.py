@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: MIT
+"""Each friction law against an ODE solver or a recurrence of this file. In each law sigma0 is the
+slope at rest and Fc the friction at full slip.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+from dahl import Error
+from dahl.identify import Log, Options, Result, identify, models, report
+from dahl.identify.models import LAWS, OPTIONS
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from identify_tools import (
+    FC,
+    SIGMA0,
+    chirp,
+    dahl_torque,
+    log_of,
+    shaft,
+    springs,
+    varying_torque,
+)
+from scipy.integrate import solve_ivp
+
+pytestmark = pytest.mark.usefixtures("library")
+
+A = SIGMA0 / FC
+Slope = Callable[[float, float], float]  # dw/du of w = F/Fc and the direction
+SLOPES: dict[str, Slope] = {
+    "dahl": lambda w, s: 1 - s * w,
+    "slip": lambda w, s: float(s * w < 1),
+    "exponent": lambda w, s: max(1 - s * w, 0.0) ** 0.7,
+    "bouc-wen": lambda w, s: 1 - np.sign(s * w) * abs(w) ** 1.5,
+    # a spring of 30 % of the compliance in series
+    "soft shaft": lambda w, s: (1 - s * w) / (0.7 + 0.3 * (1 - s * w)),
+}
+
+
+def by_model(name: str, moves: np.ndarray, pieces: models.Pieces | None = None) -> np.ndarray:
+    pieces = pieces or [slice(0, len(moves))]
+    shapes = {"exponent": 0.7, "bouc-wen": 1.5, "soft shaft": 0.3}
+    if name in shapes:
+        return models.tabulated(moves, pieces, A, name, shapes[name])
+    return {"dahl": models.dahl, "slip": models.slip}[name](moves, pieces, A)
+
+
+def by_solver(slope: Slope, moves: np.ndarray) -> np.ndarray:
+    """w after each move, stroke by stroke."""
+    w, drawn = 0.0, []
+    for move in moves.tolist():
+        side = float(np.sign(move))
+        if move and side * w < 1 - 1e-9:
+            rate = lambda _, y, side=side: [side * slope(y[0], side)]  # noqa: E731
+            solved = solve_ivp(rate, (0, A * abs(move)), [w], rtol=1e-7, atol=1e-9, max_step=0.05)
+            w = float(np.clip(solved.y[0, -1], -1, 1))
+        drawn.append(w)
+    return np.array(drawn)
+
+
+@pytest.mark.parametrize("name", SLOPES)
+def test_a_law_solves_its_equation(name):
+    """To and fro with strokes of many lengths and rests, in two pieces; far away it slips."""
+    theta = np.repeat(chirp(160, 0.012, first=2, last=5), np.arange(160) % 9 // 8 + 1)
+    moves = np.diff(theta, prepend=theta[0])
+    pieces = [slice(0, 100), slice(100, len(moves))]
+    truth = np.concatenate([by_solver(SLOPES[name], moves[rows]) for rows in pieces])
+    off = 0.03 if name == "slip" else 2e-4  # its corner lies between two steps of the solver
+    assert np.abs(by_model(name, moves, pieces) - truth).max() < off
+    for side in (1, -1):
+        assert by_model(name, np.array([side * 1e-4 / A])) == pytest.approx(side * 1e-4, rel=2e-3)
+        far = by_model(name, np.full(200, side / A))
+        assert far[-1] == pytest.approx(side, abs=1e-3) and np.abs(far).max() <= 1 + 1e-9
+
+
+PATHS = arrays(float, st.integers(2, 60), elements=st.floats(-0.02, 0.02))
+
+
+@settings(max_examples=25)
+@given(PATHS, st.integers(0, 99))
+def test_laws_whose_limit_changes_against_row_by_row(theta, seed):
+    """A limit, a load, and a direction of their own."""
+    limits = 1 + 0.4 * np.random.default_rng(seed).uniform(-1, 1, len(theta))
+    moves, whole = np.diff(theta, prepend=theta[:1]), [slice(0, len(theta))]
+    stiffness = np.full(len(theta), A)
+    found = models.dahl_with_limits(moves, whole, A, limits)
+    assert found == pytest.approx(varying_torque(theta, stiffness, limits), abs=1e-6)
+    found = models.dahl_under_load(moves, whole, A, limits)
+    assert found == pytest.approx(varying_torque(theta, A * limits, limits, True), abs=1e-6)
+    settled = np.concatenate((np.linspace(0, 0.2, 50), 0.2 + theta))  # forgets the start
+    moves = np.diff(settled, prepend=0.0)
+    each_way = varying_torque(settled, np.full(len(moves), A), np.where(moves > 0, 1.3, 0.7))
+    found = models.asymmetric(moves, [slice(0, len(moves))], A, 0.3)
+    assert found[50:] == pytest.approx(each_way[50:] - 0.3, abs=1e-5)  # less the mean
+
+
+@settings(max_examples=25)
+@given(PATHS, st.floats(1e-4, 0.02))
+def test_play_against_row_by_row(theta, width):
+    position, behind = theta[0], []
+    for ahead in theta:
+        position = min(max(position, ahead - width / 2), ahead + width / 2)
+        behind.append(position)
+    found = models.behind_play(theta, [slice(0, len(theta))], width)
+    assert found == pytest.approx(np.array(behind), abs=1e-9)
+
+
+# --- one law, one log -----------------------------------------------------------------------------
+
+MOTION = chirp(2400, first=5, last=11)
+LUGRE = 0.05 * FC / np.abs(np.gradient(dahl_torque(MOTION), 1e-3)).max() * 4
+BENT = ("exponent", "bouc-wen", "soft shaft", "mixed")  # laws that bend alike
+
+
+def tabulated(name: str) -> np.ndarray:
+    return FC * by_model(name, np.diff(MOTION, prepend=MOTION[0]))
+
+
+def with_limits(limit: np.ndarray) -> np.ndarray:
+    return varying_torque(MOTION, np.full(len(MOTION), SIGMA0), limit)
+
+
+def stribeck() -> np.ndarray:
+    """30 % more friction at rest."""
+    speed = np.gradient(MOTION, 1e-3)
+    return with_limits(FC * (1 + 0.3 * np.exp(-((speed / (0.15 * np.abs(speed).max())) ** 2))))
+
+
+def asymmetric() -> np.ndarray:
+    return with_limits(np.where(np.diff(MOTION, prepend=MOTION[0]) > 0, 1.25 * FC, 0.75 * FC))
+
+
+def with_damping() -> np.ndarray:
+    """LuGre's sigma1: a part of the torque follows its rate."""
+    torque = dahl_torque(MOTION)
+    return torque + LUGRE * np.gradient(torque, 1e-3)
+
+
+def mixed() -> np.ndarray:
+    return dahl_torque(MOTION, 60, 0.2) + springs(MOTION, (40, 0.3))
+
+
+MADE = {  # a torque, and the hypotheses that describe it
+    "dahl": (lambda: dahl_torque(MOTION), ("dahl",)),
+    "slip": (lambda: springs(MOTION, (SIGMA0, FC)), ("slip",)),
+    "2 slip": (lambda: springs(MOTION, (80, 0.2), (20, 0.3)), ("2 slip",)),
+    "mixed": (mixed, ("mixed", "2 dahl", "2 slip", "3 slip", "4 slip")),
+    "exponent": (lambda: tabulated("exponent"), BENT),
+    "bouc-wen": (lambda: tabulated("bouc-wen"), BENT),
+    "stribeck": (stribeck, ("stribeck",)),
+    "asymmetric": (asymmetric, ("asymmetric",)),
+    "damping": (with_damping, ("dahl",)),
+}
+
+
+@cache
+def found(name: str) -> Result:
+    return identify([log_of(MOTION, MADE[name][0](), 0.01)])
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_a_law_is_recognised_and_its_numbers_mean_the_same(name):
+    """The chosen law is the true one or one that bends alike, and no claim is wrong."""
+    result = found(name)
+    assert result.hypothesis.law in MADE[name][1], str(result.hypothesis)
+    for parameter, truth in ((result.sigma0, SIGMA0), (result.Fc, FC)):
+        assert not parameter.claimed or parameter.low <= truth <= parameter.high
+    assert result.Fc.claimed and result.Fc.value == pytest.approx(FC, rel=0.02)
+    assert result.r2 > 0.995
+    assert ("damping" in result.hypothesis.lag) == (name == "damping")
+
+
+def three_elements() -> Log:
+    theta = chirp()
+    more = springs(theta, (0.3 * SIGMA0, 0.1 * FC), (0.1 * SIGMA0, 0.3 * FC))
+    return log_of(theta, dahl_torque(theta, 0.6 * SIGMA0, 0.6 * FC) + more)
+
+
+def test_a_law_that_is_asked_for_is_exported():
+    """Also one that the log does not need; one that contradicts the log is refused."""
+    for log, name, elements in ((three_elements(), "mixed-3", 3), (shaft(), "slip-4", 4)):
+        facts = json.loads(report.as_json(identify([log], Options(model=name))))
+        assert facts["exported_model"].endswith(f"K={elements}")
+        (parts,) = (m["parts"] for m in facts["models"] if m["name"] == facts["exported_model"])
+        assert len(parts) == elements
+    assert report.numbers(found("asymmetric"))["r2_plan"] > 0.98
+    coulomb = report.numbers(identify([shaft()], Options(model="coulomb")))
+    assert "Coulomb" in coulomb["plan"]["against"][0]
+    with pytest.raises(Error, match="mixed-4: .*does not fit"):
+        report.numbers(identify([shaft()], Options(model="mixed-4")))
+    for name, law in OPTIONS.items():
+        assert name == "coulomb" or LAWS[law].in_library
