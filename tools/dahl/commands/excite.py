@@ -29,69 +29,54 @@ MAX_ROWS = 5_000_000  # a larger CSV is of no use
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     guess = parser.add_argument_group("guess")
+    noise = "standard deviation of the torque sensor, in Fc (default 0.05)"
     guess.add_argument("--from", dest="known", type=Path, metavar="JSON", help="an identification")
     guess.add_argument("--sigma0", type=positive, metavar="X", help="N m/rad (linear: N/m)")
     guess.add_argument("--fc", type=positive, metavar="Y", help="N m (linear: N)")
-    guess.add_argument(
-        "--noise",
-        type=positive,
-        default=0.05,
-        metavar="PART",
-        help="standard deviation of the torque sensor, in Fc (default 0.05)",
-    )
-    parser.add_argument(
-        "--counts-per-turn", type=positive, required=True, metavar="N", help="of the encoder"
-    )
-    parser.add_argument("--mm", action="store_true", help="linear: counts per millimetre, N/m, N")
-    parser.add_argument(
-        "--within",
-        type=positive,
-        default=1.0,
-        metavar="PERCENT",
-        help="wanted half width of the 95 %% interval of sigma0 (default 1)",
-    )
-    parser.add_argument(
-        "--rate", type=positive, default=1000.0, metavar="HZ", help="rows per s (default 1000)"
-    )
-    parser.add_argument(
-        "--speed", type=positive, default=math.inf, metavar="V", help="highest, rad/s (m/s)"
-    )
-    parser.add_argument("--name", default="excite", help="of the files")
-    parser.add_argument(
-        "--force", action="store_true", help="overwrite files that are not written by dahl"
-    )
+    guess.add_argument("--noise", type=positive, default=0.05, metavar="PART", help=noise)
+    add = parser.add_argument
+    add("--counts-per-turn", type=positive, required=True, metavar="N", help="of the encoder")
+    add("--mm", action="store_true", help="linear: counts per millimetre, N/m, N")
+    within = "wanted half width of the 95 %% interval of sigma0 (default 1)"
+    add("--within", type=positive, default=1.0, metavar="PERCENT", help=within)
+    add("--rate", type=positive, default=1000.0, metavar="HZ", help="rows per s (default 1000)")
+    add("--speed", type=positive, default=math.inf, metavar="V", help="highest, rad/s (m/s)")
+    add("--name", default="excite", help="of the files")
+    add("--force", action="store_true", help="overwrite files that are not written by dahl")
     add_output(parser)
 
 
 def run(args: argparse.Namespace) -> None:
     from dahl.binding import plan_header
     from dahl.identify import design
-    from dahl.identify.design import PACES, PLACES
 
     wanted, name = _wanted(args), plan_header.identifier(args.name)
     table, played = (args.output / f"{name}{end}" for end in (".csv", ".ini"))
     if not args.force:
         files.refuse_foreign_files((table, played), "use --name, or --force to overwrite it")
     motion = design.propose(wanted)
-    rows = motion.rows
-    if rows > MAX_ROWS:
+    if motion.rows > MAX_ROWS:
         raise Error(
-            f"--within {args.within:g}: this needs {motion.cycles} cycles,"
-            f" {motion.seconds:.0f} s;"
+            f"--within {args.within:g}: this needs {motion.cycles} cycles, {motion.seconds:.0f} s;"
             " ask for less, or use a quieter torque sensor"
         )
     args.output.mkdir(parents=True, exist_ok=True)
     written = [_write_csv(table, wanted, motion), _write_scene(played, name, wanted, motion)]
-    unit = "m" if args.mm else "rad"
+    _print_motion(motion, "m" if args.mm else "rad")
+    print("files      " + ", ".join(map(str, written)))
+
+
+def _print_motion(motion: Motion, unit: str) -> None:
+    from dahl.identify.design import PACES, PLACES
+
     quick, far = motion.rows_per_cycle / motion.rate, motion.amplitude
     print(
         f"motion     strokes of {min(PLACES) * far:.4g} to {far:.4g} {unit} to either side,"
         f" {motion.cycles} cycles of {quick:.4g} to {max(PACES) * quick:.4g} s"
     )
-    print(f"reversals  {motion.reversals} in {motion.seconds:.4g} s, {rows} rows")
+    print(f"reversals  {motion.reversals} in {motion.seconds:.4g} s, {motion.rows} rows")
     for name, part in motion.within.items():
         print(f"expected   {name} within {100 * part:.2g} % (95 %), at best")
-    print("files      " + ", ".join(map(str, written)))
 
 
 def _wanted(args: argparse.Namespace) -> Wanted:

@@ -9,6 +9,9 @@ by one, --follow a live bus.
 It writes a picture, JSON and a scene that replays the log. If both parameters are identifiable and
 their plan explains the raw motion, it writes a header with a const plan too. A log needs about 100
 bytes of memory a row.
+
+It exits with 0 also if a parameter is not identifiable (JSON: identifiable), with 2 if a log or an
+option is wrong, with 1 if something is missing, such as a bus.
 """
 
 from __future__ import annotations
@@ -50,126 +53,91 @@ UNUSED = {  # options without use, by kind of run
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("logs", nargs="*", type=Path, metavar="LOG", help="measured log")
-    what = parser.add_argument_group("columns")
-    what.add_argument(
-        "--angle", default="", metavar="NAME", help="column or signal, or its number from 1 on"
-    )
-    what.add_argument("--torque", default="", metavar="NAME", help="the same for the torque")
-    what.add_argument("--time", default="", metavar="NAME", help="the same for the time in s")
-    what.add_argument(
+    _add_columns(parser.add_argument_group("columns"))
+    _add_fit(parser.add_argument_group("fit"))
+    _add_each(parser.add_argument_group("many logs, one by one"))
+    _add_live(parser.add_argument_group("a live bus"))
+    add_bus_arguments(parser)
+    _add_files(parser.add_argument_group("output"))
+
+
+def _add_columns(group: argparse._ArgumentGroup) -> None:
+    angles = "deg, rad, mrad, arcmin, turn, counts, m, mm, um, in, ..."
+    _add_text(group, "--angle", "NAME", "column or signal, or its number from 1 on")
+    _add_text(group, "--torque", "NAME", "the same for the torque")
+    _add_text(group, "--time", "NAME", "the same for the time in s")
+    _add_list(
+        group,
         "--load",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="a load that friction may follow, as a normal force; several are added",
+        "NAME",
+        "a load that friction may follow, as a normal force; several are added",
     )
-    _add_units(what)
-    what.add_argument("--dbc", type=Path, metavar="FILE", help="how to decode a CAN log")
-    what.add_argument("--skip-gaps", action="store_true", help="leave out rows without a number")
-    what.add_argument(
-        "--trust-units", action="store_true", help="do not check whether the units are plausible"
-    )
-    _add_fit(parser)
-    _add_many_and_live(parser)
-    _add_output(parser)
+    _add_text(group, "--angle-unit", "UNIT", angles)
+    _add_text(group, "--torque-unit", "UNIT", "Nm, mNm, kNm, N, mN, uN, kN, lb, kip, ...")
+    _add_text(group, "--time-unit", "UNIT", "s, ms, us")
+    counts = "of the encoder (linear motion: per millimetre; default: found in the log)"
+    group.add_argument("--counts-per-turn", type=float, metavar="N", help=counts)
+    group.add_argument("--dbc", type=Path, metavar="FILE", help="how to decode a CAN log")
+    _add_flag(group, "--skip-gaps", "leave out rows without a number")
+    _add_flag(group, "--trust-units", "do not check whether the units are plausible")
 
 
-def _add_units(what: argparse._ArgumentGroup) -> None:
-    what.add_argument(
-        "--angle-unit",
-        default="",
-        metavar="UNIT",
-        help="deg, rad, mrad, arcmin, turn, counts, m, mm, um, in, ...",
-    )
-    what.add_argument(
-        "--torque-unit",
-        default="",
-        metavar="UNIT",
-        help="Nm, mNm, kNm, N, mN, uN, kN, lb, kip, ...",
-    )
-    what.add_argument("--time-unit", default="", metavar="UNIT", help="s, ms, us")
-    what.add_argument(
-        "--counts-per-turn",
-        type=float,
-        metavar="N",
-        help="of the encoder (linear motion: per millimetre; default: found in the log)",
-    )
-
-
-def _add_output(parser: argparse.ArgumentParser) -> None:
-    out = parser.add_argument_group("output")
-    out.add_argument("--json", metavar="FILE", help="write JSON; - prints only that")
-    out.add_argument(
-        "--name", default="", help="of files and plan (default: that of the first log)"
-    )
-    add_output(out)
-    out.add_argument(
-        "--target-counts-per-turn",
-        type=positive,
-        default=0.0,
-        metavar="N",
-        help="of the encoder that the plan is for (default: that of the log)",
-    )
-    out.add_argument(
-        "--force", action="store_true", help="write a plan even if there are reasons against it"
-    )
-    out.add_argument("--no-files", action="store_true", help="write no files")
-
-
-def _add_fit(parser: argparse.ArgumentParser) -> None:
+def _add_fit(group: argparse._ArgumentGroup) -> None:
     from dahl.io.log import TERMS
 
-    how = parser.add_argument_group("fit")
-    how.add_argument(
-        "--terms",
-        metavar="LIST",
-        help=f"{','.join(TERMS)} or none, added to friction (default: those that pay)",
-    )
-    how.add_argument(
-        "--model",
-        default="",
-        metavar="NAME",
-        help="dahl, slip-1 .. slip-4, dahl-2, mixed-2 .. mixed-4, asymmetric, coulomb (default:"
-        " the simplest that explains left-out cycles as well as the best)",
-    )
-    how.add_argument("--no-delay", action="store_true", help="fit no delay of the torque")
-    how.add_argument(
-        "--median",
-        type=whole(0, 99),
-        default=0,
-        metavar="ROWS",
-        help="running median of the angle; 1: none (default: if the angle flickers)",
-    )
-    how.add_argument(
-        "--check",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="LOG",
-        help="a log to predict, without fitting it",
-    )
+    terms = f"{','.join(TERMS)} or none, added to friction (default: those that pay)"
+    model = "dahl, slip-1 .. slip-4, dahl-2, mixed-2 .. mixed-4, asymmetric, coulomb (default:"
+    model += " the simplest that explains left-out cycles as well as the best)"
+    median = "running median of the angle; 1: none (default: if the angle flickers)"
+    group.add_argument("--terms", metavar="LIST", help=terms)
+    _add_text(group, "--model", "NAME", model)
+    _add_flag(group, "--no-delay", "fit no delay of the torque")
+    group.add_argument("--median", type=whole(0, 99), default=0, metavar="ROWS", help=median)
+    _add_list(group, "--check", "LOG", "a log to predict, without fitting it", Path)
 
 
-def _add_many_and_live(parser: argparse.ArgumentParser) -> None:
-    each = parser.add_argument_group("many logs, one by one")
-    each.add_argument(
-        "--each", type=Path, metavar="DIR", help="all logs of a folder; can be resumed"
+def _add_each(group: argparse._ArgumentGroup) -> None:
+    folder = "all logs of a folder; can be resumed"
+    group.add_argument("--each", type=Path, metavar="DIR", help=folder)
+    group.add_argument(
+        "--jobs", type=whole(-1, 1024), default=-1, metavar="N", help="-1: all cores"
     )
-    each.add_argument("--jobs", type=whole(-1, 1024), default=-1, metavar="N", help="-1: all cores")
-    each.add_argument("--dask", metavar="ADDRESS", help="run on a Dask cluster, tcp://HOST:PORT")
-    live = parser.add_argument_group("a live bus")
-    live.add_argument(
-        "--follow", action="store_true", help="estimate again and again from -i and -c"
+    group.add_argument("--dask", metavar="ADDRESS", help="run on a Dask cluster, tcp://HOST:PORT")
+
+
+def _add_live(group: argparse._ArgumentGroup) -> None:
+    within = "end if the half width of both intervals is at most this (default 2)"
+    _add_flag(group, "--follow", "estimate again and again from -i and -c")
+    group.add_argument("--within", type=positive, default=2.0, metavar="PERCENT", help=within)
+    add_limits(group)
+
+
+def _add_files(group: argparse._ArgumentGroup) -> None:
+    target = "of the encoder that the plan is for (default: that of the log)"
+    group.add_argument("--json", metavar="FILE", help="write JSON; - prints only that")
+    group.add_argument(
+        "--name", default="", help="of files and plan (default: that of the first log)"
     )
-    live.add_argument(
-        "--within",
-        type=positive,
-        default=2.0,
-        metavar="PERCENT",
-        help="end if the half width of both intervals is at most this (default 2)",
+    add_output(group)
+    group.add_argument(
+        "--target-counts-per-turn", type=positive, default=0.0, metavar="N", help=target
     )
-    add_limits(live)
-    add_bus_arguments(parser)
+    _add_flag(group, "--force", "write a plan even if there are reasons against it")
+    _add_flag(group, "--no-files", "write no files")
+
+
+def _add_text(group: argparse._ArgumentGroup, name: str, metavar: str, words: str) -> None:
+    group.add_argument(name, default="", metavar=metavar, help=words)
+
+
+def _add_flag(group: argparse._ArgumentGroup, name: str, words: str) -> None:
+    group.add_argument(name, action="store_true", help=words)
+
+
+def _add_list(
+    group: argparse._ArgumentGroup, name: str, metavar: str, words: str, kind: type = str
+) -> None:
+    group.add_argument(name, type=kind, action="append", default=[], metavar=metavar, help=words)
 
 
 def source_of(args: argparse.Namespace) -> Source:

@@ -35,6 +35,7 @@ MAX_CHOICES = 40  # best hypotheses that JSON lists
 UNITS = {"offset": "{T}", "spring": "{k}", "viscous": "{T} s/{x}", "inertia": "{T} s2/{x}"}
 MIN_INFORMING_SLOPE = 0.1  # of sigma0; a smaller slope says little about sigma0
 TABLE_COLUMNS = 80
+MAX_NAME_COLUMNS = 24  # of a log, in the first column
 # Instructions of a Q30 tick on Cortex-M3 (docs/microcontroller.md): of a law, of a sum and of each
 # of its elements.
 TICKS = {"dahl": 20, "asymmetric": 33}
@@ -189,11 +190,10 @@ def _simple_models(result: Result) -> dict[str, Any]:
 
 
 def _last_direction(moves: np.ndarray) -> np.ndarray:
-    """Return the sign of the last move that was not 0."""
-    sign = np.sign(moves)
-    last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
-    direction: np.ndarray = sign[last]
-    return direction
+    """Return the sign of the last move that was not 0; 0 before the first one."""
+    import pandas as pd
+
+    return pd.Series(np.sign(moves)).replace(0.0, np.nan).ffill().fillna(0.0).to_numpy()
 
 
 def _held_out(result: Result, columns: list[np.ndarray]) -> float:
@@ -350,7 +350,7 @@ def table(result: Result) -> Table:
         shown.add_row(name, f"{value:.4g} {unit}".strip())
     shown.add_row("R2, cycles left out", f"{result.r2:.4f} of {result.samples.cycles} cycles")
     for name, r2 in result.checks.items():
-        shown.add_row(f"check {Path(name).name}", f"R2 {r2:.4f}, not fitted")
+        shown.add_row(f"check {_shortened(Path(name).name)}", f"R2 {r2:.4f}, not fitted")
     model = runnable_model(result)
     if words := about(result, model):
         shown.add_row("header and scene", words)
@@ -359,6 +359,12 @@ def table(result: Result) -> Table:
     for note in notes(result):
         shown.add_row("note", note)
     return shown
+
+
+def _shortened(name: str) -> str:
+    """Return a name without its middle if it is long."""
+    half = MAX_NAME_COLUMNS // 2
+    return name if len(name) <= MAX_NAME_COLUMNS else f"{name[: half - 1]}…{name[-half:]}"
 
 
 def _law_words(result: Result) -> str:

@@ -8,6 +8,7 @@ and applies their units. An error names file, line or row, column and value.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -252,17 +253,18 @@ def find_columns(
     for role in roles:
         given = getattr(source, role)
         fitting = [_index_of(given, known, place)] if given else _likeliest(role, known, free)
-        if not fitting and role != "time":
+        if fitting:
+            found[role] = fitting[0]
+        elif role != "time":
             hint = can_logs.meant(role, known)
             raise Error(f"{place}: which column is the {role}? Name it with --{role}{hint}")
-        found |= dict.fromkeys([role] * bool(fitting), next(iter(fitting), 0))
         if len(fitting) > 1 and role != "time":
             first, *others = (f"'{known[k]}'" for k in fitting)
             notes.append(f"{role} read from {first}, not from {' or '.join(others)} (--{role})")
-    for role, column in found.items():
-        twice = next((other for other in found if other != role and found[other] == column), None)
-        if twice:
-            raise Error(f"{place}: column '{known[column]}' cannot be both {role} and {twice}")
+    for one, other in itertools.combinations(found, 2):
+        if found[one] == found[other]:
+            name = known[found[one]]
+            raise Error(f"{place}: column '{name}' cannot be both {one} and {other}")
     return found
 
 

@@ -2,8 +2,9 @@
 """Read text tables as measuring programs write them.
 
 Tabs, semicolons, commas or blanks separate the columns. Numbers have decimal points or commas.
-Names stand above the first row, after a preamble or comments; a line of units may follow them. The
-encoding is UTF-8, UTF-16 or Windows-1252. The first 64 KiB show how a table is written.
+Names stand above the first row, after a preamble or comments; a line of units may follow them. A
+line of numbers alone is a row, never names. The encoding is UTF-8, UTF-16 or Windows-1252. The
+first 64 KiB show how a table is written.
 """
 
 from __future__ import annotations

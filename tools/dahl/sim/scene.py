@@ -10,7 +10,7 @@ from __future__ import annotations
 import configparser
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -349,6 +349,10 @@ def write_own(own: OwnLog, path: Path) -> tuple[Scene, str]:
     names, columns = readers.read_columns(own.log, wanted)
     if len(set(wanted.values())) < len(wanted):
         raise Error(f"{own.log}: angle, torque and time need different columns")
+    # a line of numbers alone would be a row of the new table, not its names
+    headers = {role: f"column {x}" if x.isdecimal() else x for role, x in wanted.items()}
+    named = {"torque": "", "time": "", **headers}
+    own = replace(own, angle=named["angle"], torque=named["torque"], time=named["time"])
     unit, _ = units.choose("angle", own.angle_unit, names["angle"], "deg")
     is_linear = unit in units.LENGTHS
     count = (1e-3 if is_linear else 2 * math.pi) / own.counts_per_turn  # m or rad
@@ -362,7 +366,7 @@ def write_own(own: OwnLog, path: Path) -> tuple[Scene, str]:
         time_unit, _ = units.choose("time", "", names["time"], "s")
         columns["time"] = columns["time"] * units.TIMES[time_unit]
     table = path.with_suffix(".csv")
-    _write_table(table, {wanted[role]: column for role, column in columns.items()})
+    _write_table(table, {headers[role]: column for role, column in columns.items()})
     files.write_atomic(path, _scene_of(own, table.name, unit, size, count))
     return read(path), unit
 

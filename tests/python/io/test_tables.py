@@ -54,26 +54,25 @@ def test_a_table_of_each_kind_comes_back_as_it_was_written(kind, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("kind", "write", "place"),
+    ("kind", "place"),
     [
-        ("csv", TABLES["comma.csv"], ":7:"),
-        ("tsv", TABLES["tab.tsv"], ":7:"),
-        ("json", log_writers.json_records, ": row 6:"),
-        ("mat", log_writers.mat, ": row 6:"),
-        ("parquet", log_writers.parquet, ": row 6:"),
+        ("comma.csv", ":7:"),
+        ("records.json", ": row 6:"),
+        ("plain.mat", ": row 6:"),
+        ("log.parquet", ": row 6:"),
     ],
 )
-def test_a_row_without_a_number_is_named_or_left_out(kind, write, place, tmp_path):
+def test_a_row_without_a_number_is_named_or_left_out(kind, place, tmp_path):
     table, path = table_of(1), tmp_path / f"x.{kind}"
     table["force_N"][[5, 9]] = np.nan
-    write(path, table)
+    TABLES[kind](path, table)
     line = refused(path)
     assert line.startswith(f"{path}{place} ") and "nan" in line
     assert "'force_N'" in line and f"2 of {ROWS}" in line and "--skip-gaps" in line
     log, kept = read(path, "--skip-gaps"), np.delete(np.arange(ROWS), [5, 9])
     assert log.time.tolist() == table["t"][kept].tolist()
     assert log.torque.tolist() == table["force_N"][kept].tolist()
-    write(path, {**table, "force_N": np.full(ROWS, np.nan)})
+    TABLES[kind](path, {**table, "force_N": np.full(ROWS, np.nan)})
     assert f"{ROWS} of {ROWS}" in refused(path, "--skip-gaps")
 
 
@@ -233,7 +232,7 @@ def test_a_letter_may_lie_across_the_end_of_the_head(before, tmp_path):
     assert read(tmp_path / "x.csv").rows == 10_000
 
 
-# --- what is wrong, and where ---------------------------------------------------------------------
+# --- errors and their places ----------------------------------------------------------------------
 
 LONG = "1,2,3\n" * 20_000  # beyond the head
 BAD = [  # name, text, parts of the error
@@ -242,15 +241,12 @@ BAD = [  # name, text, parts of the error
     ("a.csv", '"angle\n\nleft","torque"\n1,2\n3,x\n', "a.csv:5:|'torque'|'x'"),
     ("a.csv", 'angle 5",torque\n1,2\n3,x\n', "a.csv:3:|'torque'|'x'"),
     ("a.csv", 'n,angle,torque\n"a\nb",1,2\n\n#\nc,3,x\n', "a.csv:6:|'torque'|'x'"),
-    ("a.csv", "angle;torque\nx;5\n1;2\n", "a.csv:2:|'angle'|'x'"),
     ("a.csv", "t,angle,torque\n0,\u2019,y\n0,1,2\n", "a.csv:2:|'angle'|'\u2019'"),
     ("a.csv", "angle,torque\n1.2.3,5\n1,2\n", "a.csv:2:|'angle'|'1.2.3'"),
     ("a.csv", "angle;torque\n1,5;2\n2,5;3\n1.234,5;4", "a.csv:4:|'angle'|'1.234,5'"),
     ("a.csv", "time;angle;torque\n24.11.2026;1;2\n", "a.csv:2:|'time'|'24.11.2026'"),
     ("a.csv", "angle,torque\nleft\n1,2\n", "a.csv:2:|--angle"),
-    ("a.csv", "\n \n", "a.csv: empty"),
     ("a.csv", "", "a.csv: empty"),
-    ("a.csv", "# only\n% this\n", "a.csv:1:|no rows"),
     ("a.csv", "angle,torque\n", "a.csv:1:|no rows"),
     ("a.csv", "angle\n1\n2\n", "a.csv:1:|two numbers"),
     ("a.csv", "angle,torque\n1,2\n", "a.csv| 1 rows"),
@@ -262,12 +258,10 @@ BAD = [  # name, text, parts of the error
     ("a.csv", "t,angle,torque\n" + LONG + "1,2,\xb0", "a.csv:20002:|byte|UTF-8"),
     ("a.csv", "t,angle,torque\n" + LONG + "# end", "a.csv:20002:|'# end'"),
     ("a.csv", "angle,torque\n1,2\n3,\n", "a.csv:3:|'torque'|nan|1 of 2"),
-    ("a.csv", "angle,torque\n1,2\n3", "a.csv:3:|'torque'|1 of 2"),
     ("a.csv", "angle,torque\n-0,2\n1e400,2", "a.csv:3:|'angle'|inf|1 of 2"),
     ("a.csv", "angle,torque\n1,2\n\0,3\n", "a.csv|byte 17"),
     ("a.csv", "t,angle,torque\n0,1,2\n\n2,1,3\n1.5,2,2\n", "a.csv:5:|1.5 after 2"),
     ("a.csv", '"an\ngle","tor\x1bque\x07",t\n1,2,3\n4,5,6\n', "a.csv:1:|an gle"),
-    ("ragged", "angle,torque\n1,2\n1,2,3\n", "ragged:3:|3 cells"),
     ("bare.csv", "1 2\n3 x\n", "bare.csv:1:|--angle|1, 2"),
     ("a.xlsx", "PK\3\4\0\0", "a.xlsx|XLSX|CSV"),
     ("a.xls", "\xd0\xcf\x11\xe0\0", "a.xls|XLS|CSV"),
@@ -277,7 +271,6 @@ BAD = [  # name, text, parts of the error
     ("a.csv", "angle\xe9,torque\n1,\x012\n", "a.csv|byte 5"),
     ("deep.json", "[" * 200_000, "deep.json"),
     ("cut.json", '[{"angle": 1,\n "torque"', "cut.json:2:"),
-    ("one.json", '[{"angle": 1, "torque": 2}]', "one.json| 1 rows"),
     ("big.json", f'{{"angle": [{"9" * 400}, 1], "torque": [1, 2]}}', "big.json|'angle'"),
     ("mixed.json", '[{"angle": 1, "torque": 2}, 5]', "mixed.json"),
     ("none.json", '{"a": 1, "b": ["c"]}', "none.json"),
@@ -308,11 +301,9 @@ def test_a_file_on_which_its_library_crashes_is_one_line(tmp_path):
 
 
 def test_a_path_that_is_not_a_log_is_named(tmp_path):
-    """An absent path, a folder, a folder without logs, a table without rows."""
-    assert "absent.csv: no such file" in refused(tmp_path / "absent.csv")
+    """A folder, a folder without logs, a table without rows."""
     line = refused(tmp_path)
     assert f"{tmp_path}: a folder" in line and f"--each {tmp_path}" in line
-    assert "--each" in refused() and "--follow" in refused()
     (tmp_path / "notes.md").write_text("no log")
     assert "--each" in complaint(run("identify", "--each", tmp_path / "none"))[1]
     code, line = complaint(run("identify", "--each", tmp_path))

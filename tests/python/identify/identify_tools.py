@@ -43,13 +43,23 @@ def dahl_torque(theta: np.ndarray, sigma0: float = SIGMA0, Fc: float = FC):  # n
     return Fc * ratio
 
 
-def varying_torque(theta: np.ndarray, sigma0: np.ndarray, Fc: np.ndarray) -> np.ndarray:  # noqa: N803
-    """Torque with parameters of each row's own: the exact step from row to row, in long double."""
-    torque, F = [], np.longdouble(0)  # noqa: N806
+def varying_torque(
+    theta: np.ndarray,
+    sigma0: np.ndarray,
+    Fc: np.ndarray,  # noqa: N803
+    is_reduced: bool = False,
+) -> np.ndarray:
+    """Torque with parameters of each row's own: the exact step from row to row, in long double.
+
+    If `is_reduced`, a falling Fc reduces the torque at once, as a falling load does.
+    """
+    torque, F, before = [], np.longdouble(0), Fc[0]  # noqa: N806
     for move, stiffness, limit in zip(np.diff(theta, prepend=theta[0]), sigma0, Fc, strict=True):
+        F *= min(limit / before, 1.0) if is_reduced else 1.0  # noqa: N806
         share = -np.expm1(-np.longdouble(stiffness) * abs(move) / limit)
         F += (np.sign(move) * limit - F) * share  # noqa: N806
         torque.append(float(F))
+        before = limit
     return np.array(torque)
 
 
@@ -84,7 +94,7 @@ def shaft(seed: int = 3, noise: float = 0.02, rows: int = 2400, cycles: float = 
 
 
 def log_of(theta: np.ndarray, torque: np.ndarray, noise: float = 0.02, count: float = COUNT) -> Log:
-    """What a rig logs of a motion and its torque; count 0: an angle without an encoder."""
+    """The log of a motion and its torque; with count 0 its angle has no encoder."""
     read = np.floor(theta / count + 0.3) * count if count else theta
     noisy = torque + noise * FC * noise_of(3, len(theta))
     return Log("rig", read, noisy, np.arange(len(theta)) * 1e-3, resolution=count)
@@ -135,11 +145,11 @@ def write_csv(path, theta: np.ndarray, torque: np.ndarray, header: str = "t,angl
     return path
 
 
-# --- what an identification says, by its JSON -----------------------------------------------------
+# --- the JSON of an identification ----------------------------------------------------------------
 
 
 def seen(*logs: Log, **options: object) -> dict[str, Any]:
-    """What `dahl identify --json -` prints of logs in memory."""
+    """The numbers that `dahl identify --json -` prints, of logs in memory."""
     from dahl.identify import Options, identify, report
 
     return json.loads(report.as_json(identify(logs, Options(**options))))

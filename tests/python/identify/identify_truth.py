@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 from dahl.io.log import Log
+from hostile_logs import dahl
 from identify_tools import COUNT, FC, SIGMA0, noise_of
 from scipy.signal import butter, lfilter, sosfilt
 
@@ -41,16 +42,6 @@ class Motion:
         noise = part * FC * noise_of(self.seed, ROWS, shared)
         time = np.arange(ROWS) * STEP
         return Log(f"seed {self.seed}", theta, torque[LEAD:] + noise, time, resolution=COUNT)
-
-
-def dahl(theta: np.ndarray, sigma0: float = SIGMA0, Fc: np.ndarray | float = FC) -> np.ndarray:  # noqa: N803
-    """Eq. 1 with a limit that may change from row to row: the exact step of each row."""
-    limits = np.broadcast_to(np.asarray(Fc, dtype=float), theta.shape).tolist()
-    F, drawn = 0.0, []  # noqa: N806
-    for move, limit in zip(np.diff(theta, prepend=theta[0]).tolist(), limits, strict=True):
-        F += (math.copysign(limit, move) - F) * -math.expm1(-sigma0 * abs(move) / limit)  # noqa: N806
-        drawn.append(F)
-    return np.array(drawn)
 
 
 def general(theta: np.ndarray, exponent: float) -> np.ndarray:
@@ -97,9 +88,9 @@ def loaded(seed: int) -> Log:
     return motion.log(dahl(motion.theta) + spring + viscous + 0.2 * FC)
 
 
-def short(seed: int) -> Log:
-    """Strokes that hardly slip."""
-    motion = Motion(seed, length=1.5)
+def slipping(seed: int, length: float) -> Log:
+    """Strokes of this number of presliding lengths."""
+    motion = Motion(seed, length)
     return motion.log(dahl(motion.theta))
 
 
@@ -169,13 +160,13 @@ def aliased(seed: int) -> Log:
 
 
 def stale(seed: int, every: int) -> Log:
-    """The angle is read every so many rows, the torque in each."""
+    """The angle is read every few rows, the torque in each."""
     log = plain(seed)
     return replace(log, theta=log.theta[np.arange(ROWS) // every * every])
 
 
 def seldom(seed: int, every: int) -> Log:
-    """The torque is read every so many rows, and held, or drawn straight between: by the seed."""
+    """The torque is read every few rows and held, or interpolated: by the seed."""
     log, rows = plain(seed), np.arange(ROWS)
     read = rows[::every]
     held, straight = log.torque[rows // every * every], np.interp(rows, read, log.torque[read])
@@ -193,8 +184,7 @@ def gaps(seed: int) -> Log:
 
 def wrapped(seed: int) -> Log:
     """A counter of 10 bits less than the motion needs; centred so that it does wrap."""
-    motion = Motion(seed, length=30)
-    log = motion.log(dahl(motion.theta))
+    log = slipping(seed, length=30)
     return replace(log, theta=np.mod(log.theta + 128 * COUNT, 512 * COUNT))
 
 
@@ -211,7 +201,7 @@ KINDS: dict[str, Callable[[int], Log]] = {
     "delay of 10 rows": lambda seed: late(seed, 10),
     "delay of 60 rows": lambda seed: late(seed, 60),
     "spring and viscous": loaded,
-    "a A = 1.5": short,
+    "a A = 1.5": lambda seed: slipping(seed, 1.5),  # strokes that hardly slip
     "exponent .3": lambda seed: bent(seed, 0.3),
     "exponent 1.6": lambda seed: bent(seed, 1.6),
     "Stribeck 30 %": stribeck,

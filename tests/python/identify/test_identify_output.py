@@ -61,7 +61,7 @@ def force_of(seed: int) -> np.ndarray:
 
 
 def write_log(folder: Path, seed: int) -> Path:
-    path = folder / f"{seed}.csv"
+    path = folder / f"{seed} of the left rig in the second hall.csv"
     table = np.column_stack((TIME, 1e3 * way_of(seed), force_of(seed)))
     np.savetxt(path, table, "%.12g", ",", header="t_s,pos_mm,force_N", comments="")
     return path
@@ -126,40 +126,17 @@ def test_json_has_each_number_under_its_name(rig):
     assert kept["identifiable"] == {"sigma0": True, "Fc": True}
 
 
-def test_json_says_how_the_numbers_came_about(rig):
-    kept = rig.kept
-    options = {"terms": [*TERMS], "delay": True, "median": 0, "trust_units": False}
-    assert kept["options"] == options | {"target_counts": 0.0, "model": "dahl"}
+def test_json_has_the_cycles_and_the_hypotheses(rig):
+    kept, cycles = rig.kept, rig.kept["cycles"]
     assert (kept["torque_sign"], kept["rows_per_sample"]) == (1.0, 1)
-    assert 0 <= kept["rows_weighing_less"] < 60
-    assert ROWS < kept["sum_of_weights"] < 2 * ROWS
-    cycles = kept["cycles"]
+    assert 0 <= kept["rows_weighing_less"] < 60 and ROWS < kept["sum_of_weights"] < 2 * ROWS
     assert cycles["first_row"] == sorted(cycles["first_row"]) and len(cycles["Fc"]) >= 12
     for name, truth in (("Fc", FC), ("sigma0", SIGMA0)):
         assert np.median(cycles[name]) == pytest.approx(truth, rel=0.05)
-        assert len(cycles[name]) == len(cycles["first_row"])
     (taken,) = (one for one in kept["choices"] if one["taken"])
-    assert taken["terms"] == [*TERMS] and taken["plausible"]
+    assert taken["terms"] == kept["options"]["terms"] == [*TERMS] and taken["plausible"]
     assert [taken["sigma0"], taken["Fc"]] == [kept["sigma0"], kept["Fc"]]
     assert kept["model"] == kept["exported_model"] == "Dahl"
-    assert 0 <= kept["exported_model_lost_r2"] < 0.01
-    assert kept["uncertainty"].keys() == {"sigma0", "Fc"} and kept["version"]
-
-
-def test_the_plan_alone_has_an_r2_of_its_own(rig):
-    """Compare with friction on the raw counts by the tests' own torque."""
-    lost = spread = 0.0
-    for seed in (1, 2):
-        way = np.round((way_of(seed) - way_of(seed)[0]) / 1e-4) * 1e-4
-        extra = rig.kept["extra"]
-        friction = force_of(seed) - extra["offset"] - extra["spring"] * way_of(seed)
-        start = np.exp(-rig.kept["a"] * np.cumsum(np.abs(np.diff(way, prepend=way[0]))))
-        left = friction - dahl_torque(way, rig.kept["sigma0"], rig.kept["Fc"])
-        left = left - start * (start @ left) / (start @ start)
-        lost, spread = lost + left @ left, spread + np.sum((friction - friction.mean()) ** 2)
-    assert rig.kept["r2_plan"] == pytest.approx(1 - lost / spread, abs=0.005)
-    (against,) = rig.kept["plan"]["against"]
-    assert f"{100 * rig.kept['r2_plan']:.0f} %" in against and "90 %" in against
 
 
 # --- screen and header ----------------------------------------------------------------------------
@@ -180,13 +157,13 @@ def cells_of(shown: str) -> dict[str, str]:
 def test_the_screen_begins_with_the_verdict_and_has_each_number_with_its_unit(rig):
     shown, kept = cells_of(rig.shown), rig.kept
     assert next(iter(shown)) == "verdict" and shown["verdict"] == kept["verdict"]
-    assert all(path.name in rig.shown for path in rig.logs)
+    assert all(path.name in " ".join(rig.shown.split()) for path in rig.logs)
     for name, unit in kept["units"].items():
         low, high = kept["ci95"][name]
         assert shown[name] == f"{kept[name]:.5g} {unit}, 95 %: {low:.5g} to {high:.5g}"
     for name, unit in UNITS.items():
         assert shown[name] == f"{kept['extra'][name]:.4g} {unit}"
-    assert f"{kept['checks'][rig.check]:.4f}" in shown[f"check {Path(rig.check).name}"]
+    assert f"{kept['checks'][rig.check]:.4f}" in shown["check 3 of the le…ond hall.csv"]
     (row,) = (value for name, value in shown.items() if "plan" in name)
     assert f"{kept['r2_plan']:.4f}" in row
     for one in kept["models"]:
@@ -209,12 +186,19 @@ int main(void)
 """
 
 
-def is_plan_of(folder: Path, include: Path, *params: float) -> bool:
-    """Whether dahl_plan_x.h compiles without a warning and equals dahl_prepare() of `params`."""
-    (folder / "main.c").write_text(SAME % tuple(map(np.float32, params)))
-    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", f"-I{folder}", f"-I{include}"]
-    command = ["gcc", *strict, folder / "main.c", built("lib", "libdahl.a"), "-lm"]
-    subprocess.run([*command, "-o", folder / "same"], check=True, timeout=60)
+def compile_c(main: Path, *words: object, includes: tuple[Path, Path]) -> None:
+    """Compile with a header of this folder and those of the library; a warning is an error."""
+    folder, root = includes
+    strict = "-std=c99 -Wall -Wextra -Werror -pedantic".split()
+    headers = [f"-I{folder}", f"-I{root}/lib/include"]
+    subprocess.run(["gcc", *strict, *headers, main, *words], check=True, timeout=60)
+
+
+def is_plan_of(folder: Path, root: Path, *params: float) -> bool:
+    """Whether dahl_plan_x.h equals dahl_prepare() of `params`."""
+    (main := folder / "main.c").write_text(SAME % tuple(map(np.float32, params)))
+    library = (built("lib", "libdahl.a"), "-lm", "-o", folder / "same")
+    compile_c(main, *library, includes=(folder, root))
     return subprocess.run([folder / "same"], check=False, timeout=10).returncode == 0
 
 
@@ -238,8 +222,8 @@ def test_the_header_has_the_plan_bit_for_bit_and_its_numbers(rig, root):
     kept, header = rig.kept, rig.out / "dahl_plan_x.h"
     params = params_of(kept)
     assert params[:2] == pytest.approx((kept["sigma0"], kept["Fc"]), rel=1e-6)
-    assert is_plan_of(rig.out, root / "lib/include", *params)
-    assert not is_plan_of(rig.out, root / "lib/include", 1.001 * params[0], *params[1:])
+    assert is_plan_of(rig.out, root, *params)
+    assert not is_plan_of(rig.out, root, 1.001 * params[0], *params[1:])
     assert plan_header.text("x", {"": Plan(*params)}, []).partition("*/")[2].strip() in (
         header.read_text()
     )
@@ -262,26 +246,14 @@ def scene_of(path: Path) -> configparser.ConfigParser:
     return played
 
 
-def test_the_scene_has_the_numbers_and_its_log_is_the_first_one(rig):
-    """The log starts at 0, without the terms for which a scene has no keys."""
+def test_the_log_of_the_scene_is_the_first_one_without_its_timed_terms(rig):
+    """It starts at 0 and is shown in mm; the verdict stands in lines that a scene may have."""
     text = (rig.out / "x.ini").read_text().partition("[scene]")[0]
-    comment, verdict = (
-        " ".join(one.replace(";", " ").split()) for one in (text, rig.kept["verdict"])
-    )
-    assert verdict in comment
+    assert rig.kept["verdict"] in " ".join(text.replace("\n;", " ").split())
     assert max(map(len, text.splitlines())) < 198  # the limit of a scene
-    played = scene_of(rig.out / "x.ini")
-    friction, motion, measured = (played[name] for name in ("friction", "motion", "measured"))
-    for name in ("sigma0", "Fc"):
-        assert float(friction[name]) == pytest.approx(rig.kept[name], rel=1e-6)
-    assert float(friction["theta_per_count"]) == pytest.approx(1e-4)
-    assert float(motion["counts_per_unit"]) == pytest.approx(1e4)
-    assert (friction["model"], motion["file"]) == ("dahl", "x.csv")
-    assert played["scene"]["title"].startswith("x")
-    extra, way = rig.kept["extra"], way_of(1)
-    assert float(measured["spring"]) == pytest.approx(extra["spring"])
-    at_start = extra["offset"] + extra["spring"] * way[0]
-    assert float(measured["offset"]) == pytest.approx(at_start, abs=2e-3)
+    played, extra, way = scene_of(rig.out / "x.ini"), rig.kept["extra"], way_of(1)
+    motion, measured = played["motion"], played["measured"]
+    assert float(played["friction"]["theta_per_count"]) == pytest.approx(1e-4)
     assert (float(measured["torque_scale"]), float(measured["angle_scale"])) == (1, 1000)
     assert measured["label_angle"].endswith("[mm]") and measured["label_torque"].endswith("[N]")
     table = np.genfromtxt(rig.out / "x.csv", delimiter=",", names=True)
@@ -293,19 +265,14 @@ def test_the_scene_has_the_numbers_and_its_log_is_the_first_one(rig):
     assert gone == pytest.approx(6 / rig.kept["a"], rel=0.05)
 
 
-def replayed(scene: Path, program: str, folder: Path) -> str:
-    """Replay a scene; return the caption of its picture."""
-    words = [program, "--scene", scene, "--virtual", "--log", folder / "run.log"]
-    subprocess.run([*words, "--seconds", "4"], check=True, capture_output=True, timeout=60)
-    with drawing(rendered=False) as figures:
-        done = run("plot", folder / "run.log", "--scene", scene)
-    assert done.returncode == 0, done.stderr
-    return figures[0].axes[0].get_title(loc="left")
-
-
 def test_the_scene_replays_the_log(rig, dahl_loop, tmp_path):
     """The torque of the node explains the log as well as the fit does."""
-    caption = replayed(rig.out / "x.ini", dahl_loop, tmp_path)
+    scene, record = rig.out / "x.ini", tmp_path / "run.log"
+    words = [dahl_loop, "--scene", scene, "--virtual", "--log", record, "--seconds", "4"]
+    subprocess.run(words, check=True, capture_output=True, timeout=60)
+    with drawing(rendered=False) as figures:
+        assert run("plot", record, "--scene", scene).returncode == 0
+    caption = figures[0].axes[0].get_title(loc="left")
     assert float(re.search(r"R² = (\S+)", caption)[1]) > 0.998
 
 
@@ -318,36 +285,39 @@ def panels_of(figure) -> dict:
     return dict(zip(PANELS, figure.axes, strict=True))
 
 
-def curves_of(axes) -> dict[str, np.ndarray]:
-    return {line.get_label(): line.get_xydata().T for line in axes.lines}
+def units_of(figure, panel: str) -> tuple[str, str]:
+    """Return the units in brackets of both axes."""
+    axes = panels_of(figure)[panel]
+    labels = axes.get_xlabel(), axes.get_ylabel()
+    return tuple("".join(re.findall(r"\[(.*)\]", words)) for words in labels)
 
 
 def test_the_picture_shows_the_fit_over_the_measurement(rig):
-    """The legend names the law; both curves have the same angles."""
+    """Both curves have the same angles; the residual of the other panels is that of the fit."""
     panels, way, force = panels_of(rig.figure), way_of(1), force_of(1)
     assert (rig.out / "x.png").read_bytes().startswith(b"\x89PNG")
     legend = [text.get_text() for text in panels["loop"].get_legend().get_texts()]
     assert legend[:2] == ["measured", f"fitted: {rig.kept['model']}"]
-    curves = curves_of(panels["loop"])
+    curves = {line.get_label(): line.get_xydata().T for line in panels["loop"].lines}
     measured, fitted = (curves[name] for name in legend[:2])
     assert measured[0] == pytest.approx(1e3 * (way - way[0]), abs=0.11)  # mm, between counts
     assert measured[1] == pytest.approx(force, abs=1e-9)
     start = ROWS - fitted.shape[1]  # until the torque at the first row is forgotten
     assert 0 < start < ROWS // 4 and np.array_equal(fitted[0], measured[0][start:])
-    left = measured[1][start:] - fitted[1]
-    left = left[:-100]  # the acceleration at the end of a log is a guess
+    left = (measured[1][start:] - fitted[1])[:-100]  # the last acceleration is a guess
     assert left.std() == pytest.approx(rig.kept["rmse"], rel=0.15)
-    drawn = panels["by angle"].lines[0].get_ydata()
-    assert drawn.std() == pytest.approx(rig.kept["rmse"], rel=0.1) and len(drawn) < 2 * ROWS
-    assert panels["by speed"].lines[0].get_ydata() == pytest.approx(drawn)
+    for name in ("by angle", "by speed"):
+        drawn = panels[name].lines[0].get_ydata()
+        assert drawn.std() == pytest.approx(rig.kept["rmse"], rel=0.1) and len(drawn) < 2 * ROWS
+    assert units_of(rig.figure, "loop") == units_of(rig.figure, "by angle") == ("mm", "N")
+    assert units_of(rig.figure, "by speed") == ("mm/s", "N")
+    assert units_of(rig.figure, "plausible") == ("N/m", "N")
 
 
 def test_the_picture_shows_the_numbers_and_their_intervals(rig):
-    panels, kept = panels_of(rig.figure), rig.kept
-    title = rig.figure.get_suptitle()
+    panels, kept, title = panels_of(rig.figure), rig.kept, rig.figure.get_suptitle()
     assert f"{kept['sigma0']:.4g} N/m" in title and f"{kept['Fc']:.4g} N" in title
-    assert kept["model"] in title
-    assert panels["loop"].get_title(loc="left") == kept["verdict"]
+    assert kept["model"] in title and panels["loop"].get_title(loc="left") == kept["verdict"]
     for name in ("sigma0", "Fc"):
         axes, ends = panels[name], kept["ci95"][name]
         whole, each = axes.lines
@@ -355,28 +325,11 @@ def test_the_picture_shows_the_numbers_and_their_intervals(rig):
         assert each.get_ydata().tolist() == kept["cycles"][name]
         band = axes.patches[0].get_extents().transformed(axes.transData.inverted())
         assert (band.y0, band.y1) == pytest.approx(ends, rel=1e-6)
+        assert units_of(rig.figure, name)[1] == kept["units"][name]
     points = [line.get_xydata()[0].tolist() for line in panels["plausible"].lines]
     assert [kept["sigma0"], kept["Fc"]] in points
     bars = [bar.get_height() for bar in panels["autocorrelation"].patches[:-1]]
     assert len(bars) >= 20 and np.abs(bars).max() < 0.2  # white noise
-
-
-def labels_of(figure) -> dict[str, tuple[str, str]]:
-    """Return the units in brackets of both axes of each panel."""
-    return {
-        name: tuple(
-            "".join(re.findall(r"\[(.*)\]", words))
-            for words in (one.get_xlabel(), one.get_ylabel())
-        )
-        for name, one in panels_of(figure).items()
-    }
-
-
-def test_the_axes_of_the_picture_have_their_units(rig):
-    labels = labels_of(rig.figure)
-    assert labels["loop"] == labels["by angle"] == ("mm", "N")
-    assert labels["by speed"] == ("mm/s", "N") and labels["plausible"] == ("N/m", "N")
-    assert labels["Fc"][1] == "N" and labels["sigma0"][1] == "N/m"
 
 
 # --- a turning shaft, another sign, no clock ------------------------------------------------------
@@ -404,13 +357,11 @@ def test_a_shaft_is_in_newton_metres_and_its_sign_is_noted(shaft):
     assert kept["units"] == {"sigma0": "N m/rad", "Fc": "N m", "a": "1/rad"}
     assert (kept["torque_sign"], kept["linear"], kept["extra"]) == (-1.0, False, {})
     assert any("other sign" in note for note in kept["notes"])
-    assert labels_of(shaft.figure)["by speed"] == ("rad/row", "N m")
-    assert labels_of(shaft.figure)["loop"] == ("rad", "N m")
-    curves = curves_of(panels_of(shaft.figure)["loop"])
-    assert curves["measured"][1] == pytest.approx(-shaft.torque, abs=1e-6)
-    (odd,) = (line for name, line in curves.items() if name.startswith("outliers"))
-    rows = {int(np.argmin(np.abs(curves["measured"].T - one).sum(axis=1))) for one in odd.T}
-    assert {*SPIKES.tolist()} <= rows and len(rows) < len(SPIKES) + 20
+    assert units_of(shaft.figure, "by speed") == ("rad/row", "N m")
+    measured, *_, odd = panels_of(shaft.figure)["loop"].lines
+    assert measured.get_ydata() == pytest.approx(-shaft.torque, abs=1e-6)
+    rows = np.flatnonzero(np.isin(measured.get_ydata(), odd.get_ydata()))
+    assert {*SPIKES.tolist()} <= {*rows.tolist()} and len(rows) < len(SPIKES) + 20
     assert kept["rows_weighing_less"] >= len(SPIKES)
     assert played["measured"]["torque"] == "torque_Nm" and played["motion"]["angle"] == "theta_rad"
 
@@ -426,7 +377,7 @@ def test_the_plan_is_for_the_encoder_of_the_target(shaft, rig, counts, turn, roo
     assert kept["plan"]["theta_per_count"] == pytest.approx(turn / counts)
     assert (kept["plan"]["of_target"], one.kept["plan"]["of_target"]) == (True, False)
     assert turn == 1e-3 or kept["resolution"] == pytest.approx(COUNT)
-    assert is_plan_of(tmp_path, root / "lib/include", *params_of(kept))
+    assert is_plan_of(tmp_path, root, *params_of(kept))
 
 
 # --- other models ---------------------------------------------------------------------------------
@@ -435,8 +386,7 @@ MOTION = sine(2, rows=2400, cycles=9)
 
 
 EXPORTED = {  # model of the scene: torque, chosen law, plan in the header
-    "slip": (lambda: springs(MOTION, (SIGMA0, FC)), "slip K=1", "dahl_plan_x"),
-    "two slips": (lambda: springs(MOTION, (80, 0.2), (20, 0.3)), "slip K=2", "dahl_plan_x"),
+    "slip": (lambda: springs(MOTION, (80, 0.2), (20, 0.3)), "slip K=2", "dahl_plan_x"),
     "parallel": (
         lambda: dahl_torque(MOTION, 60, 0.2) + springs(MOTION, (25, 0.3)),
         "",
@@ -445,29 +395,28 @@ EXPORTED = {  # model of the scene: torque, chosen law, plan in the header
 }
 
 
-@pytest.mark.parametrize("case", EXPORTED)
-def test_the_chosen_model_is_exported(case, tmp_path, root):
+@pytest.mark.parametrize("model", EXPORTED)
+def test_the_chosen_model_is_exported(model, tmp_path, root):
     """To header, scene and JSON; the header compiles."""
-    torque, law, plan = EXPORTED[case]
+    torque, law, plan = EXPORTED[model]
     log = log_of(MOTION, torque(), 0.01)
     path = write_csv(tmp_path / "x.csv", log.theta, log.torque)
     out = ("-o", tmp_path / "out", "--name", "x", "--force", "--terms", "offset")
     assert run("identify", path, *out).returncode == 0
     kept = json.loads((tmp_path / "out" / "x.json").read_text(), parse_constant=pytest.fail)
     assert not law or kept["model"] == kept["exported_model"] == law
-    assert scene_of(tmp_path / "out" / "x.ini")["friction"]["model"] == case.split()[
-        -1
-    ].removesuffix("s")
+    assert scene_of(tmp_path / "out" / "x.ini")["friction"]["model"] == model
     (chosen,) = (one for one in kept["models"] if one["chosen"])
     for name in ("sigma0", "Fc"):
         total = sum(part[name] for part in chosen["parts"])
         assert total == pytest.approx(kept[name], rel=0.02)
     assert re.search(rf"\b{plan}\b", (tmp_path / "out" / "dahl_plan_x.h").read_text())
-    strict = "-std=c99 -Wall -Wextra -Werror -fsyntax-only -Wno-unused-const-variable".split()
-    include = ["-I", tmp_path / "out", "-I", root / "lib/include"]
-    main = tmp_path / "main.c"
-    main.write_text('#include "dahl_plan_x.h"\nint main(void) { return 0; }\n')
-    subprocess.run(["gcc", *strict, *include, main], check=True, timeout=60)
+    (main := tmp_path / "main.c").write_text(
+        '#include "dahl_plan_x.h"\nint main(void) { return 0; }'
+    )
+    compile_c(
+        main, "-Wno-unused-const-variable", "-fsyntax-only", includes=(tmp_path / "out", root)
+    )
 
 
 def test_the_nearest_runnable_model_is_named_with_what_it_loses(tmp_path):

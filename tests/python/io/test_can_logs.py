@@ -5,16 +5,18 @@ with its own torque.
 
 from __future__ import annotations
 
+import errno
 import itertools
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import can
 import log_writers
 import numpy as np
 import pytest
+from dahl.io import files
 from log_reading import RefusedError, read, refused, signals
 from log_writers import DBC, FRAMES, LOAD, SHAFT, STEP
 
@@ -157,8 +159,7 @@ def test_frames_of_one_time_stay_apart(tmp_path):
     assert read(tmp_path / "burst.mf4", *words).torque.tolist() == wave(40).tolist()
 
 
-def test_a_load_is_interpolated_at_the_times_of_the_angle(tmp_path):
-    """Several loads are added."""
+def test_loads_are_interpolated_at_the_times_of_the_angle_and_added(tmp_path):
     cell = 'BO_ 258 Cell: 8 A\n SG_ Clamp : 0|16@1- (1,0) [0|0] "N" A\n'
     frames = [(k, SHAFT, k % 7) for k in range(40)] + [(k + 0.5, LOAD, k % 5) for k in range(2, 37)]
     frames += [(k, 258, 10 * k) for k in range(0, 40, 2)]
@@ -166,14 +167,11 @@ def test_a_load_is_interpolated_at_the_times_of_the_angle(tmp_path):
         for time, number, value in sorted(frames):
             data = value.to_bytes(4, "little") + bytes(4)
             logger(can.Message(float(time), number, is_extended_id=False, data=data))
-    words = signals(tmp_path, "--load", "Clamp", dbc=DBC + cell)
+    words = signals(tmp_path, "--load", "Clamp", "--load", "Torque", dbc=DBC + cell)
     log = read(tmp_path / "x.log", *words)
-    assert log.time.tolist() == list(range(3, 37)) and log.load == pytest.approx(10 * log.time)
-    torque = np.interp(log.time, np.arange(2, 37) + 0.5, np.arange(2, 37) % 5)
-    assert log.torque == pytest.approx(torque * STEP)
-    both = read(tmp_path / "x.log", *words, "--load", "Torque")
-    assert both.load == pytest.approx(10 * log.time + torque * STEP)
-    assert "--load" not in refused(tmp_path / "x.log", *words, "--load", "Clam")
+    torque = np.interp(log.time, np.arange(2, 37) + 0.5, np.arange(2, 37) % 5) * STEP
+    assert log.time.tolist() == list(range(3, 37)) and log.torque == pytest.approx(torque)
+    assert log.load == pytest.approx(10 * log.time + torque)
 
 
 # --- several buses and ids ------------------------------------------------------------------------
@@ -192,7 +190,7 @@ def shaft_on(channel: object, sign: int, late: float = 0.0, **kind: bool) -> Ite
             )
 
 
-def recorded(path: Path, *shafts: Iterator[can.Message]) -> Path:
+def recorded(path: Path, *shafts: Iterable[can.Message]) -> Path:
     with can.Logger(path) as logger:
         for message in sorted(itertools.chain(*shafts), key=lambda one: one.timestamp):
             logger.on_message_received(message)
@@ -203,24 +201,16 @@ def recorded(path: Path, *shafts: Iterator[can.Message]) -> Path:
     ("ending", "names"), [("log", ("can0", "can1")), ("blf", (0, 1)), ("asc", (0, 1))]
 )
 def test_a_signal_on_two_channels_is_refused(tmp_path, ending, names):
-    """Two shafts would look like one that jumps to and fro."""
-    shafts = (shaft_on(name, sign) for name, sign in zip(names, (1, -1), strict=True))
+    """Two shafts would look like one that jumps to and fro; also if one signal alone is there."""
+    shafts = [[*shaft_on(name, sign)] for name, sign in zip(names, (1, -1), strict=True)]
     log, words = recorded(tmp_path / f"two.{ending}", *shafts), signals(tmp_path)
     line = refused(log, *words)
     assert "'Angle'" in line and f"{names[0]}, {names[1]}" in line and "-c " in line
     for name, sign in zip(names, (1, -1), strict=True):
         one = read(log, *words, "-c", name)
         assert one.rows == ROWS and (np.sign(np.diff(one.theta)) == sign).all()
-
-
-@pytest.mark.parametrize(("number", "name"), [(SHAFT, "Angle"), (LOAD, "Torque")])
-def test_either_signal_alone_on_a_second_channel_is_named(tmp_path, number, name):
-    both, more = shaft_on("can0", 1), shaft_on("can1", -1)
-    frames = recorded(
-        tmp_path / "a.log", both, (one for one in more if one.arbitration_id == number)
-    )
-    line = refused(frames, *signals(tmp_path))
-    assert f"'{name}'" in line and "can0, can1" in line
+    torques = (one for one in shafts[1] if one.arbitration_id == LOAD)
+    assert "'Torque'" in refused(recorded(log, shafts[0], torques), *words)
 
 
 @pytest.mark.parametrize("late", [-20.5e-3, -1e-4, 1e-4])
@@ -302,3 +292,12 @@ def test_an_mf4_not_closed_leaves_no_copy(ending, tmp_path, monkeypatch):
         except RefusedError as error:
             assert path.name in str(error)
     assert len(copies) == 2 and list((tmp_path / "temporary").iterdir()) == []
+
+
+@pytest.mark.parametrize(("ending", "is_lost"), [("blf", False), ("mf4", True)])
+def test_a_full_disk_is_an_error_of_the_log(tmp_path, ending, is_lost):
+    """An MF4 is written at its end: the error says that it is lost."""
+    path = tmp_path / f"x.{ending}"
+    with pytest.raises(OSError, match="No space") as said, files.whole_lines(path, None):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert said.value.filename == str(path) and ("lost" in said.value.strerror) is is_lost

@@ -10,8 +10,7 @@ import pandas as pd
 import pytest
 from dahl.identify import Source
 from dahl.identify import read as read_log
-from log_reading import read, refused, signals
-from log_writers import DBC, frames
+from log_reading import read, refused
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -167,19 +166,11 @@ def test_a_unit_that_is_assumed_or_of_another_quantity_is_noted(header, words, n
     assert bool(notes) is bool(noted)
 
 
-@pytest.mark.parametrize(("step", "doubted"), [(0.5, False), (1.0, True)])
-def test_a_clock_that_may_be_in_milliseconds_is_noted(step, doubted, tmp_path):
+@pytest.mark.parametrize(("step", "is_doubted"), [(0.5, False), (1.0, True)])
+def test_a_clock_that_may_be_in_milliseconds_is_noted(step, is_doubted, tmp_path):
     log = read(written(tmp_path, t=step * 64 * UP, angle_rad=UP, torque_Nm=WAVE))
     (note,) = log.notes
-    assert f"{step:g} s" in note and ("in ms?" in note) is doubted
-
-
-def test_the_units_of_a_can_log_are_those_of_its_dbc(tmp_path):
-    frames(tmp_path / "x.log", UP, np.arange(ROWS), np.arange(ROWS) % 7)
-    dbc = DBC.replace('"deg"', '"mrad"').replace('"Nm"', '"mNm"')
-    log = read(tmp_path / "x.log", *signals(tmp_path, dbc=dbc), "--trust-units")
-    assert log.theta == pytest.approx(1e-7 * np.arange(ROWS)) and log.notes == []
-    assert log.torque == pytest.approx(1e-7 * (np.arange(ROWS) % 7))
+    assert f"{step:g} s" in note and ("in ms?" in note) is is_doubted
 
 
 # --- which column ---------------------------------------------------------------------------------
@@ -245,33 +236,20 @@ def test_a_column_is_named_by_name_or_number(tmp_path):
     assert ["'theta_deg'" in note for note in notes] == [True, False] and "'y_Nm'" in notes[1]
 
 
-def test_two_columns_of_one_name_have_numbers(tmp_path):
-    rows = zip(UP, 2 * UP, WAVE, strict=True)
-    path = tmp_path / "x.csv"
-    path.write_text(
-        "angle_rad,angle_rad,torque_Nm\n" + "".join(f"{a},{b},{c}\n" for a, b, c in rows)
-    )
-    line = refused(path, "--angle", "angle_rad")
-    assert "x.csv:1:" in line and "2 columns 'angle_rad'" in line
-    assert read(path, "--angle", "2").theta[-1] == 2 * read(path, "--angle", "1").theta[-1]
-
-
-def test_an_error_lists_thirty_columns(tmp_path):
-    for count in (30, 31, 75):
-        columns = {f"column{number}": UP for number in range(count)}
-        line = refused(written_as(tmp_path, columns), "--angle", "COLUMN7x")
-        assert "'column7'" in line and "column29" in line and "column30" not in line
-        assert (f" {count - 30} more" in line) is (count > 30)
+@pytest.mark.parametrize("count", [30, 31])
+def test_an_error_lists_thirty_columns(count, tmp_path):
+    columns = {f"column{number}": UP for number in range(count)}
+    line = refused(written_as(tmp_path, columns), "--angle", "COLUMN7x")
+    assert "'column7'" in line and "column29" in line and "column30" not in line
+    assert (f" {count - 30} more" in line) is (count > 30)
 
 
 def test_loads_are_added(tmp_path):
     """The column of a load is not used as torque, even if its name fits."""
-    path = written(tmp_path, angle_deg=UP, load_N=UP, torque_Nm=WAVE, clamp_N=10 * UP)
+    path = written(tmp_path, angle_deg=UP, load_N=UP, force_N=WAVE, clamp_N=10 * UP)
     log = read(path, "--load", "load_N", "--load", "4")
     assert (log.load.tolist(), log.torque.tolist()) == ((11 * UP).tolist(), WAVE.tolist())
-    assert read(path, "--torque", "torque_Nm").load is None
-    path = written(tmp_path, angle_deg=UP, load_N=UP, force_N=WAVE)
-    assert read(path, "--load", "load_N").torque.tolist() == WAVE.tolist()
+    assert read(path, "--torque", "force_N").load is None
     path = written(tmp_path, angle_deg=UP, torque_Nm=WAVE, clamp=np.where(UP == UP[2], np.inf, UP))
     line = refused(path, "--load", "clamp")
     assert "x.csv:4:" in line and "'clamp'" in line and "inf" in line
@@ -311,19 +289,10 @@ def test_a_column_that_rises_in_a_unit_of_time_is_the_clock(tmp_path):
     assert read(written_as(tmp_path, columns | {"Tid [ms]": np.ones(ROWS)})).time is None
 
 
-def test_a_clock_that_goes_backward_is_refused_with_its_line(tmp_path):
-    time = UP.copy()
-    time[20] = 0.1
-    line = refused(written(tmp_path, t=time, angle_rad=UP, torque_Nm=WAVE))
-    assert "x.csv:22:" in line and "0.1 after 0.296875" in line
-    time[20] = time[19]  # equal times are allowed
-    assert read(written(tmp_path, t=time, angle_rad=UP, torque_Nm=WAVE)).rows == ROWS
-
-
 # --- counters -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_counter_that_wraps_is_unwrapped(seed, tmp_path):
     """At any counts per turn, from any start; without the counts per turn it is an error."""
     draw = np.random.default_rng(seed)
@@ -337,7 +306,6 @@ def test_a_counter_that_wraps_is_unwrapped(seed, tmp_path):
     np.testing.assert_allclose(way, gone - gone[0], atol=1e-6)
     assert log.resolution == pytest.approx(2 * math.pi / turn)
     assert "--counts-per-turn" in refused(path)
-    assert "--counts-per-turn -1" in refused(path, "--counts-per-turn", "-1")
 
 
 @pytest.mark.parametrize(

@@ -51,13 +51,16 @@ class Rig:
     def speed(self) -> np.ndarray:
         return np.gradient(self.theta, STEP)
 
-    def noise(self, part: float, shared: float = 0.0) -> np.ndarray:
-        """Of `part` of Fc; `shared` of it with the row before."""
-        white = self.random.normal(size=len(self.theta))
-        return part * FC * lfilter([np.sqrt(1 - shared**2)], [1, -shared], white)
+    def friction(self, factor: np.ndarray | None = None) -> np.ndarray:
+        """Eq. 1 along the motion; with a factor of Fc for each row its mean is FC."""
+        return dahl(self.theta, Fc=FC if factor is None else FC * factor / factor[LEAD:].mean())
+
+    def noise(self, part: float) -> np.ndarray:
+        """Of `part` of Fc."""
+        return part * FC * self.random.normal(size=len(self.theta))
 
     def log(self, torque: np.ndarray, noise: float = 0.03, theta: np.ndarray | None = None) -> Log:
-        """What the recorder writes: 14 bits, every millisecond."""
+        """The recorded log: 14 bits, every millisecond."""
         seen = self.theta if theta is None else theta
         read = np.round((seen + self.random.uniform() * COUNT) / COUNT) * COUNT
         measured = torque + self.noise(noise)
@@ -87,115 +90,72 @@ def slip(theta: np.ndarray, sigma0: float, Fc: float) -> np.ndarray:  # noqa: N8
 # --- sensors --------------------------------------------------------------------------------------
 
 
-def mains_hum(seed: int) -> Log:
-    """A sine of 10 % of Fc that has nothing to do with the motion."""
-    rig = Rig(seed)
-    hum = 0.1 * FC * np.sin(2 * np.pi * rig.rows * 0.0507 + seed)
-    return rig.log(dahl(rig.theta) + hum)
-
-
-def noise_with_speed(seed: int) -> Log:
-    rig = Rig(seed)
-    fast = np.abs(rig.speed) / np.abs(rig.speed).max()
-    return rig.log(dahl(rig.theta) + rig.noise(0.15) * fast)
-
-
-def noise_bursts(seed: int) -> Log:
+def noise_bursts(rig: Rig) -> Log:
     """Three tenths of a second with thirty times the noise."""
-    rig = Rig(seed)
     extra = np.zeros(len(rig.theta))
     for start in rig.random.integers(LEAD, ROWS - 300, size=3):
         extra[start : start + 100] = 1.0
-    return rig.log(dahl(rig.theta) + rig.noise(0.9) * extra)
+    return rig.log(rig.friction() + rig.noise(0.9) * extra)
 
 
-def dead_band(seed: int) -> Log:
+def dead_band(rig: Rig) -> Log:
     """A converter that reads 0 within 4 % of Fc."""
-    rig = Rig(seed)
-    torque = dahl(rig.theta) + rig.noise(0.01)
+    torque = rig.friction() + rig.noise(0.01)
     return rig.log(np.where(np.abs(torque) < 0.04 * FC, 0.0, torque), noise=0.003)
 
 
-def ringing(seed: int) -> Log:
+def ringing(rig: Rig) -> Log:
     """A torque cell on a shaft that rings: a second order of 15 rows with little damping."""
-    rig = Rig(seed)
     pole = np.exp((-0.3 + 1j * np.sqrt(1 - 0.09)) * 2 * np.pi / 15)
     a = np.array([1.0, -2 * pole.real, abs(pole) ** 2])
-    return rig.log(lfilter([a.sum()], a, dahl(rig.theta)))
+    return rig.log(lfilter([a.sum()], a, rig.friction()))
 
 
-def offset_jumps(seed: int) -> Log:
+def offset_jumps(rig: Rig) -> Log:
     """The offset jumps by up to 6 % of Fc, four times."""
-    rig = Rig(seed)
-    torque = dahl(rig.theta)
+    torque = rig.friction()
     for start in rig.random.integers(LEAD, ROWS, size=4):
         torque[start:] += rig.random.uniform(-0.06, 0.06) * FC
     return rig.log(torque)
 
 
-def slow_encoder_filter(seed: int) -> Log:
-    """The angle goes through a filter of two rows, so that the torque seems early."""
-    rig = Rig(seed)
-    seen = lfilter([1 - np.exp(-0.5)], [1, -np.exp(-0.5)], rig.theta)
-    return rig.log(dahl(rig.theta), theta=seen)
-
-
-def eccentric_encoder(seed: int) -> Log:
-    """An error of three counts once per turn, on strokes of a small part of a turn."""
-    rig = Rig(seed)
-    return rig.log(dahl(rig.theta), theta=rig.theta + 3 * COUNT * np.sin(rig.theta + seed))
-
-
 # --- recorders ------------------------------------------------------------------------------------
 
 
-def zero_phase_filter(seed: int) -> Log:
-    """The torque was smoothed forward and backward before it was written."""
-    rig = Rig(seed)
-    noisy = dahl(rig.theta) + rig.noise(0.05)
-    return rig.log(filtfilt([0.35], [1, -0.65], noisy), noise=0.0)
-
-
-def interpolated_rows(seed: int) -> Log:
+def interpolated_rows(rig: Rig) -> Log:
     """Both channels come every four rows and are interpolated."""
-    rig = Rig(seed)
-    log = rig.log(dahl(rig.theta))
+    log = rig.log(rig.friction())
     known = np.arange(0, ROWS, 4)
-    log.theta = np.interp(np.arange(ROWS), known, log.theta[known])
-    log.torque = np.interp(np.arange(ROWS), known, log.torque[known])
-    return Log(log.name, log.theta, log.torque, log.time)
+    theta, torque = (np.interp(np.arange(ROWS), known, x[known]) for x in (log.theta, log.torque))
+    return Log(log.name, theta, torque, log.time)
 
 
-def jittering_clock(seed: int) -> Log:
+def jittering_clock(rig: Rig) -> Log:
     """Times that are wrong by up to .4 of a row; a viscous part that needs them."""
-    rig = Rig(seed)
-    log = rig.log(dahl(rig.theta) + 0.15 * FC * rig.speed / np.abs(rig.speed).max())
+    log = rig.log(rig.friction() + 0.15 * FC * rig.speed / np.abs(rig.speed).max())
     log.time = log.time + STEP * rig.random.uniform(-0.4, 0.4, size=ROWS)
     return log
 
 
-def drifting_clocks(seed: int) -> Log:
+def drifting_clocks(rig: Rig) -> Log:
     """Two recorders: the torque is late by 0 rows at the start and by 3 at the end."""
-    rig = Rig(seed)
     late = np.maximum(rig.rows, 0) * 3 / ROWS
     places = np.arange(len(rig.theta))
-    return rig.log(np.interp(places - late, places, dahl(rig.theta)))
+    return rig.log(np.interp(places - late, places, rig.friction()))
 
 
-def missed_counts(seed: int) -> Log:
+def missed_counts(rig: Rig) -> Log:
     """The counter loses a count in one of four reversals."""
-    rig = Rig(seed)
     turns = np.flatnonzero(np.diff(np.sign(np.diff(rig.theta)))) + 1
     lost = np.zeros(len(rig.theta))
-    for turn in turns[:: 4 - seed % 2]:
+    for turn in turns[:: 4 - rig.seed % 2]:
         lost[turn:] += COUNT
-    return rig.log(dahl(rig.theta), theta=rig.theta - lost)
+    return rig.log(rig.friction(), theta=rig.theta - lost)
 
 
-def late_packets(seed: int) -> Log:
+def late_packets(rig: Rig) -> Log:
     """One torque in ten is lost; the recorder repeats the one before."""
-    rig = Rig(seed)
-    log = rig.log(dahl(rig.theta))
+    log = rig.log(rig.friction())
     arrived = np.where(rig.random.random(ROWS) < 0.9, np.arange(ROWS), 0)
     log.torque = log.torque[np.maximum.accumulate(arrived)]
     return log
@@ -204,30 +164,8 @@ def late_packets(seed: int) -> Log:
 # --- mechanisms -----------------------------------------------------------------------------------
 
 
-def unbalanced(seed: int) -> Log:
-    """A weight on the shaft: 30 % of Fc times the sine of a large angle."""
-    rig = Rig(seed, amplitude=60.0, cycles=8.4)
-    gravity = 0.3 * FC * np.sin(12 * rig.theta + seed)
-    return rig.log(dahl(rig.theta) + gravity)
-
-
-def wearing_in(seed: int) -> Log:
-    """Fc falls by 12 % within the first third of the log; the truth is its mean."""
-    rig = Rig(seed)
-    factor = 1 + 0.12 * np.exp(-np.maximum(rig.rows, 0) / (ROWS / 3))
-    return rig.log(dahl(rig.theta, Fc=FC * factor / factor[LEAD:].mean()))
-
-
-def eccentric_bearing(seed: int) -> Log:
-    """Fc depends on the angle by 12 %."""
-    rig = Rig(seed)
-    factor = 1 + 0.12 * np.sin(rig.theta / (2 * LENGTH) + seed)
-    return rig.log(dahl(rig.theta, Fc=FC * factor))
-
-
-def adhesion_after_rest(seed: int) -> Log:
+def adhesion_after_rest(rig: Rig) -> Log:
     """Rests at each turn, then a peak of 15 % of Fc two presliding lengths later."""
-    rig = Rig(seed)
     rig.theta = rig.amplitude * LENGTH * np.clip(1.4 * np.sin(rig.phase), -1, 1)
     moves = np.diff(rig.theta, prepend=rig.theta[0])
     since, peak = 1e9, []
@@ -240,131 +178,138 @@ def adhesion_after_rest(seed: int) -> Log:
         peak.append(
             0.15 * FC * np.sign(move) * (since / 2) ** 2 * np.exp(2 - since) if since < 50 else 0.0
         )
-    return rig.log(dahl(rig.theta) + np.array(peak))
+    return rig.log(rig.friction() + np.array(peak))
 
 
-def eight_elements(seed: int) -> Log:
+def eight_elements(rig: Rig) -> Log:
     """A rolling bearing: eight slip elements from stiff to soft."""
-    rig = Rig(seed)
     limits = np.full(8, FC / 8)
-    lengths = np.geomspace(0.3, 3.0, 8)
-    stiffness = limits / lengths
+    stiffness = limits / np.geomspace(0.3, 3.0, 8)
     stiffness *= SIGMA0 / stiffness.sum()
     return rig.log(sum(slip(rig.theta, k, f) for k, f in zip(stiffness, limits, strict=True)))
 
 
-def lever_spring_with_play(seed: int) -> Log:
+def lever_spring_with_play(rig: Rig) -> Log:
     """A spring that acts only beyond half of the stroke."""
-    rig = Rig(seed)
     beyond = np.sign(rig.theta) * np.maximum(np.abs(rig.theta) - 0.5 * np.abs(rig.theta).max(), 0)
-    return rig.log(dahl(rig.theta) + 0.4 * FC * beyond / np.abs(beyond).max())
+    return rig.log(rig.friction() + 0.4 * FC * beyond / np.abs(beyond).max())
 
 
-def heavy_rotor(seed: int) -> Log:
+def heavy_rotor(rig: Rig) -> Log:
     """An inertia whose torque is as large as Fc, on a motion of many speeds."""
-    rig = Rig(seed)
     x = np.linspace(0, 1, len(rig.theta))
-    rig.theta = rig.amplitude * LENGTH * np.sin(2 * np.pi * (5 * x + 5 * x**2) + seed)
+    rig.theta = rig.amplitude * LENGTH * np.sin(2 * np.pi * (5 * x + 5 * x**2) + rig.seed)
     acceleration = np.gradient(rig.speed, STEP)
-    return rig.log(dahl(rig.theta) + FC * acceleration / np.abs(acceleration).max())
+    return rig.log(rig.friction() + FC * acceleration / np.abs(acceleration).max())
 
 
-def warming_grease(seed: int) -> Log:
+def warming_grease(rig: Rig) -> Log:
     """A viscous torque of 40 % of Fc that halves as the grease warms."""
-    rig = Rig(seed)
     warm = 1 - 0.5 * np.maximum(rig.rows, 0) / ROWS
-    return rig.log(dahl(rig.theta) + 0.4 * FC * warm * rig.speed / np.abs(rig.speed).max())
+    return rig.log(rig.friction() + 0.4 * FC * warm * rig.speed / np.abs(rig.speed).max())
 
 
-def by_logarithm_of_speed(seed: int) -> Log:
+def by_logarithm_of_speed(rig: Rig) -> Log:
     """Fc grows by 4 % of its mean for each factor e of speed, as dry contacts do."""
-    rig = Rig(seed)
     speed = np.abs(rig.speed)
-    factor = 1 + 0.04 * np.log(np.maximum(speed / speed.mean(), 0.03))
-    return rig.log(dahl(rig.theta, Fc=FC * factor / factor[LEAD:].mean()))
+    return rig.log(rig.friction(1 + 0.04 * np.log(np.maximum(speed / speed.mean(), 0.03))))
 
 
-def gear_teeth(seed: int) -> Log:
+def gear_teeth(rig: Rig) -> Log:
     """A torque of 5 % of Fc at each tooth; each stroke passes 40."""
-    rig = Rig(seed)
     period = np.ptp(rig.theta) / 40
-    return rig.log(dahl(rig.theta) + 0.05 * FC * np.sin(2 * np.pi * rig.theta / period + seed))
+    return rig.log(rig.friction() + 0.05 * FC * np.sin(2 * np.pi * rig.theta / period + rig.seed))
 
 
 # --- motions --------------------------------------------------------------------------------------
 
 
-def moved_by_hand(seed: int) -> Log:
+def moved_by_hand(rig: Rig) -> Log:
     """Strokes of all lengths and speeds; the torque is a row late."""
-    rig = Rig(seed)
     steps = rig.random.normal(size=len(rig.theta))
     pole = np.exp(-1 / 60)
     for _ in range(3):
         steps = lfilter([1 - pole], [1, -pole], steps)
     rig.theta = 8 * LENGTH * (steps - steps.mean()) / np.std(steps)
-    return rig.log(np.roll(dahl(rig.theta), 1))
+    return rig.log(np.roll(rig.friction(), 1))
 
 
-def stick_slip(seed: int) -> Log:
+def stick_slip(rig: Rig) -> Log:
     """The shaft jumps: it rests, then catches up within a few rows."""
-    rig = Rig(seed)
     held, moved = rig.theta[0], []
     for target in rig.theta.tolist():
         if abs(target - held) > 1.5 * LENGTH:
             held = target
         moved.append(held)
     rig.theta = filtfilt([0.4], [1, -0.6], np.array(moved))
-    return rig.log(dahl(rig.theta))
+    return rig.log(rig.friction())
 
 
-def stops_within_strokes(seed: int) -> Log:
-    rig = Rig(seed)
+def stops_within_strokes(rig: Rig) -> Log:
     pace = np.where(np.sin(3.7 * rig.phase + 1) > 0.5, 0.0, 1.0)
     phase = np.cumsum(pace) / pace.sum() * np.ptp(rig.phase) + rig.phase[0]
-    rig.theta = rig.stroke(phase, seed % 3)
-    return rig.log(dahl(rig.theta))
+    rig.theta = rig.stroke(phase, rig.seed % 3)
+    return rig.log(rig.friction())
 
 
-def two_lengths(seed: int) -> Log:
-    """Five long strokes, then many of .8 presliding lengths."""
-    rig = Rig(seed, cycles=16.2)
-    envelope = np.where(rig.rows < ROWS * 0.4, 1.0, 0.8 / rig.amplitude)
-    rig.theta = rig.theta * envelope
-    return rig.log(dahl(rig.theta))
-
-
-def ratchet(seed: int) -> Log:
+def ratchet(rig: Rig) -> Log:
     """Each cycle goes a third further than it comes back."""
-    rig = Rig(seed)
     drift = 0.35 * 2 * rig.amplitude * LENGTH * rig.cycles * (rig.rows / ROWS)
     rig.theta = rig.theta + drift
-    return rig.log(dahl(rig.theta))
+    return rig.log(rig.friction())
 
 
-def dithered(seed: int) -> Log:
+def two_lengths(rig: Rig) -> Log:
+    """Five long strokes, then many of .8 presliding lengths."""
+    rig.theta = rig.theta * np.where(rig.rows < ROWS * 0.4, 1.0, 0.8 / rig.amplitude)
+    return rig.log(rig.friction())
+
+
+def dithered(rig: Rig) -> Log:
     """A vibration of two counts on top of each stroke, faster than the motion."""
-    rig = Rig(seed)
     rig.theta = rig.theta + 2 * COUNT * np.sin(2 * np.pi * 0.043 * rig.rows)
-    return rig.log(dahl(rig.theta))
+    return rig.log(rig.friction())
 
 
-KINDS: dict[str, Callable[[int], Log]] = {
-    "mains hum": mains_hum,
-    "noise with speed": noise_with_speed,
+MAKERS: dict[str, Callable[[Rig], Log]] = {
+    # a sine of 10 % of Fc that has nothing to do with the motion
+    "mains hum": lambda rig: rig.log(
+        rig.friction() + 0.1 * FC * np.sin(2 * np.pi * rig.rows * 0.0507 + rig.seed)
+    ),
+    "noise with speed": lambda rig: rig.log(
+        rig.friction() + rig.noise(0.15) * (np.abs(rig.speed) / np.abs(rig.speed).max())
+    ),
     "noise bursts": noise_bursts,
     "dead band of the sensor": dead_band,
     "ringing torque cell": ringing,
     "offset jumps": offset_jumps,
-    "filtered angle": slow_encoder_filter,
-    "eccentric encoder": eccentric_encoder,
-    "zero-phase filter": zero_phase_filter,
+    # the angle goes through a filter of two rows, so that the torque seems early
+    "filtered angle": lambda rig: rig.log(
+        rig.friction(), theta=lfilter([1 - np.exp(-0.5)], [1, -np.exp(-0.5)], rig.theta)
+    ),
+    # an error of three counts once per turn, on strokes of a small part of a turn
+    "eccentric encoder": lambda rig: rig.log(
+        rig.friction(), theta=rig.theta + 3 * COUNT * np.sin(rig.theta + rig.seed)
+    ),
+    # the torque was smoothed forward and backward before it was written
+    "zero-phase filter": lambda rig: rig.log(
+        filtfilt([0.35], [1, -0.65], rig.friction() + rig.noise(0.05)), noise=0.0
+    ),
     "interpolated rows": interpolated_rows,
     "jittering clock": jittering_clock,
     "clocks that drift apart": drifting_clocks,
     "missed counts": missed_counts,
-    "unbalanced shaft": unbalanced,
-    "wearing in 12 %": wearing_in,
-    "Fc by angle 12 %": eccentric_bearing,
+    # a weight on the shaft: 30 % of Fc times the sine of a large angle
+    "unbalanced shaft": lambda rig: rig.log(
+        rig.friction() + 0.3 * FC * np.sin(12 * rig.theta + rig.seed)
+    ),
+    # Fc falls by 12 % within the first third of the log; the truth is its mean
+    "wearing in 12 %": lambda rig: rig.log(
+        rig.friction(1 + 0.12 * np.exp(-np.maximum(rig.rows, 0) / (ROWS / 3)))
+    ),
+    "Fc by angle 12 %": lambda rig: rig.log(
+        dahl(rig.theta, Fc=FC * (1 + 0.12 * np.sin(rig.theta / (2 * LENGTH) + rig.seed)))
+    ),
     "adhesion after rests": adhesion_after_rest,
     "eight elements": eight_elements,
     "spring beyond half": lever_spring_with_play,
@@ -380,3 +325,14 @@ KINDS: dict[str, Callable[[int], Log]] = {
     "Fc by log of speed": by_logarithm_of_speed,
     "gear teeth": gear_teeth,
 }
+MOTIONS = {
+    "unbalanced shaft": {"amplitude": 60.0, "cycles": 8.4},
+    "two lengths": {"cycles": 16.2},
+}
+
+
+def maker(kind: str) -> Callable[[int], Log]:
+    return lambda seed: MAKERS[kind](Rig(seed, **MOTIONS.get(kind, {})))
+
+
+KINDS: dict[str, Callable[[int], Log]] = {kind: maker(kind) for kind in MAKERS}

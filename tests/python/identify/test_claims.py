@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: MIT
+"""The claims of an identification keep to the rule and do not depend on units, signs, origins or
+cuts of the logs; a Result gives a program residuals, draws and predictions.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from dahl import Error
+from dahl.identify import Log, Options, Result, check, identify, report
+from identify_tools import (
+    COUNT,
+    FC,
+    SIGMA0,
+    chirp,
+    dahl_torque,
+    log_of,
+    noise_of,
+    seen,
+    shaft,
+    sine,
+    synthetic,
+    width,
+)
+
+pytestmark = pytest.mark.usefixtures("library")
+
+TRUTH = {"sigma0": SIGMA0, "Fc": FC}
+MAX_HALF_WIDTH, MIN_CYCLES = 0.3, 6
+
+
+def machine(seed: int, sigma0: float = 1.0, Fc: float = 1.0, late: int = 0, side: int = 1) -> Log:  # noqa: N803
+    """A log of a machine whose parameters are these parts of the usual ones."""
+    theta = sine(seed, rows=1600, cycles=6.3)
+    torque = side * np.roll(dahl_torque(theta, sigma0 * SIGMA0, Fc * FC), late)
+    return replace(log_of(theta[20:], torque[20:], 0.01), name=f"log {seed}")
+
+
+def coarse(counts: float) -> Log:
+    """An encoder with this number of counts in a presliding length."""
+    theta = sine(2, rows=2400, cycles=8)
+    return log_of(theta, dahl_torque(theta), 0.02, FC / SIGMA0 / counts)
+
+
+def coulomb() -> Log:
+    theta = np.floor(sine(5, rows=1500, cycles=8) / COUNT) * COUNT
+    moves = np.diff(theta, prepend=theta[0])
+    moving = np.maximum.accumulate(np.where(moves != 0, np.arange(1500), 0))
+    return log_of(theta, FC * np.sign(moves)[moving], 0.05)
+
+
+def never_slips() -> Log:
+    theta = sine(1, rows=2400, cycles=8, amplitude=0.1 * FC / SIGMA0)
+    return log_of(theta, SIGMA0 * theta, 0.01, 0.0)
+
+
+def noise_alone() -> Log:
+    return Log("x", sine(1, rows=1500, cycles=8), noise_of(1, 1500), np.arange(1500) * 1e-3)
+
+
+def few(cycles: float) -> Log:
+    return synthetic(int(cycles), 0.01, rows=900 + 100 * int(cycles), cycles=cycles)
+
+
+YES, NO, EITHER = True, False, None
+CASES: dict[str, tuple[Callable[[], list[Log]], tuple[bool | None, bool | None], str]] = {
+    # logs; whether sigma0 and Fc are claimed; words of the verdict
+    "nothing wrong": (lambda: [shaft()], (YES, YES), "sigma0 = "),
+    "noise of 20 %": (lambda: [shaft(5, 0.2)], (EITHER, YES), "Fc = "),
+    "noise of 300 %": (lambda: [shaft(5, 3.0)], (NO, NO), "explains"),
+    "noise alone": (lambda: [noise_alone()], (NO, NO), "explains"),
+    "two cycles": (lambda: [few(2.3)], (NO, NO), "2 cycles"),
+    "five cycles": (lambda: [few(5.2)], (NO, NO), "5 cycles"),
+    "three and four": (lambda: [few(3.6), few(4.6)], (EITHER, YES), "Fc = "),
+    "1.5 counts": (lambda: [coarse(1.5)], (EITHER, YES), "Fc = "),
+    "a bare sign": (lambda: [coulomb()], (NO, YES), "sigma0 is not identifiable"),
+    "never slips": (lambda: [never_slips()], (EITHER, NO), "Fc is not identifiable"),
+    "two of one": (lambda: [machine(1), machine(2)], (YES, YES), ""),
+    "sensor turned in one": (lambda: [machine(1), machine(2, side=-1)], (EITHER, EITHER), ""),
+    "sensor turned in both": (lambda: [machine(k, side=-1) for k in (1, 2)], (YES, YES), ""),
+    "other delays": (lambda: [machine(1), machine(2, late=4)], (EITHER, EITHER), ""),
+}
+
+
+@cache
+def found(name: str) -> Result:
+    return identify(CASES[name][0]())
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_is_claimed(name):
+    """Each claim is true and keeps to the rule; each refusal has its reason in the verdict."""
+    result, (_, claimed, words) = found(name), CASES[name]
+    for is_claimed, wanted in zip(result.claimed, claimed, strict=True):
+        assert wanted is EITHER or is_claimed is wanted, result.verdict
+    assert words in result.verdict
+    for parameter, is_claimed in zip(TRUTH, result.claimed, strict=True):
+        p = getattr(result, parameter)
+        if is_claimed:
+            assert p.low <= TRUTH[parameter] <= p.high, result.verdict
+            assert p.half_width <= MAX_HALF_WIDTH and result.samples.cycles >= MIN_CYCLES
+            assert f"{parameter} = {p.value:.4g}" in result.verdict
+        else:
+            assert f"{parameter} is not identifiable" in result.verdict and result.reasons
+    for p in (result.a, result.sigma0, result.Fc):
+        assert 0 <= p.low <= p.value <= p.high
+    json.loads(report.as_json(result), parse_constant=pytest.fail)
+
+
+@pytest.mark.parametrize(("sigma0", "Fc"), [(1.3, 1.0), (1.0, 1.06)])
+def test_logs_of_two_machines(sigma0, Fc):  # noqa: N803
+    """A parameter that differs is not claimed, or its interval holds both values."""
+    result = identify([machine(1), machine(2, sigma0, Fc), machine(3), machine(4, sigma0, Fc)])
+    for parameter, one, part in ((result.sigma0, SIGMA0, sigma0), (result.Fc, FC, Fc)):
+        holds = parameter.low <= 1.01 * one and 0.99 * part * one <= parameter.high
+        assert holds or not parameter.claimed, result.verdict
+
+
+def test_swapped_columns_are_named():
+    """The loop is run through backward, and the counts of the encoder are in the torque."""
+    log = shaft()
+    swapped = replace(log, theta=log.torque, torque=log.theta, resolution=0.0)
+    result = identify([swapped], Options(trust_units=True))
+    assert result.claimed == (False, False) and "swapped" in result.verdict
+    turned = identify([replace(log, torque=-log.torque)])
+    assert "swapped" not in turned.verdict and turned.claimed == (True, True)
+
+
+# --- changes of a log that must not change the result ---------------------------------------------
+
+
+def late_and_viscous() -> Log:
+    theta = chirp(2400)
+    torque = dahl_torque(theta) + 0.02 * np.gradient(theta, 1e-3) + 0.1
+    return log_of(theta[3:], torque[:-3])
+
+
+def springy() -> Log:
+    log = shaft(1)
+    return replace(log, torque=log.torque + 4 * log.theta, time=None)
+
+
+@pytest.mark.parametrize("make", [late_and_viscous, springy])
+@pytest.mark.parametrize(
+    ("torque", "angle", "clock", "shift"), [(-2000.0, 0.02, 7.0, 0), (-1.0, -1.0, 1.0, 4321)]
+)
+def test_units_signs_and_origins_change_nothing_else(make, torque, angle, clock, shift):
+    """Another sensor of torque and angle, another clock, or the shaft seen from behind."""
+    log, facts = make(), seen(make(), trust_units=True)
+    other = replace(
+        log,
+        theta=angle * (log.theta + shift * COUNT),
+        resolution=abs(angle) * log.resolution,
+        torque=torque * log.torque,
+        time=None if log.time is None else clock * log.time + 5 * shift,
+    )
+    found = seen(other, trust_units=True)
+    for name, factor in (("sigma0", abs(torque / angle)), ("Fc", abs(torque))):
+        assert found[name] == pytest.approx(factor * facts[name], rel=2e-3)
+        assert width(found, name) == pytest.approx(width(facts, name), rel=0.05, abs=1e-3)
+    for name in ("identifiable", "model", "rows", "reversals", "cycles_scored", "pieces"):
+        assert found[name] == facts[name], name
+    for name, off in (("r2", 1e-4), ("r2_plan", 1e-3), ("delay_rows", 0.05)):
+        assert found[name] == pytest.approx(facts[name], abs=off)
+    sign = np.sign(torque * angle)
+    assert found["torque_sign"] == sign * facts["torque_sign"]
+    units = {"offset": torque * sign, "spring": torque * sign / angle}
+    units["viscous"] = units["spring"] * clock
+    assert list(found["extra"]) == list(facts["extra"])
+    for term in set(units) & set(found["extra"]) - ({"offset"} if shift else set()):
+        wanted = units[term] * facts["extra"][term]
+        assert found["extra"][term] == pytest.approx(wanted, rel=0.02, abs=1e-3 * abs(units[term]))
+
+
+def test_a_log_may_be_cut_at_a_turn_and_given_in_any_order():
+    log = shaft(2, rows=2400, cycles=10.3)
+    cut = 1200 + int(np.argmax(np.abs(log.theta[1200:1600])))
+    first = replace(log.part(slice(cut)), name="first")
+    second = replace(log.part(slice(cut, None)), name="b")
+    whole, parts, back = seen(log), seen(first, second), seen(second, first)
+    assert parts["identifiable"] == whole["identifiable"] == dict.fromkeys(TRUTH, True)
+    assert parts["rows"] == whole["rows"] and sorted(parts["logs"]) == ["b", "first"]
+    assert back["pieces"] == parts["pieces"][::-1] == [2400 - cut, cut]
+    for name in TRUTH:
+        low, high = whole["ci95"][name]
+        assert low <= parts[name] <= high
+        assert parts[name] == pytest.approx(back[name], rel=2e-3)
+
+
+def test_ten_times_the_rows_give_the_same():
+    """A long log is thinned to samples of several rows."""
+    less, more = (seen(synthetic(4, 0.05, rows=rows, cycles=10)) for rows in (2400, 24_000))
+    assert less["rows_per_sample"] == 1 < more["rows_per_sample"]
+    assert more["rows"] == sum(more["pieces"]) == 24_000
+    for name, truth in TRUTH.items():
+        assert more["identifiable"][name]
+        for low, high in (less["ci95"][name], more["ci95"][name]):
+            assert low <= truth <= high
+        near = 1.5 * (width(less, name) + width(more, name)) * truth
+        assert less[name] == pytest.approx(more[name], abs=near)
+
+
+# --- the interface for programs -------------------------------------------------------------------
+
+
+@cache
+def plain() -> Result:
+    theta = chirp(2400, first=6, last=12)
+    torque = dahl_torque(theta) + 0.1 + 0.02 * np.gradient(theta, 1e-3)
+    return identify([log_of(theta, torque, 0.05)])
+
+
+def test_residuals_and_the_data_frame():
+    result = plain()
+    table = result.to_dataframe()
+    names = ["log", "time", "angle", "speed", "torque", "predicted", "residual", "weight"]
+    assert list(table.columns) == names and len(table) == result.samples.rows == 2400
+    assert set(table["log"]) == {"rig"}
+    left = table["torque"] - table["predicted"]
+    assert left.to_numpy() == pytest.approx(table["residual"].to_numpy())
+    used = table["weight"] > 0
+    assert table["residual"][used].std() == pytest.approx(0.05 * FC, rel=0.1)
+    assert result.a.value == pytest.approx(result.sigma0.value / result.Fc.value)
+
+
+def test_bootstrap_draws_and_parameters_cycle_by_cycle():
+    result, truth = plain(), pytest.approx([SIGMA0, FC], rel=0.02)
+    draws, cycles = result.bootstrap(), result.by_cycle()
+    assert draws.mean(axis=0) == truth and draws.std(axis=0) == pytest.approx(
+        result.chosen.error, rel=0.5
+    )
+    assert result.correlation == pytest.approx(np.corrcoef(draws.T)[0, 1], abs=0.3)
+    assert np.array_equal(draws, result.bootstrap())
+    assert {len(values) for values in cycles.values()} == {len(result.samples.folds)}
+    assert cycles["Fc"] == pytest.approx(np.full(len(cycles["Fc"]), FC), rel=0.1)
+    assert np.median(cycles["sigma0"]) == pytest.approx(SIGMA0, rel=0.1)
+    assert np.median(cycles["offset"]) == pytest.approx(0.1, rel=0.1)
+
+
+def test_a_log_that_was_not_fitted_is_predicted():
+    """With its own motion and offset in time; a log of another machine is not."""
+    same, other = log_of(chirp(1500), 1.0 * dahl_torque(chirp(1500)) + 0.1, 0.05), shaft(3)
+    viscous = 0.02 * np.gradient(chirp(1500), 1e-3)
+    assert check(plain(), replace(same, torque=same.torque + viscous)) > 0.98
+    assert check(plain(), replace(other, torque=3 * other.torque)) < 0.7
+    with pytest.raises(Error, match="angle is constant"):
+        check(plain(), replace(other, theta=np.zeros(other.rows)))
+
+
+@pytest.mark.parametrize("term", ["viscous", "inertia"])
+def test_a_term_of_the_speed_needs_times(term):
+    for log in (replace(shaft(), time=None), replace(shaft(), time=np.full(2400, 5.0))):
+        with pytest.raises(Error, match=f"{term}.*time"):
+            identify([log], Options(terms=("offset", term)))
+
+
+@pytest.mark.parametrize(
+    ("motion", "words"),
+    [
+        (0.05 * np.sin(np.arange(2400) / 48), ("one speed", "the same turning points")),
+        (0.02 * np.sin(np.arange(3600) / 80) + 0.04 * np.sin(np.arange(3600) / 33), ()),
+    ],
+)
+def test_a_motion_of_equal_strokes_is_named(motion, words):
+    found = seen(log_of(motion, dahl_torque(motion)))
+    assert found["identifiable"]["sigma0"]
+    alike = [note for note in found["notes"] if "all strokes have" in note]
+    assert all(word in note for note in alike for word in words)
+    assert bool(alike) == bool(words)
