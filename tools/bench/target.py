@@ -215,7 +215,9 @@ def objects_at(core: Core, level: str) -> list[Path]:
     ]
     objects = []
     for source in sorted(
-        path for part in ("arith", "model", "parts") for path in (ROOT / "lib" / part).glob("*.c")
+        path
+        for part in ("arith", "model", "parts", "compensator")
+        for path in (ROOT / "lib" / part).glob("*.c")
     ):
         objects.append(folder / f"{source.stem}.o")
         run(core.tool("gcc"), *flags, "-c", source, "-o", objects[-1])

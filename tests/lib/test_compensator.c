@@ -1,0 +1,325 @@
+/* SPDX-License-Identifier: MIT */
+/* dahl_compensator.h call by call: checks of the parameters, play, rejection, fades, limits, and any bits as a state. */
+#include <math.h>
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unity.h>
+
+#include "../random.h"
+#include "dahl_compensator.h"
+
+#define ONE_Q30 (1 << 30)
+
+static const dahl_compensator_params_t valid = {
+    .friction = {100.0f, 0.5f, 3.8349519e-4f},
+    .law = DAHL_COMPENSATOR_MEASURED,
+    .Fc_low = 0.5f,
+    .length_long = 0.005f,
+    .gain = 1.0f,
+    .limit = 0.5f,
+    .slew = 1e6f,
+    .period = 1e-3f,
+    .noise = 1,
+    .play = 2,
+    .jump = 100,
+};
+
+static dahl_compensator_plan_t plan_of(const dahl_compensator_params_t *params)
+{
+    dahl_compensator_plan_t plan;
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_compensator_prepare(&plan, params));
+    return plan;
+}
+
+static int32_t random_i32(uint64_t *seed)
+{
+    return (int32_t)random_u32(seed) >> (random_u32(seed) & 31u);
+}
+
+/* --- prepare ---------------------------------------------------------------------------------------------------------- */
+
+typedef struct {
+    size_t member; /* of a float */
+    float value;
+    dahl_compensator_err_t code;
+} float_case_t;
+
+#define AT(member) offsetof(dahl_compensator_params_t, member)
+
+static void test_wrong_floats_are_refused_with_a_code(void)
+{
+    static const float_case_t cases[] = {
+        {AT(friction.sigma0), 0.0f, DAHL_COMPENSATOR_PARAM},  {AT(friction.theta_per_count), 0.0f, DAHL_COMPENSATOR_PARAM},
+        {AT(friction.Fc), 0x1p-70f, DAHL_COMPENSATOR_RANGE},  {AT(Fc_low), 0.0f, DAHL_COMPENSATOR_PARAM},
+        {AT(length_long), -1.0f, DAHL_COMPENSATOR_PARAM},     {AT(gain), -0.5f, DAHL_COMPENSATOR_PARAM},
+        {AT(gain), 1.0000001f, DAHL_COMPENSATOR_RANGE},       {AT(limit), 0.0f, DAHL_COMPENSATOR_PARAM},
+        {AT(slew), 0.0f, DAHL_COMPENSATOR_PARAM},             {AT(period), NAN, DAHL_COMPENSATOR_PARAM},
+        {AT(rise), INFINITY, DAHL_COMPENSATOR_PARAM},         {AT(fall), 0x1p64f, DAHL_COMPENSATOR_RANGE},
+        {AT(fade_speed), -1.0f, DAHL_COMPENSATOR_PARAM},      {AT(pull), NAN, DAHL_COMPENSATOR_PARAM},
+        {AT(Fc_low), 0.49999997f, DAHL_COMPENSATOR_GAIN},     {AT(friction.Fc), 0.50000006f, DAHL_COMPENSATOR_GAIN},
+        {AT(length_long), 0.0050000004f, DAHL_COMPENSATOR_SLOPE}, {AT(friction.sigma0), 100.00001f, DAHL_COMPENSATOR_SLOPE},
+        {AT(gain), 0.0f, DAHL_COMPENSATOR_OK},                {AT(length_long), 0.004999999f, DAHL_COMPENSATOR_OK},
+    };
+    for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
+        dahl_compensator_params_t params = valid;
+        dahl_compensator_plan_t plan = {.gain_q16 = 77}, before = plan;
+        memcpy((char *)&params + cases[k].member, &cases[k].value, sizeof(float));
+        TEST_ASSERT_EQUAL_INT_MESSAGE(cases[k].code, dahl_compensator_prepare(&plan, &params), "case");
+        TEST_ASSERT_TRUE((cases[k].code == DAHL_COMPENSATOR_OK) == (memcmp(&plan, &before, sizeof plan) != 0));
+    }
+}
+
+static void test_wrong_counts_are_refused_with_a_code(void)
+{
+    static const struct {
+        uint32_t noise, play, jump;
+        dahl_compensator_err_t code;
+    } cases[] = {{1, 1, 9, DAHL_COMPENSATOR_PLAY}, {0, 0, 9, DAHL_COMPENSATOR_PLAY},  {5, 9, 9, DAHL_COMPENSATOR_PLAY},
+                 {0, 1, 9, DAHL_COMPENSATOR_OK},   {5, 10, 9, DAHL_COMPENSATOR_OK},   {1, 2, 0, DAHL_COMPENSATOR_PARAM},
+                 {0, 1u << 25, 9, DAHL_COMPENSATOR_RANGE}, {UINT32_MAX, 4, 9, DAHL_COMPENSATOR_RANGE},
+                 {0, 1, UINT32_MAX, DAHL_COMPENSATOR_RANGE}};
+    for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
+        dahl_compensator_params_t params = valid;
+        dahl_compensator_plan_t plan;
+        params.noise = cases[k].noise;
+        params.play = cases[k].play;
+        params.jump = cases[k].jump;
+        TEST_ASSERT_EQUAL_INT(cases[k].code, dahl_compensator_prepare(&plan, &params));
+    }
+}
+
+static void test_the_reference_law_needs_no_bounds_but_keeps_given_ones(void)
+{
+    dahl_compensator_params_t params = valid;
+    dahl_compensator_plan_t plan;
+    params.law = DAHL_COMPENSATOR_REFERENCE;
+    params.Fc_low = params.length_long = 0.0f;
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_compensator_prepare(&plan, &params));
+    params.Fc_low = 0.4f;
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_GAIN, dahl_compensator_prepare(&plan, &params));
+    params = valid;
+    params.law = (dahl_compensator_law_t)3;
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_PARAM, dahl_compensator_prepare(&plan, &params));
+}
+
+/* --- move ------------------------------------------------------------------------------------------------------------- */
+
+static void test_the_play_follows_the_counts_within_its_width(void)
+{
+    uint64_t seed = 3;
+    for (uint32_t play = 1; play < 40; play++) {
+        dahl_compensator_params_t params = valid;
+        dahl_compensator_t compensator = {0};
+        int64_t counts = 0, followed = 0;
+        params.noise = play / 2;
+        params.play = play;
+        const dahl_compensator_plan_t plan = plan_of(&params);
+        for (int t = 0; t < 2000; t++) {
+            int32_t dcounts = (int32_t)(random_u32(&seed) % 201) - 100;
+            int32_t move = dahl_compensator_move(&plan, &compensator, dcounts, 1);
+            counts += dcounts;
+            followed += move;
+            TEST_ASSERT_TRUE(2 * llabs(counts - followed) <= play + 1);
+            TEST_ASSERT_TRUE((int64_t)move * dcounts >= 0);
+            TEST_ASSERT_TRUE(move == 0 || 2 * llabs(counts - followed) + 1 >= play); /* at an end of the play */
+        }
+    }
+}
+
+static void test_noise_within_the_play_is_no_move(void)
+{
+    uint64_t seed = 1;
+    const dahl_compensator_plan_t plan = plan_of(&valid);
+    dahl_compensator_t compensator = {0};
+    int32_t last = 0;
+    for (int t = 0; t < 1000; t++) {
+        int32_t reading = (int32_t)(random_u32(&seed) % 3) - 1;
+        TEST_ASSERT_EQUAL_INT32(0, dahl_compensator_move(&plan, &compensator, reading - last, 1));
+        last = reading;
+    }
+}
+
+static void test_bad_readings_hold_then_fade(void)
+{
+    dahl_compensator_params_t params = valid;
+    params.fall = 0.010f; /* 10 ticks */
+    params.rise = 0.100f;
+    const dahl_compensator_plan_t plan = plan_of(&params);
+    dahl_compensator_t compensator = {0};
+    for (int t = 1; t <= 100; t++) {
+        TEST_ASSERT_EQUAL_INT32(10 - (t == 1), dahl_compensator_move(&plan, &compensator, 10, 1));
+        TEST_ASSERT_DOUBLE_WITHIN(1e-6, t / 100.0, compensator.fade_q30 * 0x1p-30);
+    }
+    for (int t = 1; t <= 15; t++) { /* jumps, and readings that the caller rejects */
+        const int32_t jump = t % 3 == 0 ? 101 : t % 3 == 1 ? INT32_MIN : 0;
+        const double fade = t < 3 ? 1 : fmax(0, 1 - (t - 2) / 10.0);
+        TEST_ASSERT_EQUAL_INT32(0, dahl_compensator_move(&plan, &compensator, jump, jump != 0));
+        TEST_ASSERT_DOUBLE_WITHIN(1e-6, fade, compensator.fade_q30 * 0x1p-30);
+        TEST_ASSERT_EQUAL_UINT32((uint32_t)t, compensator.rejected);
+    }
+    TEST_ASSERT_EQUAL_INT32(-98, dahl_compensator_move(&plan, &compensator, -100, 1));
+    TEST_ASSERT_EQUAL_UINT32(0, compensator.bad_ticks);
+}
+
+/* --- torque ----------------------------------------------------------------------------------------------------------- */
+
+static double expected_torque(const dahl_compensator_params_t *params, double ratio, double fade, double speed)
+{
+    const double over = params->fade_speed > 0 ? speed / params->fade_speed : 0;
+    const double wanted = ratio * params->gain * fade * fmax(0, fmin(1, 2 - over));
+    const double limit = params->limit / params->friction.Fc;
+    return fmax(-limit, fmin(limit, wanted));
+}
+
+static void test_each_factor_scales_the_torque(void)
+{
+    uint64_t seed = 5;
+    for (int k = 0; k < 20000; k++) {
+        dahl_compensator_params_t params = valid;
+        params.gain = (float)(random_u32(&seed) % 1001) / 1000.0f;
+        params.limit = 0.1f + (float)(random_u32(&seed) % 1000) / 1000.0f;
+        params.fade_speed = k % 2 == 0 ? 0.0f : 2.0f;
+        const dahl_compensator_plan_t plan = plan_of(&params);
+        const double speed = random_u32(&seed) % 5000 / 1000.0, fade = random_u32(&seed) * 0x1p-32;
+        dahl_compensator_t compensator = {.fade_q30 = (uint32_t)(fade * ONE_Q30)}, mirror;
+        compensator.speed_q20 = k % 2 == 0 ? 0 : (uint32_t)(speed / 2.0 * (1 << 20));
+        mirror = compensator;
+        const int32_t ratio = random_i32(&seed);
+        const int32_t torque = dahl_compensator_torque(&plan, &compensator, ratio);
+        const double exact = expected_torque(&params, ratio * 0x1p-30, fade, speed);
+        TEST_ASSERT_DOUBLE_WITHIN(4 * 0x1p-15, exact, torque * 0x1p-30);
+        TEST_ASSERT_EQUAL_INT32(torque, compensator.wanted_q30);
+        TEST_ASSERT_TRUE(ratio == INT32_MIN || dahl_compensator_torque(&plan, &mirror, -ratio) == -torque);
+    }
+}
+
+static void test_full_gain_returns_the_ratio(void)
+{
+    uint64_t seed = 2;
+    dahl_compensator_params_t params = valid;
+    params.limit = 100.0f;
+    const dahl_compensator_plan_t plan = plan_of(&params);
+    for (int k = 0; k < 1000; k++) {
+        dahl_compensator_t compensator = {.fade_q30 = ONE_Q30};
+        const int32_t ratio = k == 0 ? ONE_Q30 : random_i32(&seed);
+        TEST_ASSERT_EQUAL_INT32(ratio == INT32_MIN ? -INT32_MAX : ratio, dahl_compensator_torque(&plan, &compensator, ratio));
+    }
+}
+
+static void test_the_slew_limits_each_tick(void)
+{
+    dahl_compensator_params_t params = valid;
+    params.slew = 50.0f; /* 0.1 Fc per tick */
+    const dahl_compensator_plan_t plan = plan_of(&params);
+    dahl_compensator_t compensator = {.fade_q30 = ONE_Q30};
+    for (int t = 1; t <= 40; t++) {
+        const double torque = dahl_compensator_torque(&plan, &compensator, t <= 20 ? ONE_Q30 : -ONE_Q30) * 0x1p-30;
+        TEST_ASSERT_DOUBLE_WITHIN(1e-6, t <= 20 ? fmin(1, 0.1 * t) : fmax(-1, 1 - 0.1 * (t - 20)), torque);
+    }
+}
+
+static void test_the_mean_of_the_speed(void)
+{
+    static const float periods[] = {1e-3f, 1.25e-4f, 5e-5f};
+    for (int k = 0; k < 3; k++) {
+        dahl_compensator_params_t params = valid;
+        params.period = periods[k];
+        params.fade_speed = 3.0f;
+        const dahl_compensator_plan_t plan = plan_of(&params);
+        dahl_compensator_t compensator = {0};
+        double angle = 0, counts = 0;
+        for (double time = 0; time < 0.2; time += (double)params.period) {
+            angle += 4.5 * (double)params.period; /* 1.5 times fade_speed */
+            const double now = floor(angle / (double)params.friction.theta_per_count);
+            (void)dahl_compensator_move(&plan, &compensator, (int32_t)(now - counts), 1);
+            counts = now;
+        }
+        TEST_ASSERT_DOUBLE_WITHIN(0.15, 1.5, compensator.speed_q20 * 0x1p-20);
+        for (int t = 0; t < 10; t++) { /* the longest moves do not overflow it */
+            (void)dahl_compensator_move(&plan, &compensator, t % 2 == 0 ? 100 : -100, 1);
+        }
+        TEST_ASSERT_TRUE(compensator.speed_q20 > 2u << 20);
+    }
+}
+
+/* --- any bits --------------------------------------------------------------------------------------------------------- */
+
+static void randomize(void *memory, size_t bytes, uint64_t *seed)
+{
+    for (size_t k = 0; k < bytes; k++) {
+        ((unsigned char *)memory)[k] = (unsigned char)random_u32(seed);
+    }
+}
+
+static void test_any_state_keeps_the_limit(void)
+{
+    uint64_t seed = 9;
+    dahl_adaptation_plan_t adaptation_plan;
+    dahl_compensator_params_t params = valid;
+    params.law = DAHL_COMPENSATOR_REFERENCE;
+    params.limit = 0.3f;
+    params.slew = 3.0f;
+    const dahl_compensator_plan_t plan = plan_of(&params), zeros = {0};
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_adaptation_prepare(&adaptation_plan, &params, 0.002f));
+    for (int k = 0; k < 20000; k++) {
+        dahl_compensator_t compensator;
+        dahl_adaptation_t adaptation;
+        randomize(&compensator, sizeof compensator, &seed);
+        randomize(&adaptation, sizeof adaptation, &seed);
+        for (int t = 0; t < 4; t++) {
+            (void)dahl_compensator_move(&plan, &compensator, random_i32(&seed), (int)(random_u32(&seed) % 8));
+            TEST_ASSERT_TRUE(labs(dahl_compensator_torque(&plan, &compensator, random_i32(&seed))) <= plan.limit_q30);
+            dahl_adaptation_step(&adaptation_plan, &adaptation, &plan, &compensator, random_i32(&seed));
+        }
+        TEST_ASSERT_EQUAL_INT32(0, dahl_compensator_torque(&zeros, &compensator, random_i32(&seed)));
+    }
+}
+
+static void test_a_pull_stays_between_both_states(void)
+{
+    uint64_t seed = 4;
+    dahl_compensator_params_t params = valid;
+    params.law = DAHL_COMPENSATOR_REFERENCE;
+    params.pull = 0.3f;
+    const dahl_compensator_plan_t plan = plan_of(&params), without = plan_of(&valid);
+    for (int k = 0; k < 1000; k++) {
+        dahl_state_t state, measured;
+        randomize(&state, sizeof state, &seed);
+        randomize(&measured, sizeof measured, &seed);
+        const int64_t before = state.w;
+        dahl_compensator_pull(&without, &state, &measured);
+        TEST_ASSERT_EQUAL_INT64(before, state.w);
+        dahl_compensator_pull(&plan, &state, &measured);
+        const double gap = (double)measured.w - (double)before, moved = (double)state.w - (double)before;
+        TEST_ASSERT_DOUBLE_WITHIN(fabs(gap) * 1e-9 + 4096, gap / 512, moved); /* 0.31 Hz at 1 kHz */
+    }
+}
+
+/* --- adaptation ------------------------------------------------------------------------------------------------------- */
+
+static void test_the_adaptation_refuses_the_measured_law_and_bad_values(void)
+{
+    dahl_adaptation_plan_t plan;
+    dahl_compensator_params_t params = valid;
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_WRONG_LAW, dahl_adaptation_prepare(&plan, &params, 0.002f));
+    params.law = DAHL_COMPENSATOR_REFERENCE;
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_adaptation_prepare(&plan, &params, 0.002f));
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_PARAM, dahl_adaptation_prepare(&plan, &params, 0.0f));
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_PARAM, dahl_adaptation_prepare(&plan, &params, NAN));
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_RANGE, dahl_adaptation_prepare(&plan, &params, 0x1p-70f));
+    params.period = 0.021f;
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_RANGE, dahl_adaptation_prepare(&plan, &params, 0.002f));
+}
+
+static void test_a_rejected_adaptation_changes_no_gain(void)
+{
+    static const dahl_adaptation_plan_t zeros = {0};
+    const dahl_compensator_plan_t plan = plan_of(&valid);
+    dahl_compensator_t compensator = {.ratio_q30 = ONE_Q30, .move = 1};
+    dahl_adaptation_t adaptation = {0};
+    for (int t = 0; t < 10000; t++) {
+        dahl_adaptation_step(&zeros, &adaptation, &plan, &compensator, 1 << 25);
+    }
+    TEST_ASSERT_EQUAL_INT32(0, compensator.gain_change_q16);
+}
