@@ -27,6 +27,7 @@
 #define GAP_MAX_Q20 (UINT32_C(1) << 30)
 #define MOTOR_MAX_Q24 (INT32_C(1) << 26) /* 4 Fc */
 #define CHANGE_MAX_Q16 (INT32_C(1) << 15) /* 0.5 */
+#define HALF_MAX ((INT32_C(1) << 30) - 1) /* half of 2 Fc in Q30 */
 #define ONE_Q13 (INT32_C(1) << 13)
 
 static int32_t clamp(int32_t x, int32_t most)
@@ -97,14 +98,13 @@ static int32_t update_speed(const dahl_adaptation_plan_t *plan, dahl_adaptation_
     return change;
 }
 
-static int is_sliding(const dahl_adaptation_plan_t *plan, const dahl_adaptation_t *adaptation,
-                      const dahl_compensator_t *compensator, int32_t motor_q24)
+static int is_sliding(const dahl_adaptation_plan_t *plan, const dahl_adaptation_t *adaptation, int32_t motor_q24)
 {
-    const int32_t sign = compensator->ratio_q30 < 0 ? -1 : 1;
+    const int32_t sign = adaptation->ratio_q30 < 0 ? -1 : 1;
     const int32_t speed = sign * adaptation->speed_q20;
-    return dahl_magnitude(compensator->ratio_q30) > SLIDING_Q30 && SPEED_LOW_Q20 <= speed && speed <= SPEED_HIGH_Q20
+    return dahl_magnitude(adaptation->ratio_q30) > SLIDING_Q30 && SPEED_LOW_Q20 <= speed && speed <= SPEED_HIGH_Q20
         && dahl_magnitude(adaptation->speed_q20 - adaptation->slow_q20) <= (uint32_t)plan->gap_q20
-        && dahl_magnitude(motor_q24) <= (uint32_t)MOTOR_MAX_Q24 && compensator->bad_ticks == 0;
+        && dahl_magnitude(motor_q24) <= (uint32_t)MOTOR_MAX_Q24;
 }
 
 static void empty_bins(dahl_adaptation_t *adaptation)
@@ -125,15 +125,13 @@ static int32_t mean_q13(const dahl_adaptation_plan_t *plan, const dahl_adaptatio
     return (adaptation->torque_q13[bin] >> plan->bin_shift) - inertia_q13;
 }
 
-/** Move the estimate by a quarter of its gap, and scale the gain. */
-static void adapt(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *adaptation,
-                  const dahl_compensator_plan_t *compensator_plan, dahl_compensator_t *compensator)
+/** Move the estimate by a quarter of its gap. */
+static void adapt(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *adaptation)
 {
     int32_t twice_Fc_q13 = mean_q13(plan, adaptation, 0) - mean_q13(plan, adaptation, 1);
     int32_t estimate_q16 = clamp((twice_Fc_q13 - 2 * ONE_Q13) * 4, CHANGE_MAX_Q16);
     int32_t change_q16 = clamp(adaptation->Fc_change_q16, CHANGE_MAX_Q16);
     adaptation->Fc_change_q16 = change_q16 + (estimate_q16 - change_q16) / 4;
-    compensator->gain_change_q16 = (int32_t)(compensator_plan->gain_q16 / 2) * adaptation->Fc_change_q16 / (1 << 15);
 }
 
 static void add_sample(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *adaptation, int bin, int32_t motor_q24,
@@ -147,13 +145,13 @@ static void add_sample(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *ad
 }
 
 void dahl_adaptation_step(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *adaptation,
-                          const dahl_compensator_plan_t *compensator_plan, dahl_compensator_t *compensator, int32_t motor_q24)
+                          const dahl_compensator_t *compensator, int32_t motor_q24)
 {
     int32_t change_q20 = update_speed(plan, adaptation, compensator->move);
     if (plan->bin_shift == 0 || adaptation->age_ticks++ >= plan->window_ticks) {
         empty_bins(adaptation);
     }
-    if (!is_sliding(plan, adaptation, compensator, motor_q24)) {
+    if (!is_sliding(plan, adaptation, motor_q24) || compensator->bad_ticks != 0) {
         adaptation->sliding_ticks = 0;
         return;
     }
@@ -161,9 +159,17 @@ void dahl_adaptation_step(const dahl_adaptation_plan_t *plan, dahl_adaptation_t 
         adaptation->sliding_ticks++;
         return;
     }
-    add_sample(plan, adaptation, compensator->ratio_q30 < 0, motor_q24, change_q20);
+    add_sample(plan, adaptation, adaptation->ratio_q30 < 0, motor_q24, change_q20);
     if (plan->bin_shift != 0 && (adaptation->samples[0] & adaptation->samples[1]) >> plan->bin_shift != 0) {
-        adapt(plan, adaptation, compensator_plan, compensator);
+        adapt(plan, adaptation);
         empty_bins(adaptation);
     }
+}
+
+int32_t dahl_adaptation_apply(dahl_adaptation_t *adaptation, int32_t ratio_q30)
+{
+    int32_t half = ratio_q30 / 2, change_q16 = clamp(adaptation->Fc_change_q16, CHANGE_MAX_Q16);
+    int32_t change = dahl_scale_q16(half, dahl_magnitude(change_q16));
+    adaptation->ratio_q30 = ratio_q30;
+    return 2 * clamp(half + (change_q16 < 0 ? -change : change), HALF_MAX);
 }

@@ -37,10 +37,21 @@ static DAHL_COLD int32_t check_values(const dahl_compensator_params_t *params)
     return err | (params->jump > 0 ? DAHL_COMPENSATOR_OK : DAHL_COMPENSATOR_PARAM);
 }
 
+/** Return the speed of one count per tick over fade_speed in Q20; 0 without a fade over speed. */
+static uint32_t speed_unit(const dahl_compensator_params_t *params)
+{
+    if (dahl_is_zero(params->fade_speed)) {
+        return 0;
+    }
+    return dahl_real_speed_unit(dahl_real_of_param(params->fade_speed), dahl_real_of_param(params->period),
+                                dahl_real_of_param(params->friction.theta_per_count));
+}
+
 static int is_in_range(const dahl_compensator_params_t *params)
 {
     return dahl_bits_of(params->gain) << 1 <= dahl_bits_of(1.0f) << 1 && params->play <= DAHL_COMPENSATOR_PLAY_MAX
-        && params->noise <= DAHL_COMPENSATOR_PLAY_MAX / 2 && params->jump <= DAHL_COMPENSATOR_JUMP_MAX;
+        && params->noise <= DAHL_COMPENSATOR_PLAY_MAX / 2 && params->jump <= DAHL_COMPENSATOR_JUMP_MAX
+        && dahl_mul(params->jump, speed_unit(params)) < DAHL_ONE_Q30;
 }
 
 static int is_gain_above_bound(const dahl_compensator_params_t *params)
@@ -92,15 +103,6 @@ static uint32_t slew_step_q30(dahl_real_t period, float slew, dahl_real_t Fc)
     return step_q30 > 0 ? step_q30 : 1;
 }
 
-static uint32_t speed_unit(const dahl_compensator_params_t *params, dahl_real_t period)
-{
-    if (dahl_is_zero(params->fade_speed)) {
-        return 0;
-    }
-    return dahl_real_speed_unit(dahl_real_of_param(params->fade_speed), period,
-                                dahl_real_of_param(params->friction.theta_per_count));
-}
-
 /** Return the exponent of 2 nearest to that of 1/(2 pi pull period). */
 static uint8_t pull_shift(const dahl_compensator_params_t *params, dahl_real_t period)
 {
@@ -124,10 +126,8 @@ static DAHL_COLD void write_plan(dahl_compensator_plan_t *plan, const dahl_compe
     plan->rise_q30 = fade_step_q30(period, params->rise);
     plan->fall_q30 = fade_step_q30(period, params->fall);
     plan->jump = params->jump;
-    plan->play_low = -(int32_t)(params->play / 2);
-    plan->play_high = (int32_t)(params->play - params->play / 2);
-    plan->speed_unit = speed_unit(params, period);
-    plan->speed_counts = dahl_real_speed_counts(plan->speed_unit);
+    plan->play = (int32_t)params->play;
+    plan->speed_unit = speed_unit(params);
     plan->speed_shift = dahl_real_doublings(SPEED_MEAN_S, period, SPEED_SHIFT_MAX);
     plan->pull_shift = pull_shift(params, period);
 }

@@ -4,9 +4,8 @@
 #include "dahl_compensator.h"
 #include "scale.h"
 
-#define ONE_Q20 (UINT32_C(1) << 20)
+#define ONE_Q20 (INT32_C(1) << 20)
 #define ONE_Q30 (UINT32_C(1) << 30)
-#define GAIN_MAX_Q16 (3u << 15) /* gain 1 and the clamp 1.5 of the adaptation */
 
 /** The size of this array is invalid if the state has more than 48 bytes. */
 typedef char dahl_compensator_has_at_most_48_bytes[sizeof(dahl_compensator_t) <= 48 ? 1 : -1];
@@ -15,11 +14,11 @@ typedef char dahl_compensator_has_at_most_48_bytes[sizeof(dahl_compensator_t) <=
  * look like rest. */
 static int32_t reject(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator)
 {
+    uint32_t fade = dahl_least(compensator->fade_q30, ONE_Q30);
     compensator->bad_ticks += compensator->bad_ticks != UINT32_MAX;
     compensator->rejected += compensator->rejected != UINT32_MAX;
-    if (compensator->bad_ticks >= DAHL_COMPENSATOR_BAD_TICKS) {
-        compensator->fade_q30 -= dahl_least(compensator->fade_q30, plan->fall_q30);
-    }
+    fade -= compensator->bad_ticks < DAHL_COMPENSATOR_BAD_TICKS ? 0 : dahl_least(fade, plan->fall_q30);
+    compensator->fade_q30 = fade;
     compensator->move = 0;
     return 0;
 }
@@ -28,10 +27,17 @@ static int32_t reject(const dahl_compensator_plan_t *plan, dahl_compensator_t *c
 static int32_t apply_play(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t dcounts)
 {
     int32_t position = (int32_t)((uint32_t)compensator->play_position + (uint32_t)dcounts);
-    int32_t end = position > plan->play_high ? plan->play_high : position;
-    end = end < plan->play_low ? plan->play_low : end;
+    int32_t end = position < 0 ? 0 : position;
+    end = end < plan->play ? end : plan->play;
     compensator->play_position = end;
     return (int32_t)((uint32_t)position - (uint32_t)end);
+}
+
+/** Prepare bounds the product: a longer move is a jump. */
+static void update_speed(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t move)
+{
+    uint32_t speed = (uint32_t)compensator->speed_q20, now = (uint32_t)move * plan->speed_unit;
+    compensator->speed_q20 = (int32_t)(speed + (uint32_t)((int32_t)(now - speed) >> plan->speed_shift));
 }
 
 int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t dcounts,
@@ -41,8 +47,7 @@ int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensa
         return reject(plan, compensator);
     }
     int32_t move = apply_play(plan, compensator, dcounts);
-    uint32_t speed = dahl_least(dahl_magnitude(move), plan->speed_counts) * plan->speed_unit;
-    compensator->speed_q20 += (speed >> plan->speed_shift) - (compensator->speed_q20 >> plan->speed_shift);
+    update_speed(plan, compensator, move);
     compensator->fade_q30 = dahl_least(compensator->fade_q30 + plan->rise_q30, ONE_Q30);
     compensator->bad_ticks = 0;
     compensator->move = move;
@@ -50,18 +55,11 @@ int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensa
 }
 
 /** Return 1 up to fade_speed, then a line to 0 at twice fade_speed. */
-static uint32_t speed_fade_q15(uint32_t speed_q20)
+static uint32_t speed_fade_q15(int32_t speed_q20)
 {
-    return dahl_least(2 * ONE_Q20 - dahl_least(speed_q20, 2 * ONE_Q20), ONE_Q20) >> 5;
-}
-
-/** Return gain, fade and fade over speed as one factor. A gain out of range shows a corrupt state. */
-static uint32_t factor_q16(const dahl_compensator_plan_t *plan, const dahl_compensator_t *compensator)
-{
-    uint32_t gain = plan->gain_q16 + (uint32_t)compensator->gain_change_q16;
-    gain = gain <= GAIN_MAX_Q16 ? gain : plan->gain_q16;
-    uint32_t fade = dahl_least(compensator->fade_q30, ONE_Q30) >> 15;
-    return (gain * fade >> 15) * compensator->speed_fade_q15 >> 15;
+    int32_t left = (int32_t)(2 * (uint32_t)ONE_Q20 - dahl_magnitude(speed_q20));
+    left = left < 0 ? 0 : left;
+    return (uint32_t)(left < ONE_Q20 ? left : ONE_Q20) >> 5;
 }
 
 /** Return the torque nearest to wanted that differs from now by at most slew. */
@@ -73,14 +71,16 @@ static int32_t limit_slew(int32_t now, int32_t wanted, uint32_t slew)
     return (int32_t)((uint32_t)now - dahl_least((uint32_t)now - (uint32_t)wanted, slew));
 }
 
+/** The limit comes last, so that it also holds if the state is corrupt. */
 int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t ratio_q30)
 {
-    compensator->ratio_q30 = ratio_q30;
-    compensator->speed_fade_q15 = speed_fade_q15(compensator->speed_q20);
-    int32_t wanted = dahl_scale_and_limit(ratio_q30, factor_q16(plan, compensator), plan->limit_q30);
+    uint32_t speed_fade = speed_fade_q15(compensator->speed_q20);
+    uint32_t factor_q16 = (plan->gain_q16 * (compensator->fade_q30 >> 15) >> 15) * speed_fade >> 15;
+    int32_t wanted = dahl_scale_q16(ratio_q30, factor_q16);
     int32_t torque = limit_slew(compensator->torque_q30, wanted, plan->slew_q30);
-    torque = torque < plan->limit_q30 ? torque : plan->limit_q30; /* from a corrupt state only */
-    torque = torque > -plan->limit_q30 ? torque : -plan->limit_q30;
+    torque = dahl_limit(torque, plan->limit_q30);
+    compensator->ratio_q30 = ratio_q30;
+    compensator->speed_fade_q15 = speed_fade;
     compensator->wanted_q30 = wanted;
     compensator->torque_q30 = torque;
     return torque;

@@ -38,7 +38,7 @@
  * @endverbatim
  *
  * @par Torque
- * y = clamp(gain w fade speed_fade, limit), then a limit on its slew. A torque is a fraction of Fc
+ * y = gain w fade speed_fade, then a limit on its slew, then a limit on y. A torque is a fraction of Fc
  * of the element in Q30, with the sign of the motion: add it to the command. dahl_to_units()
  * converts it. Each term can be read in dahl_compensator_t.
  *
@@ -63,7 +63,7 @@
  * is relaxed and fades in. Any bits are a safe state: the torque stays within the limit.
  *
  * @par Cost
- * On top of the tick of the element, worst case: 64 instructions, 93 on Cortex-M0.
+ * On top of the tick of the element, worst case: 96 instructions, 109 on Cortex-M0.
  */
 #ifndef DAHL_COMPENSATOR_H
 #define DAHL_COMPENSATOR_H
@@ -125,7 +125,8 @@ typedef struct {
     uint32_t play;              /**< [count] width of the dead zone that follows the counts: at
                                      least 2 noise and 1, at most #DAHL_COMPENSATOR_PLAY_MAX */
     uint32_t jump;              /**< [count] longer moves of a tick are rejected: 1 ..
-                                     #DAHL_COMPENSATOR_JUMP_MAX */
+                                     #DAHL_COMPENSATOR_JUMP_MAX, and below 1000 times the counts of
+                                     a tick at fade_speed */
 } dahl_compensator_params_t;
 
 /** Values that dahl_compensator_prepare() derives from the parameters. Integers only; may be
@@ -137,27 +138,24 @@ typedef struct {
     uint32_t rise_q30;      /**< [Q30] increase of the fade in a good tick */
     uint32_t fall_q30;      /**< [Q30] decrease of the fade in a bad tick */
     uint32_t jump;          /**< [count] longest move of a tick */
-    int32_t play_low;       /**< [count] lower end of the play */
-    int32_t play_high;      /**< [count] upper end of the play */
+    int32_t play;           /**< [count] width of the play */
     uint32_t speed_unit;    /**< [Q20] speed of one count per tick over fade_speed */
-    uint32_t speed_counts;  /**< [count] longer moves count as this many in the mean of the speed */
     uint8_t speed_shift;    /**< the mean of the speed covers 2^speed_shift ticks */
     uint8_t pull_shift;     /**< a pull closes 2^-pull_shift of the gap; 0: no pull */
     uint8_t law;            /**< dahl_compensator_law_t */
 } dahl_compensator_plan_t;
 
-/** State and telemetry of one compensator, 44 bytes. All zeros: relaxed, faded out. */
+/** State and telemetry of one compensator, 40 bytes. All zeros: relaxed, faded out. */
 typedef struct {
     int32_t play_position;    /**< [count] position of the counts within the play */
     int32_t move;             /**< [count] last result of dahl_compensator_move() */
     uint32_t bad_ticks;       /**< consecutive ticks with a rejected reading */
     uint32_t rejected;        /**< rejected readings since the start; stops at UINT32_MAX */
-    uint32_t speed_q20;       /**< [Q20 of fade_speed] mean magnitude of the speed */
+    int32_t speed_q20;        /**< [Q20 of fade_speed] mean of the speed */
     uint32_t fade_q30;        /**< [Q30] fade: 0 out, 2^30 in */
     uint32_t speed_fade_q15;  /**< [Q15] fade over speed */
-    int32_t gain_change_q16;  /**< [Q16] added to the gain; only the adaptation writes it */
     int32_t ratio_q30;        /**< [Q30 of Fc] last torque of the element */
-    int32_t wanted_q30;       /**< [Q30 of Fc] after gain, fades and limit, before the slew */
+    int32_t wanted_q30;       /**< [Q30 of Fc] after gain and fades, before slew and limit */
     int32_t torque_q30;       /**< [Q30 of Fc] last result of dahl_compensator_torque() */
 } dahl_compensator_t;
 
@@ -167,7 +165,7 @@ typedef struct {
  * @param      params parameters; both pointers must be valid
  * @return #DAHL_COMPENSATOR_OK, or why the parameters are rejected. Of several reasons, the first
  *   in the order of dahl_compensator_err_t.
- * @note Bounds are compared exactly, for the floats given. Cost: 7000 instructions.
+ * @note Bounds are compared exactly, for the floats given. Cost: 7000 instructions at most.
  */
 DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
     dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params);
@@ -181,7 +179,7 @@ DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
  * @param is_good     0 if the reading is bad or stale: CRC error, timeout, lost magnet
  * @return [counts] move for the element of the measured law; 0 if the reading is rejected. After
  *   a rejected reading, the next one counts from the new position.
- * @note Cost: 31 instructions, 46 on Cortex-M0.
+ * @note Cost: half of the 96 instructions.
  */
 int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator,
                               int32_t dcounts, int is_good);
@@ -193,8 +191,8 @@ int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensa
  * @param ratio_q30   [Q30 of Fc] torque of the element: result of its Q30 call
  * @return [Q30 of Fc] torque to add to the command, within the limit
  * @note Error: 2^-15 of the torque, from the fades. With gain 1, no fade and no limit in reach, it
- *   is ratio_q30. The opposite input gives the opposite torque. Cost: 33 instructions, 47 on
- *   Cortex-M0.
+ *   is ratio_q30. The opposite input gives the opposite torque within 2^-30. Cost: the
+ *   other half.
  */
 int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
                                 dahl_compensator_t *compensator, int32_t ratio_q30);
@@ -206,15 +204,21 @@ int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
  * @param plan     prepared plan; without pull, the state is unchanged
  * @param state    state of the element that the reference steps
  * @param measured state of the same element, stepped by the results of dahl_compensator_move()
- * @note Cost: 16 instructions, 30 on Cortex-M0.
+ * @note Cost: 22 instructions, 46 on Cortex-M0.
  */
 void dahl_compensator_pull(const dahl_compensator_plan_t *plan, dahl_state_t *state,
                            const dahl_state_t *measured);
 
 /**
  * @name Adaptation of Fc
- * Optional, for the reference law only: follow an Fc that drifts with temperature or wear. It scales
- * the gain; a program that does not call it does not link it.
+ * Optional, for the reference law only: follow an Fc that drifts with temperature or wear. A program
+ * that does not call it does not link it.
+ * @verbatim
+ *   w = dahl_step_counts_q30(&friction, &bristle, reference_move);
+ *   w = dahl_adaptation_apply(&adaptation, w);
+ *   y = dahl_compensator_torque(&plan, &compensator, w);
+ *   dahl_adaptation_step(&adaptation_plan, &adaptation, &compensator, motor_q24);
+ * @endverbatim
  *
  * While the shaft slides steadily, the motor torque minus inertia times acceleration is friction plus
  * load. The mean of both directions is taken apart; half their difference is Fc, without a constant
@@ -243,8 +247,9 @@ typedef struct {
     uint8_t bin_shift;         /**< a bin holds 2^bin_shift samples; 0: no adaptation */
 } dahl_adaptation_plan_t;
 
-/** State of the adaptation. All zeros: Fc is that of the element. */
+/** State of the adaptation, 48 bytes. All zeros: Fc is that of the element. */
 typedef struct {
+    int32_t ratio_q30;       /**< [Q30 of Fc] last torque of the element */
     int32_t speed_q20;       /**< [Q20 of 1 rad/s] mean of the speed */
     int32_t slow_q20;        /**< [Q20 of 1 rad/s] mean of this mean; their gap is the acceleration */
     uint32_t sliding_ticks;  /**< [tick] time within the gate */
@@ -268,18 +273,26 @@ DAHL_NODISCARD dahl_compensator_err_t dahl_adaptation_prepare(
     dahl_adaptation_plan_t *plan, const dahl_compensator_params_t *params, float inertia);
 
 /**
- * Read one tick and adapt the gain. Call it after dahl_compensator_torque().
- * @param plan             prepared plan
- * @param adaptation       state
- * @param compensator_plan plan of the compensator
- * @param compensator      compensator to adapt: its gain_change_q16 is written
- * @param motor_q24        [Q24 of Fc] whole motor torque during the last tick, with the delay of the
+ * Scale a torque of the element by the estimate. Call it before dahl_compensator_torque().
+ * @param adaptation state
+ * @param ratio_q30  [Q30 of Fc] torque of the element
+ * @return [Q30 of Fc] ratio_q30 times the estimated Fc over that of the element, saturated to 2 Fc
+ * @note Cost: 20 instructions.
+ */
+int32_t dahl_adaptation_apply(dahl_adaptation_t *adaptation, int32_t ratio_q30);
+
+/**
+ * Read one tick and update the estimate. Call it after dahl_compensator_torque().
+ * @param plan        prepared plan
+ * @param adaptation  state
+ * @param compensator compensator of the same axis: its move and bad_ticks are read
+ * @param motor_q24   [Q24 of Fc] whole motor torque during the last tick, with the delay of the
  *   drive; samples above 4 Fc are dropped
- * @note Cost: 75 instructions, 90 on Cortex-M0; once for each pair of bins, 60 more.
+ * @note Cost: 160 instructions, 275 on Cortex-M0, when both directions are complete; about half in
+ *   other ticks.
  */
 void dahl_adaptation_step(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *adaptation,
-                          const dahl_compensator_plan_t *compensator_plan,
-                          dahl_compensator_t *compensator, int32_t motor_q24);
+                          const dahl_compensator_t *compensator, int32_t motor_q24);
 /** @} */
 
 #ifdef __cplusplus

@@ -50,6 +50,7 @@ typedef struct {
     dahl_compensator_params_t params;
     dahl_compensator_plan_t plan;
     dahl_compensator_t compensator;
+    dahl_adaptation_t adaptation;
     dahl_plan_t element;
     dahl_state_t bristle, measured;
 } axis_t;
@@ -129,7 +130,7 @@ static inline int32_t axis_ratio(axis_t *axis, int32_t dcounts)
 
 static inline double axis_compensate(axis_t *axis, int32_t dcounts)
 {
-    int32_t ratio = axis_ratio(axis, dcounts);
+    int32_t ratio = dahl_adaptation_apply(&axis->adaptation, axis_ratio(axis, dcounts));
     int32_t torque_q30 = dahl_compensator_torque(&axis->plan, &axis->compensator, ratio);
     switch (axis->source) {
     case BY_NOTHING:

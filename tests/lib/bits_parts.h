@@ -194,7 +194,7 @@ static inline dahl_compensator_params_t bits_compensator_params(const dahl_param
         .pull = 0.7f,
         .noise = 1,
         .play = 3,
-        .jump = 1000000,
+        .jump = 4000,
     };
     return params;
 }
@@ -204,7 +204,7 @@ static inline uint64_t bits_fold_compensator_plan(uint64_t hash, const dahl_comp
     hash = bits_fold(hash, (uint64_t)plan->gain_q16 << 32 | (uint32_t)plan->limit_q30);
     hash = bits_fold(hash, (uint64_t)plan->rise_q30 << 32 | plan->fall_q30);
     hash = bits_fold(hash, (uint64_t)plan->slew_q30 << 32 | plan->speed_unit);
-    return bits_fold(hash, (uint64_t)plan->speed_counts << 32 | (uint32_t)plan->speed_shift << 8 | plan->pull_shift);
+    return bits_fold(hash, (uint32_t)plan->speed_shift << 8 | plan->pull_shift);
 }
 
 static inline uint64_t bits_fold_adaptation_plan(uint64_t hash, const dahl_adaptation_plan_t *plan)
@@ -235,9 +235,10 @@ static inline void bits_compensator(bits_of_part_t *run)
         (void)dahl_step_counts_q30(&element, &measured, move);
         dahl_compensator_pull(&plan, &bristle, &measured);
         int32_t ratio = dahl_step_counts_q30(&element, &bristle, d);
-        run->hash = bits_fold(run->hash, (uint32_t)dahl_compensator_torque(&plan, &compensator, ratio));
-        dahl_adaptation_step(&adaptation_plan, &adaptation, &plan, &compensator, ratio >> 5);
-        run->hash = bits_fold(run->hash, (uint64_t)compensator.speed_q20 << 32 | (uint32_t)adaptation.speed_q20);
+        int32_t adapted = dahl_adaptation_apply(&adaptation, ratio);
+        run->hash = bits_fold(run->hash, (uint32_t)dahl_compensator_torque(&plan, &compensator, adapted));
+        dahl_adaptation_step(&adaptation_plan, &adaptation, &compensator, ratio >> 5);
+        run->hash = bits_fold(run->hash, (uint64_t)(uint32_t)compensator.speed_q20 << 32 | (uint32_t)adaptation.speed_q20);
         run->hash = bits_fold(run->hash, (uint64_t)bristle.w);
     }
 }

@@ -103,6 +103,7 @@ static void test_the_fade_over_speed_stops_a_runaway(void)
     axis_t axis = axis_of(DAHL_COMPENSATOR_MEASURED, 14, 1000);
     axis_claim(&axis, 1.3 * TRUE_FC, 1.3 * TRUE_SIGMA0);
     axis.params.gain = 1;
+    axis.params.jump = 2000;
     axis_t naive = axis;
     axis.params.fade_speed = 1;
     at_most(2, speed_after_kick(&axis, 10));
@@ -376,7 +377,6 @@ static void test_faults_step_the_torque_by_at_most_the_slew(void)
 static double adapted(axis_t axis, double seconds, double Fc_end)
 {
     dahl_adaptation_plan_t plan;
-    dahl_adaptation_t adaptation = {0};
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_adaptation_prepare(&plan, &axis.params, (float)axis.inertia));
     axis_start(&axis);
     for (int t = 0; t * axis.period < seconds; t++) {
@@ -385,9 +385,9 @@ static double adapted(axis_t axis, double seconds, double Fc_end)
         refer_sine(&axis, time);
         axis_tick(&axis, 0);
         const double motor = axis.commands[axis.delay] / axis.params.friction.Fc;
-        dahl_adaptation_step(&plan, &adaptation, &axis.plan, &axis.compensator, (int32_t)lround(motor * 0x1p24));
+        dahl_adaptation_step(&plan, &axis.adaptation, &axis.compensator, (int32_t)lround(motor * 0x1p24));
     }
-    return (1 + adaptation.Fc_change_q16 * 0x1p-16) * axis.params.friction.Fc / axis.friction.Fc;
+    return (1 + axis.adaptation.Fc_change_q16 * 0x1p-16) * axis.params.friction.Fc / axis.friction.Fc;
 }
 
 static void test_adaptation_follows_a_drift(void)

@@ -241,7 +241,7 @@ def measure_sizes(core: Core) -> dict[str, int]:
     return result
 
 
-# Cases of dahl_parts.h, and Coulomb for measured.py
+# Cases of dahl_parts.h and dahl_compensator.h, and Coulomb for measured.py
 PARTS = (
     *(
         "slip_",
@@ -254,7 +254,7 @@ PARTS = (
         "plastic_",
         "crossing_",
     ),
-    *("work_", "counts_to_torque", "tip_torque", "velocity_"),
+    *("work_", "counts_to_torque", "tip_torque", "velocity_", "compensator_", "adaptation_"),
     "coulomb",
 )
 
