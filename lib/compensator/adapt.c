@@ -19,7 +19,7 @@
 #define SETTLE_S 0.06f
 #define BIN_S 1.0f /* 2^bin_shift samples last 0.5 to 1 s */
 #define WINDOW_S 30.0f
-#define ACCELERATION_PART 0.2f /* of Fc */
+#define ACCELERATION_PART 0.1f /* of Fc */
 #define PERIOD_MAX_S 0.02f
 #define BIN_SHIFT_MAX 15 /* 2^15 samples of 4 Fc in Q13 stay below 2^31 */
 #define SPEED_SHIFT_MAX 12
@@ -148,7 +148,7 @@ void dahl_adaptation_step(const dahl_adaptation_plan_t *plan, dahl_adaptation_t 
                           const dahl_compensator_t *compensator, int32_t motor_q24)
 {
     int32_t change_q20 = update_speed(plan, adaptation, compensator->move);
-    if (plan->bin_shift == 0 || adaptation->age_ticks++ >= plan->window_ticks) {
+    if (adaptation->age_ticks++ >= plan->window_ticks) { /* always, with a plan of zeros */
         empty_bins(adaptation);
     }
     if (!is_sliding(plan, adaptation, motor_q24) || compensator->bad_ticks != 0) {
@@ -160,7 +160,7 @@ void dahl_adaptation_step(const dahl_adaptation_plan_t *plan, dahl_adaptation_t 
         return;
     }
     add_sample(plan, adaptation, adaptation->ratio_q30 < 0, motor_q24, change_q20);
-    if (plan->bin_shift != 0 && (adaptation->samples[0] & adaptation->samples[1]) >> plan->bin_shift != 0) {
+    if ((adaptation->samples[0] & adaptation->samples[1]) >> plan->bin_shift != 0) {
         adapt(plan, adaptation);
         empty_bins(adaptation);
     }

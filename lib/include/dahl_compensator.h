@@ -224,7 +224,7 @@ void dahl_compensator_pull(const dahl_compensator_plan_t *plan, dahl_state_t *st
  * load. The mean of both directions is taken apart; half their difference is Fc, without a constant
  * load.
  * - A sample counts if |w| > 0.97 in the direction of motion, the speed is 0.03 to 1 rad/s for 60
- *   ms, the acceleration costs less than 0.2 Fc, and the encoder is good.
+ *   ms, the acceleration costs less than 0.1 Fc, and the encoder is good.
  * - Each direction needs samples of 0.5 to 1 s, both within 30 s. The estimate then moves by a quarter of
  *   the gap. It stays within 0.5 to 1.5 of Fc.
  *
@@ -244,7 +244,7 @@ typedef struct {
     uint32_t inertia_q16;      /**< [Q16 of Fc] inertia times 1 rad/s over the time of a bin */
     int32_t gap_q20;           /**< [Q20 of 1 rad/s] largest lag of the slower mean of the speed */
     uint8_t speed_shift;       /**< a mean of the speed covers 2^speed_shift ticks */
-    uint8_t bin_shift;         /**< a bin holds 2^bin_shift samples; 0: no adaptation */
+    uint8_t bin_shift;         /**< a bin holds 2^bin_shift samples */
 } dahl_adaptation_plan_t;
 
 /** State of the adaptation, 48 bytes. All zeros: Fc is that of the element. */

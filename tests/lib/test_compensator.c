@@ -301,12 +301,89 @@ static void test_the_adaptation_refuses_the_measured_law_and_bad_values(void)
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_RANGE, dahl_adaptation_prepare(&plan, &params, 0.002f));
 }
 
+/* Slides of 0.45 s in both directions. The true Fc is 1.2 times that of the element. */
+typedef struct {
+    const char *name;
+    double from, to;   /* rad/s, speed at the start and at the end of a slide */
+    double ratio;      /* torque of the element at a slide, in Fc */
+    double load;       /* N m, added to the motor */
+    int bad_every;     /* ticks */
+    enum { IN_TURN, FORWARD, APART } order;
+    double expected; /* change of Fc after 60 s */
+} slides_t;
+
+enum { SLIDE = 450 };
+#define INERTIA 0.02
+#define ADAPTED_FC 0.6
+
+/* Apart: one direction in each window of 30 s. */
+static int direction_at(const slides_t *slides, int t)
+{
+    if (slides->order == APART) {
+        return t < 20000 ? 1 : t < 35000 ? 0 : -1;
+    }
+    return slides->order == FORWARD || t / SLIDE % 2 == 0 ? 1 : -1;
+}
+
+static double change_after(const slides_t *slides, int ticks)
+{
+    dahl_compensator_params_t params = valid;
+    dahl_adaptation_plan_t plan;
+    dahl_adaptation_t adaptation = {0};
+    dahl_compensator_t compensator = {0};
+    double angle = 0;
+    params.law = DAHL_COMPENSATOR_REFERENCE;
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_adaptation_prepare(&plan, &params, (float)INERTIA));
+    for (int t = 0; t < ticks; t++) {
+        const int direction = direction_at(slides, t), sign = direction < 0 ? -1 : 1;
+        const double acceleration = (slides->to - slides->from) / SLIDE * 1e3;
+        const double before = floor(angle);
+        angle += sign * (slides->from + acceleration * (t % SLIDE) * 1e-3) * 1e-3 / (double)valid.friction.theta_per_count;
+        compensator.move = (int32_t)(floor(angle) - before);
+        compensator.bad_ticks = slides->bad_every > 0 && t % slides->bad_every == 0;
+        const double motor = (sign * (ADAPTED_FC + INERTIA * acceleration) + slides->load) / (double)valid.friction.Fc;
+        (void)dahl_adaptation_apply(&adaptation, (int32_t)(direction * slides->ratio * ONE_Q30));
+        dahl_adaptation_step(&plan, &adaptation, &compensator, (int32_t)lround(motor * 0x1p24));
+    }
+    const double change = adaptation.Fc_change_q16 * 0x1p-16;
+    TEST_ASSERT_DOUBLE_WITHIN(1e-4, 1 + change, dahl_adaptation_apply(&adaptation, ONE_Q30) * 0x1p-30);
+    return change;
+}
+
+static void test_only_steady_slides_in_both_directions_count(void)
+{
+    static const slides_t cases[] = {
+        {"steady", 0.5, 0.5, 1, 0, 0, IN_TURN, 0.2},
+        {"accelerated", 0.3, 0.8, 1, 0, 0, IN_TURN, 0.2},
+        {"under a load", 0.5, 0.5, 1, 0.375, 0, IN_TURN, 0.2},
+        {"presliding", 0.5, 0.5, 0.96, 0, 0, IN_TURN, 0},
+        {"against the torque", 0.5, 0.5, -1, 0, 0, IN_TURN, 0},
+        {"too slow", 0.02, 0.02, 1, 0, 0, IN_TURN, 0},
+        {"too fast", 1.3, 1.3, 1, 0, 0, IN_TURN, 0},
+        {"accelerated too much", -1.2, 2, 1, 0, 0, IN_TURN, 0},
+        {"bad encoder", 0.5, 0.5, 1, 0, 50, IN_TURN, 0},
+        {"above 4 Fc", 0.5, 0.5, 1, 2.7, 0, IN_TURN, 0},
+        {"one direction", 0.5, 0.5, 1, 0, 0, FORWARD, 0},
+        {"both directions, but not within 30 s", 0.5, 0.5, 1, 0, 0, APART, 0},
+    };
+    for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
+        const double change = change_after(&cases[k], 60000);
+        TEST_ASSERT_TRUE_MESSAGE(fabs(change - cases[k].expected) <= 0.01, cases[k].name);
+    }
+}
+
+static void test_the_first_pair_of_bins_closes_a_quarter_of_the_gap(void)
+{
+    static const slides_t steady = {"steady", 0.5, 0.5, 1, 0, 0, IN_TURN, 0.2};
+    TEST_ASSERT_DOUBLE_WITHIN(0.002, 0.05, change_after(&steady, 3000));
+}
+
 static void test_a_rejected_adaptation_changes_no_torque(void)
 {
     static const dahl_adaptation_plan_t zeros = {0};
     const dahl_compensator_t compensator = {.move = 1};
     dahl_adaptation_t adaptation = {0};
-    for (int t = 0; t < 10000; t++) {
+    for (int t = 0; t < 1000; t++) {
         TEST_ASSERT_EQUAL_INT32(ONE_Q30, dahl_adaptation_apply(&adaptation, ONE_Q30));
         dahl_adaptation_step(&zeros, &adaptation, &compensator, 1 << 25);
     }
