@@ -61,10 +61,12 @@ static int is_gain_above_bound(const dahl_compensator_params_t *params)
                                       dahl_real_of_param(params->Fc_low));
 }
 
+/** The next shorter length decides, because sigma0 = Fc/length_long may have been rounded up. */
 static int is_slope_above_bound(const dahl_compensator_params_t *params)
 {
+    const dahl_real_t length = dahl_real_of(dahl_bits_of(params->length_long) - 1);
     return !dahl_is_zero(params->length_long)
-        && dahl_real_is_product_above(dahl_real_of_param(params->friction.sigma0), dahl_real_of_param(params->length_long),
+        && dahl_real_is_product_above(dahl_real_of_param(params->friction.sigma0), length,
                                       dahl_real_of_param(params->friction.Fc));
 }
 

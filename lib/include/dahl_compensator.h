@@ -20,7 +20,7 @@
  *   static dahl_plan_t friction;           static dahl_state_t bristle;
  *   static dahl_compensator_plan_t plan;   static dahl_compensator_t compensator;   // all zeros
  *   static const dahl_compensator_params_t params = {
- *       .friction = {.sigma0 = Fc_low / length_long, .Fc = Fc_low, .theta_per_count = 3.835e-4f},
+ *       .friction = {Fc_low / length_long, Fc_low, 3.835e-4f},   // sigma0, Fc, rad per count
  *       .law = DAHL_COMPENSATOR_MEASURED, .Fc_low = Fc_low, .length_long = length_long,
  *       .gain = 0.9f, .limit = 1.0f, .slew = 50.0f, .period = 1e-3f,   // N m, N m/s, s
  *       .rise = 0.5f, .fall = 0.02f, .fade_speed = 5.0f,               // s, s, rad/s
@@ -38,20 +38,21 @@
  * @endverbatim
  *
  * @par Torque
- * y = gain w fade speed_fade, then a limit on its slew, then a limit on y. A torque is a fraction of Fc
- * of the element in Q30, with the sign of the motion: add it to the command. dahl_to_units()
+ * y = gain w fade speed_fade, then a limit on its slew, then a limit on y. A torque is a fraction
+ * of Fc of the element in Q30, with the sign of the motion: add it to the command. dahl_to_units()
  * converts it. Each term can be read in dahl_compensator_t.
  *
  * @par Guarantee (measured law)
- * A free axis gains no energy, whatever its inertia, if
+ * The law injects no energy into a free axis, whatever its inertia, if
  * - Fc_low is at most the true Fc and length_long at least the true presliding length Fc/sigma0,
  * - the true friction is Dahl- or LuGre-like over all speeds below twice fade_speed,
  * - the noise of the encoder is at most `noise`.
  *
- * The prepare function enforces gain Fc <= Fc_low, Fc/sigma0 >= length_long, and play >= 2 noise.
- * Closed form behind it: a loop of amplitude A has the area 4 Fc (A - tanh(a A)/a), a = sigma0/Fc.
- * If the presliding is made of slip elements, give three times the measured length. If the element
- * is one of dahl_parts.h, sigma0 is its stiffest slope, and Fc the torque of the ratio 1.
+ * With 12 to 20 bits, noise, and 1 to 3 ticks of delay, a simulated axis comes to rest after a
+ * kick, at most 0.08 rad/s. The prepare function enforces gain Fc <= Fc_low, Fc/sigma0 >=
+ * length_long, and play >= 2 noise. Closed form behind it: a loop of amplitude A has the area 4 Fc
+ * (A - tanh(a A)/a), a = sigma0/Fc. If slip elements make the presliding, give three times the
+ * measured length.
  *
  * @par Not promised
  * A benefit with 12 bits or fewer, passivity of the reference law, and faults that the caller does
@@ -120,8 +121,8 @@ typedef struct {
                                      twice this speed; 0: no fade over speed */
     float pull;                 /**< [Hz] corner frequency of dahl_compensator_pull(), within a
                                      factor of 1.5; 0: no pull */
-    uint32_t noise;             /**< [count] the encoder differs by at most +-noise from the truth;
-                                     noise of a perfect encoder is 0 */
+    uint32_t noise;             /**< [count] noise of the angle is within +-noise, before it is
+                                     rounded to counts; half the flicker at rest, rounded up */
     uint32_t play;              /**< [count] width of the dead zone that follows the counts: at
                                      least 2 noise and 1, at most #DAHL_COMPENSATOR_PLAY_MAX */
     uint32_t jump;              /**< [count] longer moves of a tick are rejected: 1 ..
@@ -165,7 +166,8 @@ typedef struct {
  * @param      params parameters; both pointers must be valid
  * @return #DAHL_COMPENSATOR_OK, or why the parameters are rejected. Of several reasons, the first
  *   in the order of dahl_compensator_err_t.
- * @note Bounds are compared exactly, for the floats given. Cost: 7000 instructions at most.
+ * @note Bounds are compared exactly. A length_long one float above Fc/sigma0 passes, so that sigma0
+ *   = Fc/length_long is accepted in float. Cost: 7000 instructions at most.
  */
 DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
     dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params);
@@ -211,8 +213,8 @@ void dahl_compensator_pull(const dahl_compensator_plan_t *plan, dahl_state_t *st
 
 /**
  * @name Adaptation of Fc
- * Optional, for the reference law only: follow an Fc that drifts with temperature or wear. A program
- * that does not call it does not link it.
+ * Optional, for the reference law only: follow an Fc that drifts with temperature or wear. A
+ * program that does not call it does not link it.
  * @verbatim
  *   w = dahl_step_counts_q30(&friction, &bristle, reference_move);
  *   w = dahl_adaptation_apply(&adaptation, w);
@@ -220,44 +222,44 @@ void dahl_compensator_pull(const dahl_compensator_plan_t *plan, dahl_state_t *st
  *   dahl_adaptation_step(&adaptation_plan, &adaptation, &compensator, motor_q24);
  * @endverbatim
  *
- * While the shaft slides steadily, the motor torque minus inertia times acceleration is friction plus
- * load. The mean of both directions is taken apart; half their difference is Fc, without a constant
- * load.
+ * While the shaft slides steadily, the motor torque minus inertia times acceleration is friction
+ * plus load. Each direction has its own mean. Half the difference of both means is Fc, without a
+ * constant load.
  * - A sample counts if |w| > 0.97 in the direction of motion, the speed is 0.03 to 1 rad/s for 60
- *   ms, the acceleration costs less than 0.1 Fc, and the encoder is good.
- * - Each direction needs samples of 0.5 to 1 s, both within 30 s. The estimate then moves by a quarter of
- *   the gap. It stays within 0.5 to 1.5 of Fc.
+ *   ms, the acceleration needs less than 0.1 Fc, and the encoder is good.
+ * - Each direction needs samples of 0.5 to 1 s, both within 30 s. The estimate then moves by a
+ *   quarter of the gap. It stays within 0.5 to 1.5 of Fc.
  *
- * It cannot separate a load that follows the direction (viscous friction, wind, a pump), nor one that
- * changes between the two directions. Such a load counts as friction; only the clamp bounds it. An
- * axis that moves in one direction only is not adapted. A hand on the shaft must not be present: its
- * force counts as friction. It does not suit asymmetric friction.
+ * It cannot separate a load that follows the direction (viscous friction, wind, a pump), nor a load
+ * that differs between the two directions. Such a load counts as friction; only the clamp bounds
+ * it. The force of a hand on the shaft also counts as friction. An axis that moves in one direction
+ * only is not adapted. The friction must have the same Fc in both directions.
  */
 /** @{ */
 
 /** Prepared adaptation; may be `const` in flash. All zeros: no adaptation. */
 typedef struct {
-    uint32_t speed_unit;       /**< [Q20 of 1 rad/s] speed of one count per tick */
-    uint32_t speed_counts;     /**< [count] longer moves count as this many */
-    uint32_t settle_ticks;     /**< [tick] sliding before the first sample */
-    uint32_t window_ticks;     /**< [tick] both directions must be complete within this time */
-    uint32_t inertia_q16;      /**< [Q16 of Fc] inertia times 1 rad/s over the time of a bin */
-    int32_t gap_q20;           /**< [Q20 of 1 rad/s] largest lag of the slower mean of the speed */
-    uint8_t speed_shift;       /**< a mean of the speed covers 2^speed_shift ticks */
-    uint8_t bin_shift;         /**< a bin holds 2^bin_shift samples */
+    uint32_t speed_unit;   /**< [Q20 of 1 rad/s] speed of one count per tick */
+    uint32_t speed_counts; /**< [count] longer moves count as this many */
+    uint32_t settle_ticks; /**< [tick] sliding before the first sample */
+    uint32_t window_ticks; /**< [tick] both directions must be complete within this time */
+    uint32_t inertia_q16;  /**< [Q16 of Fc] inertia times 1 rad/s over the time of a bin */
+    int32_t gap_q20;       /**< [Q20 of 1 rad/s] largest lag of the slower mean of the speed */
+    uint8_t speed_shift;   /**< a mean of the speed covers 2^speed_shift ticks */
+    uint8_t bin_shift;     /**< a bin holds 2^bin_shift samples */
 } dahl_adaptation_plan_t;
 
 /** State of the adaptation, 48 bytes. All zeros: Fc is that of the element. */
 typedef struct {
-    int32_t ratio_q30;       /**< [Q30 of Fc] last torque of the element */
-    int32_t speed_q20;       /**< [Q20 of 1 rad/s] mean of the speed */
-    int32_t slow_q20;        /**< [Q20 of 1 rad/s] mean of this mean; their gap is the acceleration */
-    uint32_t sliding_ticks;  /**< [tick] time within the gate */
-    uint32_t age_ticks;      /**< [tick] time since both bins were empty */
-    uint32_t samples[2];     /**< samples in each bin: forward, backward */
-    int32_t torque_q13[2];   /**< [Q13 of Fc] sum of the motor torque in each bin */
-    int32_t change_q20[2];   /**< [Q20 of 1 rad/s] sum of the changes of speed in each bin */
-    int32_t Fc_change_q16;   /**< [Q16] estimated Fc over that of the element, minus 1 */
+    int32_t ratio_q30;      /**< [Q30 of Fc] last torque of the element */
+    int32_t speed_q20;      /**< [Q20 of 1 rad/s] mean of the speed */
+    int32_t slow_q20;       /**< [Q20 of 1 rad/s] mean of this mean; the gap is the acceleration */
+    uint32_t sliding_ticks; /**< [tick] time within the gate */
+    uint32_t age_ticks;     /**< [tick] time since both bins were empty */
+    uint32_t samples[2];    /**< samples in each bin: forward, backward */
+    int32_t torque_q13[2];  /**< [Q13 of Fc] sum of the motor torque in each bin */
+    int32_t change_q20[2];  /**< [Q20 of 1 rad/s] sum of the changes of speed in each bin */
+    int32_t Fc_change_q16;  /**< [Q16] estimated Fc over that of the element, minus 1 */
 } dahl_adaptation_t;
 
 /**
@@ -265,9 +267,9 @@ typedef struct {
  * @param[out] plan    plan to write; unchanged if the call fails
  * @param      params  parameters of the compensator, accepted by dahl_compensator_prepare()
  * @param      inertia [kg m2] rotor and all that moves with it, 2^-64 <= inertia < 2^64
- * @return #DAHL_COMPENSATOR_OK; #DAHL_COMPENSATOR_WRONG_LAW unless the law is the reference law: with
- *   the measured law, the estimate would feed on its own output; #DAHL_COMPENSATOR_PARAM or
- *   #DAHL_COMPENSATOR_RANGE if inertia, period or friction are invalid, or the period exceeds 20 ms.
+ * @return #DAHL_COMPENSATOR_OK; #DAHL_COMPENSATOR_WRONG_LAW for the measured law, because the
+ *   estimate would follow its own output; #DAHL_COMPENSATOR_PARAM or #DAHL_COMPENSATOR_RANGE if
+ *   inertia, period or friction is invalid, or if the period exceeds 20 ms.
  */
 DAHL_NODISCARD dahl_compensator_err_t dahl_adaptation_prepare(
     dahl_adaptation_plan_t *plan, const dahl_compensator_params_t *params, float inertia);

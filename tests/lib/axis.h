@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* An axis in double precision: rotor, true friction, encoder with noise, delay of the drive, position loop. The compensator under
- * test adds its torque. The true friction is integrated here, not by the library. */
+/* An axis in double precision: rotor, true friction, encoder with noise, delay of the drive, position loop. The compensator
+ * under test adds its torque. The true friction is integrated here, not by the library. */
 #ifndef AXIS_H
 #define AXIS_H
 

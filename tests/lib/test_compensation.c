@@ -189,6 +189,10 @@ static void test_the_reference_law_tracks(void)
         at_most(0.22, tracking_ratio(&axis, refers[k]));
         axis.params.gain = 1;
         at_most(0.10, tracking_ratio(&axis, refers[k]));
+        axis_t coarse = loop_of(DAHL_COMPENSATOR_REFERENCE, 14);
+        axis_noise(&coarse, 2);
+        coarse.params.pull = 0.3f;
+        at_most(0.24, tracking_ratio(&coarse, refers[k]));
     }
 }
 
@@ -238,21 +242,6 @@ static void test_noise_without_play_chatters(void)
     axis_t axis = loop_of(DAHL_COMPENSATOR_MEASURED, 14);
     axis.noise = 1; /* the parameters claim a perfect encoder */
     at_least(30, sign_changes(&axis));
-}
-
-static void test_pull_draws_the_state_to_the_measured_one(void)
-{
-    axis_t axis = loop_of(DAHL_COMPENSATOR_REFERENCE, 17);
-    axis.params.pull = 0.3f;
-    at_most(0.22, tracking_ratio(&axis, refer_random));
-    axis_start(&axis);
-    axis.bristle.w = (int64_t)1 << 62; /* a wrong start: the shaft was turned by hand */
-    for (int t = 0; t < 530; t++) {    /* one time constant of 0.3 Hz */
-        axis_tick(&axis, 0);
-    }
-    const double gap = (double)(axis.bristle.w - axis.measured.w) * 0x1p-62;
-    at_least(0.25, gap);
-    at_most(0.45, gap);
 }
 
 /* --- injected energy -------------------------------------------------------------------------------------------------- */
@@ -408,11 +397,4 @@ static void test_adaptation_ignores_a_constant_load(void)
         axis.load = sign * 0.75 * TRUE_FC;
         at_most(0.03, fabs(adapted(axis, 60, TRUE_FC) - 1));
     }
-}
-
-static void test_the_clamp_bounds_a_wrong_estimate(void)
-{
-    axis_t axis = loop_of(DAHL_COMPENSATOR_REFERENCE, 17);
-    axis_claim(&axis, 0.4 * TRUE_FC, 0.4 * TRUE_SIGMA0);
-    TEST_ASSERT_DOUBLE_WITHIN(0.01, 1.5 * 0.4, adapted(axis, 60, TRUE_FC));
 }
