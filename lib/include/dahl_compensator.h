@@ -290,7 +290,7 @@ int32_t dahl_adaptation_apply(dahl_adaptation_t *adaptation, int32_t ratio_q30);
  * @param compensator compensator of the same axis: its move and bad_ticks are read
  * @param motor_q24   [Q24 of Fc] whole motor torque during the last tick, with the delay of the
  *   drive; samples above 4 Fc are dropped
- * @note Cost: 160 instructions, 275 on Cortex-M0, when both directions are complete; about half in
+ * @note Cost: 155 instructions, 264 on Cortex-M0, when both directions are complete; about half in
  *   other ticks.
  */
 void dahl_adaptation_step(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *adaptation,
