@@ -61,14 +61,14 @@ static inline DAHL_COLD uint32_t dahl_real_speed_unit(dahl_real_t speed, dahl_re
     return dahl_real_to_fixed(dahl_real_divide(theta, dahl_real_multiply(speed, period)), 20, DAHL_ONE_Q30);
 }
 
-/** Return the longest move, at least 1, whose product with the unit is at most 2^30. */
+/** Return the longest move whose product with a unit of at most 2^30 is at most 2^30. */
 static inline uint32_t dahl_real_speed_counts(uint32_t unit)
 {
     uint32_t counts = DAHL_ONE_Q30;
     for (; unit > 1; unit = (unit + 1) / 2) {
         counts /= 2;
     }
-    return counts > 0 ? counts : 1;
+    return counts;
 }
 
 /** Return true if a b > c, decided exactly. */

@@ -362,19 +362,32 @@ static void test_faults_step_the_torque_by_at_most_the_slew(void)
 
 /* --- adaptation ------------------------------------------------------------------------------------------------------- */
 
+static void adapt(axis_t *axis, const dahl_adaptation_plan_t *plan)
+{
+    const double motor = axis->commands[axis->delay] / axis->params.friction.Fc;
+    dahl_adaptation_step(plan, &axis->adaptation, &axis->compensator, (int32_t)lround(motor * 0x1p24));
+}
+
+static dahl_adaptation_plan_t adaptation_of(const axis_t *axis)
+{
+    dahl_adaptation_plan_t plan;
+    dahl_compensator_params_t params = axis->params;
+    params.law = DAHL_COMPENSATOR_REFERENCE; /* a naive build would not refuse the measured law */
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_adaptation_prepare(&plan, &params, (float)axis->inertia));
+    return plan;
+}
+
 /* Run for `seconds` while the true Fc drifts to Fc_end. Returns the estimate over the true Fc at the end. */
 static double adapted(axis_t axis, double seconds, double Fc_end)
 {
-    dahl_adaptation_plan_t plan;
-    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_adaptation_prepare(&plan, &axis.params, (float)axis.inertia));
+    const dahl_adaptation_plan_t plan = adaptation_of(&axis);
     axis_start(&axis);
     for (int t = 0; t * axis.period < seconds; t++) {
         const double time = t * axis.period;
         axis.friction.Fc = TRUE_FC + (Fc_end - TRUE_FC) * time / seconds;
         refer_sine(&axis, time);
         axis_tick(&axis, 0);
-        const double motor = axis.commands[axis.delay] / axis.params.friction.Fc;
-        dahl_adaptation_step(&plan, &axis.adaptation, &axis.compensator, (int32_t)lround(motor * 0x1p24));
+        adapt(&axis, &plan);
     }
     return (1 + axis.adaptation.Fc_change_q16 * 0x1p-16) * axis.params.friction.Fc / axis.friction.Fc;
 }
@@ -397,4 +410,17 @@ static void test_adaptation_ignores_a_constant_load(void)
         axis.load = sign * 0.75 * TRUE_FC;
         at_most(0.03, fabs(adapted(axis, 60, TRUE_FC) - 1));
     }
+}
+
+/* It sees its own output instead of the friction. */
+static void test_adaptation_under_a_hand_ends_at_the_clamp(void)
+{
+    axis_t axis = axis_of(DAHL_COMPENSATOR_MEASURED, 17, 1000);
+    const dahl_adaptation_plan_t plan = adaptation_of(&axis);
+    axis_start(&axis);
+    for (int t = 0; t < 120000; t++) {
+        (void)axis_lead(&axis, 0.3 * sin(TWO_PI * 0.5e-3 * t));
+        adapt(&axis, &plan);
+    }
+    TEST_ASSERT_DOUBLE_WITHIN(0.01, -0.5, axis.adaptation.Fc_change_q16 * 0x1p-16);
 }

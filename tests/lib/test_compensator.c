@@ -62,6 +62,7 @@ static void test_wrong_floats_are_refused_with_a_code(void)
         {AT(period), NAN, DAHL_COMPENSATOR_PARAM},
         {AT(rise), INFINITY, DAHL_COMPENSATOR_PARAM},
         {AT(fall), 0x1p64f, DAHL_COMPENSATOR_RANGE},
+        {AT(rise), 0x1p-65f, DAHL_COMPENSATOR_RANGE},
         {AT(fade_speed), -1.0f, DAHL_COMPENSATOR_PARAM},
         {AT(pull), NAN, DAHL_COMPENSATOR_PARAM},
         {AT(fade_speed), 0.03f, DAHL_COMPENSATOR_RANGE}, /* jump is 1278 times this speed */
@@ -128,6 +129,27 @@ static void test_the_reference_law_needs_no_bounds_but_keeps_given_ones(void)
     params = valid;
     params.law = (dahl_compensator_law_t)3;
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_PARAM, dahl_compensator_prepare(&plan, &params));
+}
+
+static void test_extreme_parameters_give_a_plan_at_its_limits(void)
+{
+    dahl_compensator_params_t params = valid;
+    params.slew = params.limit = 0x1p-60f;
+    params.rise = 0x1p40f;
+    params.pull = 0x1p40f;
+    dahl_compensator_plan_t plan = plan_of(&params);
+    TEST_ASSERT_EQUAL_UINT32(1, plan.slew_q30);
+    TEST_ASSERT_EQUAL_UINT32(1, plan.rise_q30);
+    TEST_ASSERT_EQUAL_INT32(0, plan.limit_q30);
+    TEST_ASSERT_EQUAL_UINT32(1, plan.pull_shift);
+    params.slew = params.limit = 0x1p63f;
+    params.pull = 0x1p-60f;
+    params.period = 0x1p-20f;
+    plan = plan_of(&params);
+    TEST_ASSERT_EQUAL_UINT32(UINT32_MAX, plan.slew_q30);
+    TEST_ASSERT_EQUAL_INT32(INT32_MAX, plan.limit_q30);
+    TEST_ASSERT_EQUAL_UINT32(40, plan.pull_shift);
+    TEST_ASSERT_EQUAL_UINT32(12, plan.speed_shift); /* longest mean: 2^12 ticks of a microsecond */
 }
 
 /* --- move ------------------------------------------------------------------------------------------------------------- */
@@ -287,6 +309,12 @@ static void test_the_adaptation_refuses_the_measured_law_and_bad_values(void)
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_PARAM, dahl_adaptation_prepare(&plan, &params, 0.0f));
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_PARAM, dahl_adaptation_prepare(&plan, &params, NAN));
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_RANGE, dahl_adaptation_prepare(&plan, &params, 0x1p-70f));
+    params.period = 1e-9f;
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_adaptation_prepare(&plan, &params, 0x1p63f));
+    TEST_ASSERT_EQUAL_UINT32(15, plan.bin_shift);
+    TEST_ASSERT_EQUAL_INT32(0, plan.gap_q20);
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_adaptation_prepare(&plan, &params, 0x1p-63f));
+    TEST_ASSERT_EQUAL_INT32(1 << 30, plan.gap_q20);
     params.period = 0.021f;
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_RANGE, dahl_adaptation_prepare(&plan, &params, 0.002f));
 }
