@@ -128,7 +128,8 @@ CASES += """angle_zero angle_worst prepare torque set_torque change_plan counts_
     loaded_q30 loaded_more_q30 loaded_float clamped_float
     elastic_q30 plastic_q30 crossing_q30 crossing_float work_step work_step_q30 work_read
     counts_to_torque counts_to_torque_fine tip_torque_1000 tip_torque tip_torque_fine
-    velocity_torque_q30 velocity_torque dense_q30""".split()
+    velocity_torque_q30 velocity_torque compensator_tick compensator_pull adaptation_step
+    compensator_prepare dense_q30""".split()
 DIRECTED = [model.name for model in models.table().values() if model.has_directions]
 CASES += [f"{name}_{call}" for name in DIRECTED for call in ("q30", "float", "prepare")]
 OF_A_LIBC = ("expm1f", "expf", "exp_double")

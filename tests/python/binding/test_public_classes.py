@@ -75,6 +75,9 @@ def arguments_of(model: models.Model) -> dict[str, Any]:
 PLAN = {"sigma0": 100.0, "Fc": 0.5, "theta_per_count": 2e-4}
 PLANNED = {"plan": dahl.Plan(**PLAN)}
 TWO = {"sigma0": [100.0, 50.0], "Fc": [0.5, 1.0], "theta_per_count": 1e-3}
+COMPENSATED = PLAN | {"period": 1e-3, "limit": 0.3, "slew": 50.0, "gain": 0.5, "Fc_low": 0.4}
+COMPENSATED |= {"length_long": 1e-3, "reference": False, "rise": 0.2, "fall": 0.1, "pull": 0.2}
+COMPENSATED |= {"fade_speed": 3.0, "noise": 1, "play": 5, "jump": 90}
 NODE = {"gain": 0.5, "limit": 0.25, "ramp": 0.3, "timeout": 0.02, "max_step": 7}
 NODE |= {"status_period": 0.07}
 TABLE = [0.5, 0.3, 0.25, -0.125, *(0.0625 * k for k in range(1, 13))]
@@ -84,6 +87,7 @@ KINDS = {
     kind.of.__name__: kind
     for kind in (
         *(Kind(models.class_of(model), arguments_of(model), step) for model in BRISTLES),
+        Kind(dahl.Compensator, COMPENSATED, lambda one: one.move(-7)),
         Kind(dahl.Encoder, {"modulus": 65536, "sign": 1, "largest_step": 9}, lambda o: o.move(12)),
         Kind(dahl.Friction, PLANNED, step),
         Kind(

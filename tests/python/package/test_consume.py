@@ -21,7 +21,7 @@ PRIVATE = {
 }
 # Names of headers in real projects.
 USUAL = {"bits.h", "fixed.h", "kernel.h", "torque.h", "multiply.h", "compiler.h"}
-HEADERS = {"dahl.h", "dahl_encoder.h", "dahl_parts.h"}
+HEADERS = {"dahl.h", "dahl_compensator.h", "dahl_encoder.h", "dahl_parts.h"}
 COMPONENTS = {
     "NODE": {"dahl_node.h", "dahl_frames.h", "dahl_can_bus.h"},
     "FLOAT": {"dahl_float.h"},
