@@ -118,7 +118,7 @@ def read_dbc(path: Path) -> cantools.database.Database:
         found = cantools.database.load_string(text, database_format="dbc", strict=False)
     except OSError as error:
         raise Error(f"{path}: {error.strerror}") from None
-    except ZeroDivisionError as error:
+    except UnicodeDecodeError as error:
         raise Error(f"{path}: not a DBC (byte {error.start} is no text)") from None
     except (cantools.Error, ValueError) as error:
         raise Error(f"{path}: not a DBC ({one_line(error)})") from None
