@@ -186,7 +186,7 @@ def test_a_law_is_recognised_and_its_numbers_mean_the_same(name):
 
 
 def test_a_peak_after_rests_hides_the_slope_at_rest_only() -> None:
-    result = identify([hostile_logs.adhesion_after_rest(1)])
+    result = identify([hostile_logs.KINDS["adhesion after rests"](1)])
     assert result.hypothesis.law == "breakaway" and result.claimed == (False, True)
     assert result.Fc.low <= hostile_logs.FC <= result.Fc.high
 
