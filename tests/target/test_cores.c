@@ -14,8 +14,9 @@ float plain_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta);
 int64_t plain_part_move(const void *plan, void *state, int32_t dcounts);
 int32_t plain_parallel_step_counts_q30(const dahl_part_t *parts, const int32_t *shares, uint32_t count, int32_t dcounts);
 
-#ifndef TRIALS
-#define TRIALS 300000
+#define TRIALS 300000u
+#ifndef ANGLES /* --full: 1e7 */
+#define ANGLES TRIALS
 #endif
 #define MOVES_PER_PLAN 60
 
@@ -211,10 +212,10 @@ static void check_parallel(const dahl_plan_t *plan, dahl_state_t start, int32_t 
     }
 }
 
-static void on_random_plans(void (*check)(const dahl_plan_t *plan, dahl_state_t start, int32_t move))
+static void on_random_plans(uint32_t trials, void (*check)(const dahl_plan_t *plan, dahl_state_t start, int32_t move))
 {
     dahl_plan_t plan = random_plan();
-    for (uint32_t trial = 0; trial < TRIALS; trial++) {
+    for (uint32_t trial = 0; trial < trials; trial++) {
         if (trial % MOVES_PER_PLAN == 0) {
             plan = random_plan();
         }
@@ -225,20 +226,20 @@ static void on_random_plans(void (*check)(const dahl_plan_t *plan, dahl_state_t 
 
 static void test_ticks_of_this_core_have_the_bits_of_the_c(void)
 {
-    on_random_plans(check_ticks);
+    on_random_plans(TRIALS, check_ticks);
 }
 
 static void test_the_tick_by_angle_has_the_bits_of_the_c(void)
 {
-    on_random_plans(check_angle);
+    on_random_plans(ANGLES, check_angle);
 }
 
 static void test_ticks_with_work_have_the_bits_of_the_c(void)
 {
-    on_random_plans(check_work);
+    on_random_plans(TRIALS, check_work);
 }
 
 static void test_parts_in_parallel_have_the_bits_of_the_c(void)
 {
-    on_random_plans(check_parallel);
+    on_random_plans(TRIALS, check_parallel);
 }
