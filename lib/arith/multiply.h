@@ -52,7 +52,7 @@ static inline uint32_t dahl_add_product(uint32_t c, uint32_t y, uint32_t r)
 /** Return x >> bits, for bits < 32. In words, if the processor has no 64-bit ones: compilers do not know the limit. */
 static inline uint64_t dahl_shift_by_less_than_32(uint64_t x, uint32_t bits)
 {
-#if UINTPTR_MAX > UINT32_MAX
+#if defined(__SIZEOF_INT128__)
     return x >> bits;
 #else
     uint32_t high = (uint32_t)(x >> 32), low = (uint32_t)x;
