@@ -68,10 +68,13 @@ static inline int32_t dahl_a_exponent(const dahl_plan_t *plan)
     return plan->a_exponent + (plan->a_exponent < -DAHL_FAR / 2 ? DAHL_FAR : 0);
 }
 
-/** Return v for the bits of an angle, truncated. Only if v < 1 is its top bit shifted to the top. */
+/** Return v for the bits of an angle, truncated. Only if v < 1 is its top bit shifted to the top. The angle is
+ * (2^31 | bits << 8) 2^(field - 158). The upper half of the product of the mantissas is 2^-32 of it, and so is the
+ * unit of a mantissa of v: 94 = 158 - 64. */
 static inline dahl_scaled_t dahl_travel(uint32_t a_mantissa, int32_t a_exponent, uint32_t bits)
 {
-    dahl_scaled_t v = {dahl_mulhi(DAHL_TOP_BIT | bits << 8, a_mantissa), 94 - a_exponent - (int32_t)(bits >> 23 & 255u)};
+    const int32_t field = (int32_t)(bits >> 23 & 255u);
+    dahl_scaled_t v = {dahl_mulhi(DAHL_TOP_BIT | bits << 8, a_mantissa), 94 - a_exponent - field};
     if (v.shift >= 0) {
         uint32_t missing = 1 - (v.mantissa >> 31);
         v.mantissa <<= missing;
