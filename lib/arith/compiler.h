@@ -39,7 +39,7 @@ typedef char dahl_needs_a_float_of_4_bytes[sizeof(float) == 4 && sizeof(uint32_t
 #endif
 
 /** Optimization barrier: the compiler must not assume anything about x. It then keeps x in 32 bits even if x comes
- * from several branches, which saves 8 of the 105 instructions of a tick by angle. */
+ * from several branches, which saves 6 of the 98 instructions of a tick by angle in C. */
 static inline uint32_t dahl_opaque(uint32_t x)
 {
 #if defined(__GNUC__)

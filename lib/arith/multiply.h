@@ -39,6 +39,27 @@ static inline uint32_t dahl_mulhi(uint32_t a, uint32_t b)
     return (uint32_t)(dahl_mul(a, b) >> 32);
 }
 
+/** Return c + y r 2^-32, the product rounded down, for 0 <= y < 2^31. */
+static inline uint32_t dahl_add_product(uint32_t c, uint32_t y, uint32_t r)
+{
+#if DAHL_V6M
+    return c + dahl_upper_product(y, r) - (r >> 31 != 0 ? y : 0);
+#else
+    return c + (uint32_t)(dahl_mul_signed((int32_t)dahl_opaque(y), (int32_t)r) >> 32);
+#endif
+}
+
+/** Return x >> bits, for bits < 32. In words, if the processor has no 64-bit ones: compilers do not know the limit. */
+static inline uint64_t dahl_shift_by_less_than_32(uint64_t x, uint32_t bits)
+{
+#if defined(__SIZEOF_INT128__)
+    return x >> bits;
+#else
+    uint32_t high = (uint32_t)(x >> 32), low = (uint32_t)x;
+    return (uint64_t)(high >> bits) << 32 | (low >> bits | high << 1 << (31 - bits));
+#endif
+}
+
 /** Return z times the Q64 fraction high:low, truncated. */
 static inline uint64_t dahl_mul_fraction(uint32_t z, uint32_t high, uint32_t low)
 {

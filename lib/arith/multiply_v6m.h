@@ -25,4 +25,21 @@ static inline DAHL_ALWAYS_INLINE uint64_t dahl_mul(uint32_t a, uint32_t b)
     return (uint64_t)b1 << 32 | low;
 }
 
+/** Return the upper half of that product, which needs no sum that carries: a1 b0 + (a0 b0 >> 16) is below 2^32, and
+ * so is a0 b1 plus the lower half of that. For the kernel; a tick by counts is shorter with dahl_mul(). */
+static inline DAHL_ALWAYS_INLINE uint32_t dahl_upper_product(uint32_t a, uint32_t b)
+{
+    uint32_t a1, b1, low;
+    __asm__(".syntax unified\n\t"
+            "lsrs %[a1], %[a], #16\n\tuxth %[a], %[a]\n\tlsrs %[b1], %[b], #16\n\tuxth %[b], %[b]\n\t"
+            "movs %[low], %[a]\n\tmuls %[low], %[b], %[low]\n\tlsrs %[low], %[low], #16\n\t"
+            "muls %[b], %[a1], %[b]\n\tmuls %[a], %[b1], %[a]\n\tmuls %[a1], %[b1], %[a1]\n\t"
+            "adds %[b], %[b], %[low]\n\tuxth %[low], %[b]\n\tadds %[a], %[a], %[low]\n\t"
+            "lsrs %[b], %[b], #16\n\tlsrs %[a], %[a], #16\n\tadds %[a1], %[a1], %[b]\n\tadds %[a1], %[a1], %[a]"
+            : [a] "+l"(a), [b] "+l"(b), [a1] "=&l"(a1), [b1] "=&l"(b1), [low] "=&l"(low)
+            :
+            : "cc");
+    return a1;
+}
+
 #endif

@@ -47,7 +47,9 @@
 /** [ulp of (the sum of) Fc] Torque error of every element and of any mix. */
 #define DAHL_ULP_PARTS 0.55
 /** [Fc times path length] Energy that rounding may add in a closed cycle. */
-#define DAHL_ENERGY_ERROR 1e-9
+#define DAHL_ENERGY_ERROR 3.3e-9
+/** [Fc times path length] The same by counts, except for an elasto-plastic element. */
+#define DAHL_ENERGY_ERROR_COUNTS 1e-9
 /** [Fc] Amount by which the rounding of w may shorten a longer move. */
 #define DAHL_MONOTONE_ERROR 5.5e-9
 
@@ -247,7 +249,7 @@ int32_t dahl_work_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, 
  * @param work   sums
  * @return [J] energy that the bearing absorbed; infinite above the largest float, 0 below the least
  *   normal one. It is negative only by the energy stored at the start, F^2/(2 sigma0), and by
- *   rounding: #DAHL_ENERGY_ERROR of Fc times the path length.
+ *   rounding: 1e-9 of Fc times the path length.
  * @note Error after R reversals: half an ulp of the result, plus 2^-59 of Fc times the path length,
  *   plus (R + 1/2) times 1.5e-9 of Fc^2/sigma0. If a count travels 4e-8 or more, read 9.5e-10.
  */

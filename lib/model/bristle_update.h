@@ -24,8 +24,7 @@
  * @par Error
  * z is wrong by at most 2^-31 of Fc. A step adds this error times g, and shrinks the earlier error by 1 - g. Over
  * any motion the sum stays below 2^-31, plus 2^-62/g for the truncated low product, plus the error of g
- * (docs/accuracy.md). By angle, g can be tiny; kernel.h returns g + 2^-63. If w = 0, so that z = 2^30, this turns
- * the truncation into rounding to nearest.
+ * (docs/accuracy.md).
  */
 #ifndef DAHL_BRISTLE_UPDATE_H
 #define DAHL_BRISTLE_UPDATE_H

@@ -9,6 +9,7 @@
  */
 #include "../arith/fixed.h"
 #include "dahl.h"
+#include "kernel.h"
 
 static dahl_wide_t quotient(uint32_t n, int32_t n_exponent, uint32_t d, int32_t d_exponent)
 {
@@ -42,7 +43,7 @@ void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state
         return;
     }
     dahl_wide_t keep_F = quotient(from->Fc_mantissa, from->Fc_exponent, to->Fc_mantissa, to->Fc_exponent);
-    dahl_wide_t keep_deflection = quotient(to->a_mantissa, to->a_exponent, from->a_mantissa, from->a_exponent);
+    dahl_wide_t keep_deflection = quotient(to->a_mantissa, dahl_a_exponent(to), from->a_mantissa, dahl_a_exponent(from));
     size = scale(size < DAHL_ONE_Q62 ? size : DAHL_ONE_Q62, minimum(keep_F, keep_deflection));
     state->w = (int64_t)(state->w < 0 ? 0u - size : size);
 }

@@ -2,28 +2,34 @@
 /**
  * Kernel: g(u) = 1 - exp(-u) for u = a |dtheta|, in integers.
  *
- * The plan holds a/ln 2, so v = u/ln 2 and g = 1 - 2^-v. v is mantissa 2^(-32 - shift) with the top bit set: small
- * travel keeps all its bits.
+ * The plan holds a/ln 2, so v = u/ln 2 and g = 1 - 2^-v. v is mantissa 2^(-32 - shift) with one of its two top bits
+ * set: small travel keeps all its bits.
  * @verbatim
- *   v < 2^-30    g = v ln 2
- *   v < 1/4      g = v P(4 v), P of degree 4
- *   v < 32       v = k + j/16 + y, 2^-v = 2^-k 2^(-j/16) 2^-y; 2^(-j/16) from a table,
- *                1 - 2^-y = y P(16 y), P of degree 3
- *   otherwise    1 - g is below 2^-32: g = 1
+ *   Q(f) = (1 - 2^-f)/f     0 <= f < 1: 16 cubics
+ *   v < 1                   g = v Q(v)
+ *   v < 256                 g = 1 - 2^-k (1 - f Q(f)),  v = k + f
+ *   otherwise               g = 1
  * @endverbatim
- * Coefficients in Q32: kernel.sollya, which certifies a relative error below 2^-30.6. The last coefficient has few
- * bits and is multiplied by the upper half of Y only.
+ * Close to v = 1, the shift of v decides between the first two.
  *
  * DAHL_KERNEL_ERROR bounds the relative error of g for every a and angle, including the product with a (Sollya and
- * Gappa, tests/proof; all floats were run for a = 1). g has up to 2 more units of 2^-64, for bristle_update.h.
+ * Gappa, tests/proof; all floats were run for a = 1). If v < 2^-31, g is also cut to Q64.
  */
 #ifndef DAHL_KERNEL_H
 #define DAHL_KERNEL_H
 
-#include "../arith/fixed.h"
-#include "dahl.h"
+#include "bristle_update.h"
 
 #define DAHL_KERNEL_ERROR 0x1p-29 /* [1] relative; travel below 2^-64 ln 2 counts as none */
+
+/** Q(f) = c0 + y (c1 + y (c2 + y c3)), y = f - j/16, in Q32. */
+typedef struct {
+    int32_t c3, c2, c1;
+    uint32_t c0;
+} dahl_cubic_t;
+
+#define DAHL_KERNEL_CUBICS 16
+extern const dahl_cubic_t dahl_kernel_cubics[DAHL_KERNEL_CUBICS]; /* kernel_table.c */
 
 typedef struct {
     uint32_t mantissa;
@@ -41,67 +47,106 @@ static inline dahl_scaled_t dahl_scaled_of(uint64_t product, int32_t exponent)
     return v;
 }
 
-static inline dahl_scaled_t dahl_travel(const dahl_plan_t *plan, uint32_t magnitude)
+/**
+ * Far plans. If a/ln 2 is 2^62 or more, a zero angle could have the shift of a usual travel; if it is below 2^-121, an
+ * infinite one could. prepare.c subtracts DAHL_FAR from the a_exponent of such a plan, so that no shift is usual. A
+ * tick then needs no check of the angle. The ticks in assembly find an unusual shift by its bits, also by those of
+ * DAHL_FAR.
+ */
+#define DAHL_FAR 0x600000
+
+#define DAHL_FAR_SHIFT (DAHL_FAR / 2) /* above the shift of v for a plan that is not far */
+
+static inline int dahl_is_far(int32_t a_exponent)
 {
-    dahl_real_t theta = dahl_real_of(magnitude);
-    return dahl_scaled_of(dahl_mul(theta.mantissa, plan->a_mantissa), theta.exponent + plan->a_exponent);
+    return (uint32_t)(a_exponent + 152) > 152 + 30; /* not in -152 .. 30 */
 }
 
-static inline uint32_t dahl_horner(uint32_t c, uint32_t Y, uint32_t r)
+/** Return the exponent of plan->a_mantissa. */
+static inline int32_t dahl_a_exponent(const dahl_plan_t *plan)
 {
-    return c - dahl_mulhi(Y, r);
+    return plan->a_exponent + (plan->a_exponent < -DAHL_FAR / 2 ? DAHL_FAR : 0);
 }
 
-/** For 2 <= shift < 32. The OR adds the 2 units that bristle_update.h needs for rounding, except for some g <
- * 2^-31. */
-static inline dahl_q64_t dahl_kernel_small(dahl_scaled_t v)
+/** Return v for the bits of an angle, truncated. Only if v < 1 is its top bit shifted to the top. The angle is
+ * (2^31 | bits << 8) 2^(field - 158). The upper half of the product of the mantissas is 2^-32 of it, and so is the
+ * unit of a mantissa of v: 94 = 158 - 64. */
+static inline dahl_scaled_t dahl_travel(uint32_t a_mantissa, int32_t a_exponent, uint32_t bits)
 {
-    uint32_t Y = v.mantissa >> (v.shift - 2);
-    uint32_t r = 644112u - (((Y >> 16) * 20813u) >> 16);
-    r = dahl_horner(14898789u, Y, r);
-    r = dahl_horner(257941187u, Y, r);
-    r = dahl_horner(2977044471u, Y, r);
-    uint32_t g = dahl_mulhi(v.mantissa, r);
-    dahl_q64_t q = {g >> v.shift, g << (32 - v.shift) | 2u};
-    return q;
+    const int32_t field = (int32_t)(bits >> 23 & 255u);
+    dahl_scaled_t v = {dahl_mulhi(DAHL_TOP_BIT | bits << 8, a_mantissa), 94 - a_exponent - field};
+    if (v.shift >= 0) {
+        uint32_t missing = 1 - (v.mantissa >> 31);
+        v.mantissa <<= missing;
+        v.shift += (int32_t)missing;
+    }
+    return v;
 }
 
-/** For v < 2^-30. Below 2^-64, g is 0. */
-static inline dahl_q64_t dahl_kernel_tiny(dahl_scaled_t v)
+/** Return Q(f) in Q32. The three products are rounded down. */
+static inline uint32_t dahl_Q(uint32_t f)
 {
-    dahl_q64_t q = {0, 0};
+    const dahl_cubic_t *c = &dahl_kernel_cubics[f >> 28];
+    const uint32_t y = f & 0x0fffffffu;
+    uint32_t r = dahl_add_product((uint32_t)c->c2, y, (uint32_t)c->c3);
+    r = dahl_add_product((uint32_t)c->c1, y, r);
+    return dahl_add_product(c->c0, y, r);
+}
+
+/** Return v Q(v), for 0 <= shift < 32 and a mantissa with its top bit set. */
+static inline dahl_scaled_t dahl_kernel_small(dahl_scaled_t v)
+{
+    dahl_scaled_t g = {dahl_mulhi(v.mantissa, dahl_Q(v.mantissa >> v.shift)), v.shift};
+    return g;
+}
+
+/** Return v Q(0) for v < 2^-32, cut to Q64. */
+static inline dahl_scaled_t dahl_kernel_tiny(dahl_scaled_t v)
+{
+    dahl_scaled_t g = {0, 32};
     if (v.shift < 64) {
-        q.lo = (dahl_mulhi(v.mantissa, 2977044471u) >> (v.shift - 32)) + 2u;
+        g.mantissa = dahl_mulhi(v.mantissa, dahl_kernel_cubics[0].c0) >> (v.shift - 32);
     }
-    return q;
+    return g;
 }
 
-/** 1 - 2^(-j/16) in Q33, rounded up, since the following steps truncate. */
-static const uint32_t dahl_kernel_table[] = {
-    0, 364185046u, 712929841u, 1046889000u, 1366689387u, 1672931286u, 1966189534u, 2247014594u,
-    2515933593u, 2773451308u, 3020051117u, 3256195903u, 3482328925u, 3698874649u, 3906239545u, 4104812849u,
-};
-
-/** For 1/4 <= v < 32: -5 <= shift < 2. */
-static inline dahl_q64_t dahl_kernel_large(dahl_scaled_t v)
+/** Return 1 - 2^-k (1 - f Q(f)), for -8 <= shift < 0. The rotation leaves k in the low bits of f, which are 0
+ * otherwise. That changes g by at most 0.4 2^-32. */
+static inline dahl_scaled_t dahl_kernel_large(dahl_scaled_t v)
 {
-    uint32_t whole = v.mantissa >> (28 + v.shift), Y = v.mantissa << (4 - v.shift);
-    uint32_t k = whole >> 4, h = dahl_kernel_table[whole & 15u];
-    uint32_t r = 931096u - (((Y >> 16) * 9912u) >> 16);
-    r = dahl_horner(64485290u, Y, r);
-    r = dahl_horner(2977044471u, Y, r);
-    uint32_t g = h + (dahl_mulhi(~(h >> 1), dahl_mulhi(Y, r)) >> 3);
-    dahl_q64_t q = {~(~(g >> 1) >> k), 0};
-    return q;
+    uint32_t k = v.mantissa >> (32 + v.shift), f = v.mantissa << -v.shift | k;
+    dahl_scaled_t g = {k < 32 ? ~(~dahl_mulhi(f, dahl_Q(f)) >> k) : UINT32_MAX, 0};
+    return g;
 }
 
-static inline dahl_q64_t dahl_kernel(dahl_scaled_t v)
+/** Return g(v), with a shift of 0 .. 32. */
+static inline dahl_scaled_t dahl_kernel(dahl_scaled_t v)
 {
-    if (v.shift < 2) {
-        dahl_q64_t all = {UINT32_MAX, UINT32_MAX};
-        return v.shift < -5 ? all : dahl_kernel_large(v);
+    if (v.shift < 0) {
+        dahl_scaled_t one = {UINT32_MAX, 0};
+        return v.shift < -8 ? one : dahl_kernel_large(v);
     }
-    return v.shift < 32 ? dahl_kernel_small(v) : dahl_kernel_tiny(v);
+    return DAHL_LIKELY(v.shift < 32) ? dahl_kernel_small(v) : dahl_kernel_tiny(v);
+}
+
+/** Return z g, truncated, for a shift below 64. */
+static inline uint64_t dahl_mul_scaled(uint32_t z, dahl_scaled_t g)
+{
+    if (DAHL_LIKELY(g.shift < 32)) {
+        return dahl_shift_by_less_than_32(dahl_mul(z, dahl_opaque(g.mantissa)), (uint32_t)g.shift);
+    }
+    return dahl_mulhi(z, g.mantissa) >> (g.shift - 32);
+}
+
+/** The update of bristle_update.h. */
+static inline uint64_t dahl_forward_by_angle(uint64_t w, dahl_scaled_t g)
+{
+    return w + dahl_mul_scaled(dahl_gap_forward(w), g);
+}
+
+static inline uint64_t dahl_backward_by_angle(uint64_t w, dahl_scaled_t g)
+{
+    return w - dahl_mul_scaled(dahl_gap_backward(w), g);
 }
 
 #endif

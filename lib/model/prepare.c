@@ -2,6 +2,7 @@
 /** Convert parameters to a plan. Each word of the plan is written once. If equal parameters are prepared again
  * while a tick reads the plan, no word changes at any moment. */
 #include "check_params.h"
+#include "kernel.h"
 #include "prepare_table.h"
 
 static DAHL_COLD void write_plan(dahl_plan_t *plan, const dahl_params_t *params)
@@ -13,7 +14,7 @@ static DAHL_COLD void write_plan(dahl_plan_t *plan, const dahl_params_t *params)
     int32_t exponent = sigma0.exponent - Fc.exponent - 63;
     dahl_wide_t a_per_ln2 = dahl_product(a, exponent, log2_e);
     plan->a_mantissa = (uint32_t)(a_per_ln2.mantissa >> 32);
-    plan->a_exponent = a_per_ln2.exponent + 32;
+    plan->a_exponent = a_per_ln2.exponent + 32 - (dahl_is_far(a_per_ln2.exponent + 32) ? DAHL_FAR : 0);
     plan->Fc_mantissa = Fc.mantissa;
     plan->Fc_exponent = Fc.exponent;
     dahl_write_table(plan->g, entries,

@@ -40,16 +40,18 @@ static uint32_t reciprocal(uint32_t x)
     return y;
 }
 
-/** Return g(|dtheta| a/c) for the bits of a normal float and a load that is not 0. If the load is 1, it does not
- * divide. */
-static dahl_q64_t kernel_at_load(const dahl_plan_t *plan, uint32_t magnitude, uint32_t load)
+/** Return |dtheta| a/(c ln 2) for the bits of a normal float and a load that is not 0. If the load is 1, it is the
+ * travel of dahl_step(). */
+static dahl_scaled_t travel_at_load(const dahl_plan_t *plan, uint32_t magnitude, uint32_t load)
 {
-    dahl_scaled_t v = dahl_travel(plan, magnitude);
-    if (load != DAHL_ONE_Q30) {
-        uint32_t zeros = dahl_leading_zeros(load);
-        v = dahl_scaled_of(dahl_mul(v.mantissa, reciprocal(load << zeros)), (int32_t)zeros - v.shift - 65);
+    const int32_t a_exponent = dahl_a_exponent(plan);
+    if (load == DAHL_ONE_Q30) {
+        return dahl_travel(plan->a_mantissa, a_exponent, magnitude);
     }
-    return dahl_kernel(v);
+    dahl_real_t theta = dahl_real_of(magnitude);
+    dahl_scaled_t v = dahl_scaled_of(dahl_mul(theta.mantissa, plan->a_mantissa), theta.exponent + a_exponent);
+    uint32_t zeros = dahl_leading_zeros(load);
+    return dahl_scaled_of(dahl_mul(v.mantissa, reciprocal(load << zeros)), (int32_t)zeros - v.shift - 65);
 }
 
 static uint64_t move(const dahl_plan_t *plan, uint64_t w, uint32_t bits, uint32_t load)
@@ -61,9 +63,9 @@ static uint64_t move(const dahl_plan_t *plan, uint64_t w, uint32_t bits, uint32_
     if (magnitude < DAHL_BITS_NORMAL || magnitude > DAHL_BITS_INF || load == 0) {
         return w;
     }
-    dahl_q64_t g = kernel_at_load(plan, magnitude, load);
-    return backward != 0 ? w - dahl_mul_fraction(load + dahl_q30(w), g.hi, g.lo)
-                         : w + dahl_mul_fraction(load - dahl_q30(w), g.hi, g.lo);
+    dahl_scaled_t g = dahl_kernel(travel_at_load(plan, magnitude, load));
+    return backward != 0 ? w - dahl_mul_scaled(load + dahl_q30(w), g)
+                         : w + dahl_mul_scaled(load - dahl_q30(w), g);
 }
 
 float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta, uint32_t load_q30)

@@ -32,8 +32,9 @@ static DAHL_OUT_OF_LINE uint64_t plastic_position(const dahl_elastoplastic_plan_
     }
     uint32_t zeros = dahl_leading_zeros(high);
     uint64_t product = dahl_mul(high << zeros | low >> 1 >> (31 - zeros), kappa) + (kappa >> 1);
-    dahl_q64_t g = dahl_kernel(dahl_scaled_of(product, exponent - (int32_t)zeros));
-    return (uint64_t)plan->breakaway + (dahl_mul_fraction(plan->gap_q31, g.hi, g.lo) >> 1);
+    dahl_scaled_t g = dahl_kernel(dahl_scaled_of(product, exponent - (int32_t)zeros));
+    g.shift++; /* the gap is in Q31 */
+    return (uint64_t)plan->breakaway + dahl_mul_scaled(plan->gap_q31, g);
 }
 
 static inline uint64_t move_from_elastic(const dahl_elastoplastic_plan_t *plan, uint64_t x, uint64_t travel)

@@ -24,18 +24,18 @@ static void test_tiny_motion_keeps_its_relative_accuracy(void)
     }
 }
 
-/* v = 2^-64 (kernel.h) moves the state if the gap is widest; half of it never does. */
+/* If the gap is widest, travel u moves w by 2 u, and the least move is one unit of 2^-62. */
 static void test_the_least_angle_that_moves_the_state(void)
 {
     dahl_params_t p = {1.0f, 1.0f, 0.0f};
     dahl_plan_t plan = plan_for(&p);
     const int64_t one = (int64_t)1 << 62;
     dahl_state_t low = {-one}, high = {one};
-    (void)dahl_step(&plan, &low, 0x1.6p-65f); /* v = 0.99 2^-64 */
-    (void)dahl_step(&plan, &high, -0x1.6p-65f);
+    (void)dahl_step(&plan, &low, 0x1.fep-64f);
+    (void)dahl_step(&plan, &high, -0x1.fep-64f);
     TEST_ASSERT_TRUE(low.w == -one && high.w == one);
-    (void)dahl_step(&plan, &low, 0x1.64p-65f); /* v = 1.003 2^-64 */
-    (void)dahl_step(&plan, &high, -0x1.64p-65f);
+    (void)dahl_step(&plan, &low, 0x1.01p-63f);
+    (void)dahl_step(&plan, &high, -0x1.01p-63f);
     TEST_ASSERT_TRUE(low.w == 1 - one && high.w == one - 1);
 }
 

@@ -51,6 +51,15 @@ void check_update(int64_t w, dahl_q64_t g)
     __CPROVER_assert(-(1 << 30) <= q30 && q30 <= 1 << 30, "result in range");
 }
 
+/* The same by angle, where g is mantissa 2^(-32 - shift). */
+void check_update_by_angle(int64_t w, dahl_scaled_t g)
+{
+    __CPROVER_assume(is_state(w) && 0 <= g.shift && g.shift <= 32);
+    int64_t forward = (int64_t)dahl_forward_by_angle((uint64_t)w, g), backward = (int64_t)dahl_backward_by_angle((uint64_t)w, g);
+    __CPROVER_assert(is_state(forward) && w <= forward, "forward, in range");
+    __CPROVER_assert(is_state(backward) && backward <= w, "backward, in range");
+}
+
 /* No travel keeps each bit. A state at an end stays there. */
 void check_still(int64_t w, dahl_q64_t g)
 {

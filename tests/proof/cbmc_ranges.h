@@ -19,7 +19,9 @@ static int is_plan(const dahl_plan_t *plan)
     if (plan->a_mantissa == 0) {
         return plan->a_exponent == 0 && plan->Fc_mantissa == 0 && plan->Fc_exponent == 0;
     }
-    return plan->a_mantissa >> 31 != 0 && -159 <= plan->a_exponent && plan->a_exponent <= 97 && plan->Fc_mantissa >> 31 != 0
+    int32_t a_exponent = dahl_a_exponent(plan);
+    return plan->a_mantissa >> 31 != 0 && -159 <= a_exponent && a_exponent <= 97
+        && dahl_is_far(a_exponent) == (plan->a_exponent != a_exponent) && plan->Fc_mantissa >> 31 != 0
         && (plan->Fc_mantissa & 255u) == 0 && -95 <= plan->Fc_exponent && plan->Fc_exponent <= 32;
 }
 
@@ -91,6 +93,17 @@ uint64_t any_backward(uint64_t w, dahl_q64_t g)
 {
     (void)g;
     return any_update(w);
+}
+
+uint64_t any_forward_by_angle(uint64_t w, dahl_scaled_t g)
+{
+    __CPROVER_assert(0 <= g.shift && g.shift <= 32, "g has a shift of 0 to 32");
+    return any_update(w);
+}
+
+uint64_t any_backward_by_angle(uint64_t w, dahl_scaled_t g)
+{
+    return any_forward_by_angle(w, g);
 }
 
 /* A state between guards, which a call must not write. */

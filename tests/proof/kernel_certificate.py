@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: MIT
 """A certificate of the relative error of the kernel for each a and each angle.
 
-* Sollya bounds the polynomials against 1 - 2^-v (supnorm), piece by piece.
-* Gappa bounds the error of the fixed-point evaluation for each mantissa of a piece: each shift and
-  each upper half of a product rounds down. If Gappa's bound is too wide, the mantissas of the piece
-  are enumerated.
-* Interval arithmetic (mpmath) adds the rounding of a and of a |dtheta|, and joins the parts.
+* Sollya bounds each cubic against Q(f) = (1 - 2^-f)/f (supnorm).
+* Gappa bounds the error of its fixed-point evaluation: each product rounds down.
+* Interval arithmetic (mpmath) adds the cuts of f, of the last product, of a and of a |dtheta|, and
+  joins the parts.
 
 The constants are those of the kernel's generator. The certified function is `model`;
 test_kernel_proof.py compares its bits with the library.
@@ -19,12 +18,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 from mpmath import iv, mp, mpf
 
 mp.prec = iv.prec = 160
 UNIT = mpf(2) ** -32
 LN2 = iv.log(iv.mpf(2))
+CUBICS = 16
+WORD = 2**32 - 1
+LEAST_USUAL = mpf(2) ** -31  # a smaller g is also cut to Q64, which docs/accuracy.md adds
 
 
 class CertificateError(Exception):
@@ -33,12 +34,9 @@ class CertificateError(Exception):
 
 @dataclass(frozen=True)
 class Constants:
-    """Factors of the kernel and of the plan; polynomials from order 0 on, in Q32."""
+    """The cubics, with coefficients from order 0 on in Q32, and the factor of the plan."""
 
-    small: tuple[int, ...]
-    part: tuple[int, ...]
-    tiny: int
-    table: tuple[int, ...]
+    cubics: tuple[tuple[int, ...], ...]
     log2_e: int
 
 
@@ -55,49 +53,39 @@ class Piece:
 def constants_of(sollya: str, generator: Path) -> Constants:
     """The constants that the kernel's generator prints."""
     said = run([sollya, str(generator)], "")
-    numbers = {(name, int(i)): int(n) for name, i, n in re.findall(r"(\w+) (\d+) = (\d+) u", said)}
-
-    def row(name: str, length: int) -> tuple[int, ...]:
-        return tuple(numbers[name, i] for i in range(length))
-
-    if len(numbers) != 5 + 4 + 16:
+    rows = re.findall(r"{(-?\d+), (-?\d+), (-?\d+), (\d+)u}", said)
+    if len(rows) != CUBICS:
         raise CertificateError(f"{generator.name} prints other constants: {said[-400:]}")
-    small = row("small", 5)
-    log2_e = int(mp.ceil(mpf(2) ** 31 / mp.ln2))
-    return Constants(small, row("part", 4), small[0], row("H", 16), log2_e)
+    cubics = tuple(tuple(int(c) for c in reversed(row)) for row in rows)
+    return Constants(cubics, int(mp.ceil(mpf(2) ** 31 / mp.ln2)))
 
 
-WORD = 2**32 - 1
+def model(c: Constants, mantissa: int, shift: int) -> tuple[int, int]:
+    """g = m 2^(-32 - s) as (m, s), for v = mantissa 2^(-32 - shift): the certified function."""
+    if shift < -8:
+        return WORD, 0
+    if shift < 0:
+        return model_large(c, mantissa, shift), 0
+    missing = 32 - mantissa.bit_length()
+    mantissa, shift = mantissa << missing, shift + missing
+    m = mantissa * model_q(c, mantissa >> shift) >> 32
+    return (m, shift) if shift < 32 else (m >> (shift - 32), 32)
 
 
-def model(c: Constants, mantissa: int, shift: int) -> int:
-    """g in Q64 for v = mantissa 2^(-32 - shift): the certified function, in integers."""
-    if shift < -5:
-        return 2**64 - 1
-    if shift < 2:
-        return model_large(c, mantissa, shift) << 32
-    if shift < 32:
-        r = horner_model(c.small, mantissa >> (shift - 2))
-        return (mantissa * r >> 32) << (32 - shift) | 2
-    return (mantissa * c.tiny >> shift) + 2 if shift < 64 else 0
-
-
-def horner_model(coefficients: tuple[int, ...], y: int) -> int:
-    """c0 - y (c1 - y (c2 - ..)) in Q32, cut at each product; the last factor is y's upper half."""
-    *rest, last, tail = coefficients
-    r = last - ((y >> 16) * tail >> 16)
+def model_q(c: Constants, f: int) -> int:
+    """Q(f) in Q32."""
+    *rest, r = c.cubics[f >> 28]
+    y = f & 2**28 - 1
     for k in reversed(rest):
-        r = k - (y * r >> 32)
+        r = k + (y * r >> 32)
     return r
 
 
 def model_large(c: Constants, mantissa: int, shift: int) -> int:
-    """The upper word of g for 1/4 <= v < 32."""
-    whole, y = mantissa >> (28 + shift), mantissa << (4 - shift) & WORD
-    h = c.table[whole & 15]
-    part = y * horner_model(c.part, y) >> 32
-    g = h + ((~(h >> 1) & WORD) * part >> 35)
-    return WORD - ((WORD - (g >> 1)) >> (whole >> 4))
+    """g in Q32 for 1/2 <= v < 256."""
+    k, f = mantissa >> (32 + shift), mantissa << -shift & WORD
+    product = (f | k) * model_q(c, f | k) >> 32
+    return WORD - ((WORD - product) >> k)
 
 
 def run(command: list[str], script: str) -> str:
@@ -109,35 +97,39 @@ def run(command: list[str], script: str) -> str:
 
 
 def polynomial(coefficients: tuple[int, ...], x: str, unit: str) -> str:
-    """c0 - x (c1 - x (c2 - ..)) as text for Sollya and Gappa, each number with its unit."""
+    """c0 + x (c1 + x (c2 + ..)) as text for Sollya and Gappa, each number with its unit."""
     *rest, text = [f"{c}{unit}" for c in coefficients]
     for c in reversed(rest):
-        text = f"({c} - {x} * {text})"
+        text = f"({c} + {x} * {text})"
     return text
 
 
-def supnorms(sollya: str, coefficients: tuple[int, ...], steps: int, pieces: list) -> list:
-    """For each piece (low, high) of y: a range of P(y) v/(1 - 2^-v) - 1, v = y/steps.
+def fits(c: Constants, sollya: str) -> list:
+    """For each cubic: a range of P(f) f/(1 - 2^-f) - 1.
 
-    supnorm certifies the distance from 1 + c, with c near the middle of the piece.
+    supnorm certifies the distance from 1 + centre, with the centre near the middle of the piece.
+    It needs f > 0: below 2^-30, P and (1 - 2^-f)/f change by less than 2^-61.
     """
-    script = [f"prec = 200; verbosity = 0; P = {polynomial(coefficients, '_x_', '*2^-32')};"]
-    for low, high in pieces:
-        v = (low + high) / 2 / steps
-        p = sum((-1) ** i * c * UNIT * (v * steps) ** i for i, c in enumerate(coefficients))
-        centre = int(mp.nint((p * v / (1 - mpf(2) ** -v) - 1) * mpf(2) ** 60))
-        ends = f"[{sollya_text(low)}; {sollya_text(high)}]"
-        target = f"(1 - 2^(-_x_ / {steps})) * (1 + {centre} * 2^-60)"
+    script = ["prec = 200; verbosity = 0;"]
+    for j, row in enumerate(c.cubics):
+        f = (mpf(j) + mpf(1) / 2) / CUBICS
+        p = sum(k * UNIT * (mpf(1) / 2 / CUBICS) ** i for i, k in enumerate(row))
+        centre = int(mp.nint((p * f / (1 - mpf(2) ** -f) - 1) * mpf(2) ** 60))
+        P = polynomial(row, f"(_x_ - {j} / {CUBICS})", " * 2^-32")  # noqa: N806
+        low = f"{j} / {CUBICS}" if j else "2^-30"
         script.append(
-            f"b = supnorm(P * _x_ / {steps}, {target}, {ends}, relative, 2^-10);"
+            f"b = supnorm({P} * _x_, (1 - 2^(-_x_)) * (1 + {centre} * 2^-60), "
+            f"[{low}; {j + 1} / {CUBICS}], relative, 2^-10);"
             f'print("bound", {centre}, ceil(sup(b) * 2^80));'
         )
     text = run([sollya], "\n".join(script) + "\nquit;\n")
     found = re.findall(r"bound (-?\d+) (\d+)", text)
-    if len(found) != len(pieces):
-        raise CertificateError(f"sollya gave {len(found)} bounds of {len(pieces)}: {text[-400:]}")
+    if len(found) != CUBICS:
+        raise CertificateError(f"sollya gave {len(found)} bounds of {CUBICS}: {text[-400:]}")
+    slack = 1 + iv.mpf([-1, 1]) * mpf(2) ** -60
     return [
-        (1 + iv.mpf(int(c)) / 2**60) * (1 + iv.mpf([-int(b), int(b)]) / 2**80) - 1 for c, b in found
+        (1 + iv.mpf(int(c)) / 2**60) * (1 + iv.mpf([-int(b), int(b)]) / 2**80) * slack - 1
+        for c, b in found
     ]
 
 
@@ -151,68 +143,14 @@ def gappa_range(gappa: str, script: str) -> object:
     return iv.mpf(ends)
 
 
-DOWN = "fixed<-32,dn>"
-
-
-def horner(coefficients: tuple[int, ...]) -> tuple[str, str]:
-    """The evaluation as text for Gappa, and the name of its result."""
-    *rest, last, tail = coefficients
-    lines = ["yh = fixed<-16,dn>(y);", f"r0 = {last}b-32 - {DOWN}(yh * {tail}b-32);"]
-    for i, c in enumerate(reversed(rest)):
-        lines.append(f"r{i + 1} = {c}b-32 - {DOWN}(y * r{i});")
-    return "\n".join(lines), f"r{len(rest)}"
-
-
-def small_script(c: Constants, shift: int | None, m: tuple[str, str]) -> str:
-    """g - m P(4 v) for mantissas m in a range; shift None: 12 and more, m and v independent."""
-    text, r = horner(c.small)
-    Y = "Yx" if shift is None else f"m * 1b{2 - shift}"
-    bound = f"m in [{m[0]}, {m[1]}]" + (" /\\ Y in [0, 1b-10]" if shift is None else "")
-    return f"""
-m = {DOWN}(mx);
-Y = {Y};
-y = {DOWN}(Y);
-{text}
-g = {DOWN}(m * {r});
-{{ {bound} -> g - m * {polynomial(c.small, "Y", "b-32")} in ? }}
-"""
-
-
-def large_script(c: Constants, j: int, y: tuple[str, str]) -> str:
-    """The upper half of g, minus 1 - E + E y/16 P(y), with E = 2^(-j/16) to 2^-100."""
-    text, r = horner(c.part)
-    h = c.table[j]
-    e = int(mp.nint(mpf(2) ** (100 - mpf(j) / 16)))
-    return f"""
-y = {DOWN}(yx);
-{text}
-t = {DOWN}(y * {r});
-g = {h}b-33 + fixed<-33,dn>({DOWN}({2**32 - 1 - (h >> 1)}b-32 * t) * 1b-4);
-half = {DOWN}(g);
-{{ y in [{y[0]}, {y[1]}] ->
-   half - ({2**100 - e}b-100 + ({e}b-100 * (y * {polynomial(c.part, "y", "b-32")})) * 1b-4) in ? }}
-"""
-
-
-def enumerated_loss(c: Constants, m: tuple[mpf, mpf]) -> object:
-    """The same error for shift 2, where Y is the mantissa: for each mantissa, in integers.
-
-    The exact polynomial is in double, within 2^-50.
-    """
-    low, high = (int(end * 2**32) for end in m)
-    loss = [0.0, 0.0]
-    for first in range(low, high + 1, 2**18):
-        m_all = np.arange(first, min(first + 2**18, high + 1, 2**32), dtype=np.uint64)
-        r = np.uint64(c.small[3]) - ((m_all >> 16) * np.uint64(c.small[4]) >> 16)
-        y = m_all.astype(float) * 2.0**-32
-        p = np.full(len(y), c.small[4] * 2.0**-32)
-        for k in (2, 1, 0):
-            r = np.uint64(c.small[k]) - (m_all * r >> 32)
-        for k in (3, 2, 1, 0):
-            p = c.small[k] * 2.0**-32 - y * p
-        lost = (m_all * r >> 32).astype(float) * 2.0**-32 - y * p
-        loss = [min(loss[0], lost.min()), max(loss[1], lost.max())]
-    return iv.mpf([loss[0] - 2.0**-50, loss[1] + 2.0**-50])
+def horner_script(row: tuple[int, ...]) -> str:
+    """The evaluated cubic minus the exact one, for y below 1/16."""
+    *rest, tail = row
+    lines = ["@down = fixed<-32,dn>;", "y = down(yx);", f"r0 = {tail}b-32;"]
+    for i, k in enumerate(reversed(rest)):
+        lines.append(f"r{i + 1} = {k}b-32 + down(y * r{i});")
+    exact = polynomial(row, "y", "b-32")
+    return "\n".join([*lines, f"{{ y in [0, 1b-4] -> r{len(rest)} - {exact} in ? }}"])
 
 
 def g_of(v: object) -> object:
@@ -232,11 +170,11 @@ def plan_error(c: Constants) -> object:
     return iv.mpf([(constant - iv.mpf(2) ** -31 - iv.mpf(2) ** -60).a, constant.b])
 
 
-def with_travel(c: Constants, error: object, low: mpf, m_low: mpf) -> object:
+def with_travel(c: Constants, error: object, low: mpf, cut: mpf) -> object:
     """Add the error of v: g(v(1 + t))/g(v) - 1 is from 0 to t times the elasticity v g'(v)/g(v),
-    which falls with v. The mantissa of the product is cut to 32 bits.
+    which falls with v. The product of the mantissas loses at most `cut` of v.
     """
-    t = (1 + plan_error(c)) * (1 - iv.mpf([0, (UNIT / m_low)])) - 1
+    t = (1 + plan_error(c)) * (1 - iv.mpf([0, cut])) - 1
     v = iv.mpf(low) * (1 - iv.mpf(2) ** -28)
     elasticity = v * LN2 / (iv.exp(v * LN2) - 1) if low > 0 else iv.mpf(1)
     growth = iv.mpf([(1 + 2 * t * t + t * elasticity.b).a, 1])
@@ -244,112 +182,78 @@ def with_travel(c: Constants, error: object, low: mpf, m_low: mpf) -> object:
     return (1 + error) * ratio - 1
 
 
-ENOUGH = mpf(2) ** -29
-CUTS = {2: 64, 3: 4}  # the polynomial's error is steep near its end, v = 1/4
+@dataclass(frozen=True)
+class Cubic:
+    """A cubic with certified errors: its fit, and its evaluation in absolute terms."""
+
+    fit: object
+    lost: object
 
 
-def small_pieces(c: Constants, sollya: str, gappa: str) -> Iterator[Piece]:
-    """v in [2^-30, 1/4): shifts 2 to 11 in pieces, all others in one."""
-    cases: list[tuple[int | None, mpf, mpf]] = [
-        (shift, mpf(cuts + i) / (2 * cuts), mpf(cuts + i + 1) / (2 * cuts))
-        for shift in range(2, 12)
-        for cuts in (CUTS.get(shift, 2),)
-        for i in range(cuts)
-    ]
-    ys = [(low * mpf(2) ** (2 - s), high * mpf(2) ** (2 - s)) for s, low, high in cases]
-    near = (mpf(2) ** -30, mpf(2) ** -10)
-    fits = supnorms(sollya, c.small, 4, [*ys, near])
-    below = below_all(c.small[0], c.small[1], mpf(2) ** -32)
-    for (shift, m_low, m_high), y, fit in zip(
-        [*cases, (None, mpf(1) / 2, mpf(1))], [*ys, (mpf(0), near[1])], fits, strict=True
-    ):
-        lost = gappa_range(gappa, small_script(c, shift, binary_texts((m_low, m_high))))
-        fit_all = fit if shift is not None else hull(fit, below)
-        piece = small_piece(c, f"small {shift}", y, m_low, lost, fit_all)
-        if shift == 2 and -piece.error.a > ENOUGH:
-            lost = enumerated_loss(c, (m_low, m_high))
-            piece = small_piece(c, f"small {shift} enumerated", y, m_low, lost, fit_all)
-        yield piece
+def small_pieces(c: Constants, cubics: list[Cubic]) -> Iterator[Piece]:
+    """v in (0, 1), in pieces with mantissas in an eighth of [1/2, 1)."""
+    for shift in range(12):
+        for i in range(8):
+            m_low, m_high = mpf(8 + i) / 16, mpf(9 + i) / 16
+            low, high = m_low * mpf(2) ** -shift, m_high * mpf(2) ** -shift
+            yield small_piece(c, cubics, f"small {shift} {i}", (low, high), m_low)
+    for i in range(8):
+        ends = (LEAST_USUAL / 2, mpf(2) ** -12)
+        yield small_piece(c, cubics, f"small 12.. {i}", ends, mpf(8 + i) / 16)
 
 
 def small_piece(
-    c: Constants, name: str, y: tuple[mpf, mpf], m_low: mpf, lost: object, fit: object
+    c: Constants, cubics: list[Cubic], name: str, ends: tuple[mpf, mpf], m_low: mpf
 ) -> Piece:
-    """Join polynomial and evaluation: g = m P(Y) (1 + lost/(m P)), v = Y/4."""
-    Y = iv.mpf([y[0], y[1]])
-    p = sum(Y**i * UNIT * (-1) ** i * k for i, k in enumerate(c.small))
-    error = (1 + fit) * (1 + lost / (p * m_low)) - 1
-    low, high = y[0] / 4, y[1] / 4
-    return Piece(name, low, high, with_travel(c, error, low, m_low))
-
-
-def below_all(c0: int, c1: int, v: mpf) -> object:
-    """P(4v) v/(1 - 2^-v) - 1 for v near 0, from v ln 2 (1 - v) < 1 - 2^-v < v ln 2."""
-    slope = iv.mpf([1 - v, 1]) * LN2
-    return (c0 - iv.mpf([0, 4 * v]) * c1) * UNIT / slope - 1
-
-
-def tiny_piece(c: Constants) -> Piece:
-    """v < 2^-30: one upper half, cut; the kernel adds two units, which exceed the cut."""
-    lost = iv.mpf([-2 / mpf(c.tiny), 0])
-    error = (1 + below_all(c.tiny, 0, mpf(2) ** -30)) * (1 + lost) - 1
-    return Piece("tiny", mpf(0), mpf(2) ** -30, with_travel(c, error, mpf(0), mpf(1) / 2))
-
-
-def large_pieces(c: Constants, sollya: str, gappa: str) -> Iterator[Piece]:
-    """v in [1/4, 32): each entry of the table, with y in pieces."""
-    (fit,) = supnorms(sollya, c.part, 16, [(mpf(2) ** -30, mpf(1))])
-    fit = hull(fit, below_all(c.part[0], c.part[1], mpf(2) ** -34))
-    for j in range(16):
-        cuts = 2 if j >= 4 else 1
-        for i in range(cuts):
-            y = (mpf(i) / cuts, mpf(i + 1) / cuts)
-            lost = gappa_range(gappa, large_script(c, j, binary_texts(y)))
-            yield from large_piece(c, j, y, lost + iv.mpf([-1, 1]) * mpf(2) ** -90, fit)
-
-
-def large_piece(
-    c: Constants, j: int, y: tuple[mpf, mpf], lost: object, fit: object
-) -> Iterator[Piece]:
-    """k = 0: the error of g. k > 0: g is ~(~half >> k), so its error is at least
-    2^-k lost - 2^-32 (1 - 2^-k), and the shift rounds it up by at most that.
+    """g = m Q(f), m the mantissa of v. f is v cut to Q32, which can only increase Q, by less than
+    ln 2/2 of a unit, relative. The last product loses less than a unit of g/v m.
     """
-    E = iv.exp(-iv.mpf(j) / 16 * LN2)
-    low, high = ((j + end) / mpf(16) for end in y)
-    # 1 - 2^-v from the polynomial's value Q = E y/16 P: g = 1 - E + Q/(1 + fit)
-    Q = E * g_of(iv.mpf([y[0], y[1]]) / 16)
-    drift = Q * fit
-    if j >= 4:
-        error = (lost + drift) / g_of(iv.mpf([low, high]))
-        m_low = low if low >= mpf(1) / 2 else 2 * low
-        yield Piece(f"large 0 {j}", low, high, with_travel(c, error, low, m_low))
-    for k in range(1, 32):
-        half = iv.mpf(2) ** -k
-        total = half * (lost + drift) + iv.mpf([-UNIT, 0]) * (1 - half)
-        error = total / g_of(iv.mpf([k + low, k + high]))
-        yield Piece(f"large {k} {j}", k + low, k + high, with_travel(c, error, k + low, mpf(1) / 2))
+    low, high = ends
+    cubic = cubics[int(low * CUBICS)]
+    least = (g_of(iv.mpf(high)) / iv.mpf(high)).a  # of Q, which falls from ln 2
+    evaluated = 1 + cubic.lost / (iv.mpf([least, LN2.b]) * (1 + cubic.fit))
+    of_f = iv.mpf([1, (1 + LN2 * UNIT / 2).b])
+    product = 1 - iv.mpf([0, UNIT / (m_low * least * (1 - mpf(2) ** -28))])
+    error = (1 + cubic.fit) * evaluated * of_f * product - 1
+    return Piece(name, low, high, with_travel(c, error, low, 2 * UNIT / m_low))
+
+
+def large_pieces(c: Constants, cubics: list[Cubic]) -> Iterator[Piece]:
+    """v in [1/2, 32), in pieces of a thirty-second of f."""
+    for i in range(32):
+        f = (mpf(i) / 32, mpf(i + 1) / 32)
+        for k in range(32):
+            if k > 0 or i >= 16:
+                yield large_piece(c, cubics[i // 2], k, f)
+
+
+def large_piece(c: Constants, cubic: Cubic, k: int, ends: tuple[mpf, mpf]) -> Piece:
+    """p = f Q(f) is 1 - 2^-f with an error `lost`: that of the cubic, of its evaluation, of the cut
+    of the product, and of k, which was added to f in units. The error of g is 2^-k of that, and the
+    shift of the complement loses at most 1 - 2^-k units.
+    """
+    low, high = k + ends[0], k + ends[1]
+    f = iv.mpf([ends[0], ends[1]])
+    G = g_of(f)  # noqa: N806
+    added = iv.mpf([0, ((1 - G) * LN2 * (k * UNIT)).b])
+    lost = G * cubic.fit + (f + k * UNIT) * cubic.lost + iv.mpf([-UNIT, 0]) + added * (1 + UNIT)
+    half = iv.mpf(2) ** -k
+    error = (half * lost + iv.mpf([-UNIT, 0]) * (1 - half)) / g_of(iv.mpf([low, high]))
+    cut = UNIT * (2 / low if low < 1 else 4)
+    return Piece(f"large {k} {float(ends[0])}", low, high, with_travel(c, error, low, cut))
 
 
 def beyond_piece(c: Constants) -> Piece:
     """v >= 32: all ones."""
-    error = iv.mpf([-(mpf(2) ** -63), mpf(2) ** -31.9])
-    return Piece("all", mpf(32), mp.inf, with_travel(c, error, mpf(31), mpf(1) / 2))
-
-
-def sollya_text(x: mpf) -> str:
-    """A dyadic number as text for Sollya."""
-    return f"{int(x * 2**40)} * 2^-40"
-
-
-def binary_texts(ends: tuple[mpf, mpf]) -> tuple[str, str]:
-    """Dyadic numbers as text for Gappa."""
-    return tuple(f"{int(end * 2**40)}b-40" for end in ends)  # type: ignore[return-value]
+    error = iv.mpf([-UNIT, mpf(2) ** -32])
+    return Piece("all", mpf(32), mp.inf, with_travel(c, error, mpf(31), 4 * UNIT))
 
 
 def certificate(c: Constants, sollya: str, gappa: str) -> list[Piece]:
-    """The pieces of v in (0, infinity)."""
-    pieces = [tiny_piece(c), *small_pieces(c, sollya, gappa), *large_pieces(c, sollya, gappa)]
-    return [*pieces, beyond_piece(c)]
+    """The pieces of v in [2^-32, infinity)."""
+    lost = [gappa_range(gappa, horner_script(row)) for row in c.cubics]
+    cubics = [Cubic(*errors) for errors in zip(fits(c, sollya), lost, strict=True)]
+    return [*small_pieces(c, cubics), *large_pieces(c, cubics), beyond_piece(c)]
 
 
 def worst(pieces: list[Piece]) -> Piece:

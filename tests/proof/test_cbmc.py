@@ -36,6 +36,10 @@ CHECKS = [
 PRODUCTS = {"dahl_mul": "any_product", "dahl_mulhi": "any_upper_half"}
 SAME = {"dahl_mul": "same_product", "dahl_mulhi": "same_upper_half"}
 UPDATES = PRODUCTS | {"dahl_forward": "any_forward", "dahl_backward": "any_backward"}
+UPDATES_BY_ANGLE = PRODUCTS | {
+    "dahl_forward_by_angle": "any_forward_by_angle",
+    "dahl_backward_by_angle": "any_backward_by_angle",
+}
 
 MOVES = UPDATES | {"dahl_step_large": "any_move"}
 
@@ -59,6 +63,7 @@ class Proof:
 CORE = [
     Proof("check_normalise", 65),
     Proof("check_update", instead=PRODUCTS),
+    Proof("check_update_by_angle", instead=PRODUCTS),
     Proof("check_still", instead=SAME),
     Proof("check_whole_travel", instead=SAME),
     Proof("check_mirror", instead=SAME),
@@ -66,7 +71,7 @@ CORE = [
     Proof("check_step_large", 34, UPDATES),
     Proof("check_step_counts_q30", 3, MOVES),
     Proof("check_step_counts", 5, MOVES),
-    Proof("check_step", 5, UPDATES),
+    Proof("check_step", 5, UPDATES_BY_ANGLE),
     Proof("check_torque", 5, PRODUCTS),
     Proof("check_set_torque", 65, PRODUCTS),
     Proof("check_change_plan", 65, PRODUCTS),

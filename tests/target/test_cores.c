@@ -10,10 +10,14 @@ int32_t plain_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int3
 float plain_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 int32_t plain_work_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
 float plain_work_step_counts(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
+float plain_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta);
 int64_t plain_part_move(const void *plan, void *state, int32_t dcounts);
 int32_t plain_parallel_step_counts_q30(const dahl_part_t *parts, const int32_t *shares, uint32_t count, int32_t dcounts);
 
-#define TRIALS 300000
+#define TRIALS 300000u
+#ifndef ANGLES /* --full: 1e7 */
+#define ANGLES TRIALS
+#endif
 #define MOVES_PER_PLAN 60
 
 static uint64_t seed;
@@ -43,6 +47,15 @@ static uint32_t random_word(void)
     return bits & 7u ? (uint32_t)(bits >> 32) : ends[bits >> 8 & 7u];
 }
 
+/* Mostly near that of 1 rad, else any that dahl_prepare writes (lib/model/kernel.h: DAHL_FAR). */
+static int32_t random_a_exponent(void)
+{
+    const uint64_t bits = random64();
+    const int32_t exponent = bits & 3u ? (int32_t)(bits >> 8 & 31u) - 40 : (int32_t)(bits >> 8 & 255u) - 159;
+    const int is_far = exponent < -152 || exponent > 30;
+    return is_far ? exponent - 0x600000 : exponent;
+}
+
 static dahl_plan_t random_plan(void)
 {
     dahl_plan_t plan;
@@ -50,6 +63,8 @@ static dahl_plan_t random_plan(void)
     if (random64() % 16u == 0) {
         return plan;
     }
+    plan.a_mantissa = random_word() | 0x80000000u;
+    plan.a_exponent = random_a_exponent();
     plan.Fc_mantissa = random_word() | 0x80000000u;
     plan.Fc_exponent = (int32_t)(random64() % 128u) - 64 - 31;
     for (size_t k = 1; k < sizeof plan.g / sizeof plan.g[0]; k++) {
@@ -94,6 +109,33 @@ static int32_t random_move(void)
     return bits & 31u ? (int32_t)(bits >> 8 & 31u) - 15 : (int32_t)(bits >> 32);
 }
 
+/* Mostly of a travel between 2^-12 and 2^12 if the plan is not far, else any bits; often with a short mantissa. */
+static float random_angle(const dahl_plan_t *plan)
+{
+    const uint64_t random = random64();
+    const int32_t exponent = 94 - plan->a_exponent + (int32_t)(random % 24u) - 12;
+    uint32_t bits = (uint32_t)(random >> 32);
+    float angle;
+    if ((random >> 8 & 3u) != 0 && exponent >= 0 && exponent < 256) {
+        bits = (bits & 0x807fffffu) | (uint32_t)exponent << 23;
+    }
+    switch (random >> 10 & 15u) {
+    case 0:
+        bits &= 0xffff0000u;
+        break;
+    case 1:
+        bits |= 0x007ffff0u;
+        break;
+    case 2:
+        bits = (bits & 0x80000000u) | (bits & 1u ? 0x7f800000u : 0); /* infinity or zero */
+        break;
+    default:
+        break;
+    }
+    memcpy(&angle, &bits, sizeof angle);
+    return angle;
+}
+
 static uint32_t bits_of(float x)
 {
     uint32_t bits;
@@ -108,6 +150,15 @@ static void check_ticks(const dahl_plan_t *plan, dahl_state_t start, int32_t mov
     TEST_ASSERT_EQUAL_HEX32(bits_of(plain_step_counts(plan, &plain, move)), bits_of(dahl_step_counts(plan, &ours, move)));
     TEST_ASSERT_TRUE(plain_part_move(plan, &plain_moved, move) == dahl_part_move(plan, &part, move) && plain_moved.w == part.w);
     TEST_ASSERT_TRUE(plain_q30.w == ours_q30.w && plain.w == ours.w); /* Unity has no 64 bits here */
+}
+
+static void check_angle(const dahl_plan_t *plan, dahl_state_t start, int32_t move)
+{
+    const float angle = random_angle(plan);
+    dahl_state_t ours = start, plain = start;
+    (void)move;
+    TEST_ASSERT_EQUAL_HEX32(bits_of(plain_step(plan, &plain, angle)), bits_of(dahl_step(plan, &ours, angle)));
+    TEST_ASSERT_TRUE(plain.w == ours.w);
 }
 
 /* Sums that often carry through several words with the next move. */
@@ -161,10 +212,10 @@ static void check_parallel(const dahl_plan_t *plan, dahl_state_t start, int32_t 
     }
 }
 
-static void on_random_plans(void (*check)(const dahl_plan_t *plan, dahl_state_t start, int32_t move))
+static void on_random_plans(uint32_t trials, void (*check)(const dahl_plan_t *plan, dahl_state_t start, int32_t move))
 {
     dahl_plan_t plan = random_plan();
-    for (uint32_t trial = 0; trial < TRIALS; trial++) {
+    for (uint32_t trial = 0; trial < trials; trial++) {
         if (trial % MOVES_PER_PLAN == 0) {
             plan = random_plan();
         }
@@ -175,15 +226,20 @@ static void on_random_plans(void (*check)(const dahl_plan_t *plan, dahl_state_t 
 
 static void test_ticks_of_this_core_have_the_bits_of_the_c(void)
 {
-    on_random_plans(check_ticks);
+    on_random_plans(TRIALS, check_ticks);
+}
+
+static void test_the_tick_by_angle_has_the_bits_of_the_c(void)
+{
+    on_random_plans(ANGLES, check_angle);
 }
 
 static void test_ticks_with_work_have_the_bits_of_the_c(void)
 {
-    on_random_plans(check_work);
+    on_random_plans(TRIALS, check_work);
 }
 
 static void test_parts_in_parallel_have_the_bits_of_the_c(void)
 {
-    on_random_plans(check_parallel);
+    on_random_plans(TRIALS, check_parallel);
 }

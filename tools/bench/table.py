@@ -32,6 +32,7 @@ ROWS = [
     ("`dahl_step_counts_q30`, reversal", "reversal_q30"),
     ("`dahl_step_counts_q30`, no motion", "zero_q30"),
     ("`dahl_step`, worst of all travel", "angle_worst"),
+    ("`dahl_step` by the C, worst of all travel", "angle_c_worst"),
     ("`dahl_torque`", "torque"),
     ("`dahl_set_torque`, worst", "set_torque"),
     ("`dahl_change_plan`, worst", "change_plan"),

@@ -267,6 +267,7 @@ def library_numbers(cases: dict[str, list[int]], numbers: dict[str, int]) -> dic
     others = (
         "angle_zero",
         "angle_worst",
+        "angle_c_worst",
         "prepare",
         "torque",
         "set_torque",

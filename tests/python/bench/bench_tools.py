@@ -121,11 +121,11 @@ MOVES = [f"{move}_{way}" for move in ("one_count", "one_count_c", "eight_counts"
          for way in ("forward", "backward")]  # fmt: skip
 BY_FORM = [*MOVES, "zero", "int32_min", "reversal", "counts_worst"]
 CASES = [f"{case}_{form}" for case in BY_FORM for form in ("q30", "float")]
-CASES += """angle_zero angle_worst prepare torque set_torque change_plan counts_between
-    counts_between_below encoder_move encoder_move_other encoder_move_jump to_units control_tick
-    control_tick_units slip_1_q30 slip_2_q30 slip_4_q30 slip_8_q30 slip_4 slip_prepare_8 parallel_2
-    parallel_4 parallel_2_q30 parallel_4_q30 mixed_2_q30 mixed_4_q30 coulomb
-    loaded_q30 loaded_more_q30 loaded_float clamped_float
+CASES += """angle_zero angle_worst angle_c_worst prepare torque set_torque change_plan
+    counts_between counts_between_below encoder_move encoder_move_other encoder_move_jump to_units
+    control_tick control_tick_units slip_1_q30 slip_2_q30 slip_4_q30 slip_8_q30 slip_4
+    slip_prepare_8 parallel_2 parallel_4 parallel_2_q30 parallel_4_q30 mixed_2_q30 mixed_4_q30
+    coulomb loaded_q30 loaded_more_q30 loaded_float clamped_float
     elastic_q30 plastic_q30 crossing_q30 crossing_float work_step work_step_q30 work_read
     counts_to_torque counts_to_torque_fine tip_torque_1000 tip_torque tip_torque_fine
     velocity_torque_q30 velocity_torque compensator_tick compensator_pull adaptation_step

@@ -20,10 +20,16 @@ M0, M3, M4, M23, M33, A9 = (
     f"-mcpu=cortex-{core} -mthumb" for core in ("m0", "m3", "m4", "m23", "m33", "a9")
 )
 BARE = "--target=arm-none-eabi"
-CALLS = ("dahl_step_counts_q30", "dahl_step_counts", "dahl_part_move", "dahl_work_step_counts")
-IN_FLOAT = {"dahl_step_counts", "dahl_work_step_counts"}
+CALLS = (
+    "dahl_step_counts_q30",
+    "dahl_step_counts",
+    "dahl_step",
+    "dahl_part_move",
+    "dahl_work_step_counts",
+)
+IN_FLOAT = {"dahl_step_counts", "dahl_step", "dahl_work_step_counts"}
 WRITTEN = {core: set(CALLS) for core in (M3, M4, M33)}  # in assembly
-WRITTEN |= {core: {"dahl_step_counts_q30"} for core in (M0, M23)}
+WRITTEN |= {core: {"dahl_step_counts_q30", "dahl_step"} for core in (M0, M23)}
 MAIN = "".join(f"extern int {name}(void);\n" for name in CALLS) + (
     "int main(void) { return " + " + ".join(f"{name}()" for name in CALLS) + "; }\n"
 )

@@ -75,6 +75,15 @@ def test_the_c_tests_pass_on_each_core(core: str, tmp_path: Path) -> None:
         assert outcome.get("status") == "run" and outcome.find("failure") is None, (case, said)
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("core", ARM)
+def test_ticks_in_assembly_have_the_bits_of_the_c_for_1e7_inputs(core: str) -> None:
+    folder = build(core, "test_cores_10000000")
+    run(
+        "ctest", "--test-dir", folder, "-R", "test_cores_10000000", "--no-tests=error", seconds=3000
+    )
+
+
 def test_avr_gives_the_golden_bits() -> None:
     """int has 16 bits. The output decides, not the exit code of the emulator."""
     for program in ("avr-gcc", "qemu-system-avr"):

@@ -22,6 +22,7 @@ int32_t call_units(int32_t, uint32_t) __asm__("bench_call");
 /* The C of lib/model under other names (CMakeLists.txt), as the library has a tick in assembly on some cores. */
 float c_step_counts(const dahl_plan_t *, dahl_state_t *, int32_t);
 int32_t c_step_counts_q30(const dahl_plan_t *, dahl_state_t *, int32_t);
+float c_step(const dahl_plan_t *, dahl_state_t *, float);
 
 /* One axis of a drive, and the work of its interrupt in each tick: from the reading of the 16-bit timer to the sum of the
  * controller's torque and the friction. In N m, or without a float in units of the drive. */
@@ -111,6 +112,15 @@ static void by_angle(int64_t w, float dtheta)
     call_angle(&plan, &state, dtheta);
     note_depth();
 }
+
+static void c_by_angle(int64_t w, float dtheta)
+{
+    dahl_state_t state = {w};
+    bench_function = (bench_function_t)c_step;
+    call_angle(&plan, &state, dtheta);
+}
+
+typedef void (*by_angle_t)(int64_t w, float dtheta);
 
 typedef void (*by_counts_t)(int64_t w, int32_t dcounts);
 
@@ -235,19 +245,19 @@ static float float_of(uint32_t bits)
 }
 
 /* Every exponent with a few mantissas and both signs, from every start; then floats at random. */
-static void search_angle(void)
+static void search_angle(by_angle_t step)
 {
     for (uint32_t exponent = 0; exponent < 256; exponent++) {
         for (uint32_t mantissa = 0; mantissa < MANTISSAS; mantissa++) {
             uint32_t bits = exponent << 23 | mantissa * (0x7fffffu / (MANTISSAS - 1));
             for (unsigned i = 0; i < STARTS; i += 2) {
-                by_angle(starts[i], float_of(bits));
-                by_angle(starts[i], float_of(bits | 0x80000000u));
+                step(starts[i], float_of(bits));
+                step(starts[i], float_of(bits | 0x80000000u));
             }
         }
     }
     for (int i = 0; i < RANDOM_CALLS; i++) {
-        by_angle(random_state(), float_of(next_random()));
+        step(random_state(), float_of(next_random()));
     }
 }
 
@@ -271,8 +281,10 @@ static void bench_angle(void)
     }
     deepest = 0;
     bench_case("angle_worst");
-    search_angle();
+    search_angle(by_angle);
     report_depth("stack_angle");
+    bench_case("angle_c_worst");
+    search_angle(c_by_angle);
 }
 
 static const dahl_params_t many_params[] = {

@@ -1,0 +1,418 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * dahl_step() for ARMv6-M and ARMv8-M Baseline: the tick of lib/model/step_angle.c, same bits. See lib/model/kernel.h for v = hi 2^(-32 - shift), Q and g.
+ *
+ * The core multiplies to 32 bits, so products are built from halves of 16 bits: x = x1:x0. The arguments are kept on
+ * the stack. A float is passed in r0 to r3 on every such core, since none has an FPU.
+ */
+#include "../arith/core.h"
+#if DAHL_V6M
+    .syntax unified
+    .thumb
+
+#define PLAN [sp, #0]
+#define STATE [sp, #4]
+#define BITS [sp, #8]  /* of the angle */
+#define FC 8           /* [byte] offset of Fc in the plan: mantissa, exponent */
+#define EXPONENT 158   /* 2 + 156, as in dahl_round_to_float */
+#define FAR 0x600000   /* DAHL_FAR */
+
+/* a1 = upper word of a b. All five registers are lost; the flags are those of a1. */
+    .macro mulhi a, b, a1, b1, t
+    lsrs    \a1, \a, #16
+    uxth    \a, \a
+    lsrs    \b1, \b, #16
+    uxth    \b, \b
+    movs    \t, \a
+    muls    \t, \b, \t
+    lsrs    \t, \t, #16
+    muls    \b, \a1, \b
+    muls    \a, \b1, \a
+    muls    \a1, \b1, \a1
+    adds    \b, \b, \t /* no carry */
+    uxth    \t, \b
+    adds    \a, \a, \t /* no carry */
+    lsrs    \b, \b, #16
+    lsrs    \a, \a, #16
+    adds    \a1, \a1, \b
+    adds    \a1, \a1, \a
+    .endm
+
+/* b1:low = a b. All five registers are lost. */
+    .macro multiply a, b, a1, b1, low
+    lsrs    \a1, \a, #16
+    uxth    \a, \a
+    lsrs    \b1, \b, #16
+    uxth    \b, \b
+    movs    \low, \a
+    muls    \low, \b, \low
+    muls    \b, \a1, \b
+    muls    \a, \b1, \a
+    muls    \b1, \a1, \b1
+    lsls    \a1, \b, #16
+    lsrs    \b, \b, #16
+    adds    \low, \low, \a1
+    adcs    \b1, \b1, \b
+    lsls    \a1, \a, #16
+    lsrs    \a, \a, #16
+    adds    \low, \low, \a1
+    adcs    \b1, \b1, \a
+    .endm
+
+/* Q(f) in r3, for f in r6; r0 to r7 are lost. The coefficients are c3 < 0 with 11 zero bits, c2 > 0, c1 < 0 and c0.
+ * y = y1:y0 = r7:r6 is below 2^28 and c2 is too, so that sums of two inner products do not carry. */
+    .macro cubic
+    ldr     r7, =dahl_kernel_cubics
+    lsrs    r3, r6, #28
+    lsls    r3, r3, #4
+    adds    r7, r7, r3
+    ldmia   r7!, {r0, r1, r2, r3} /* c3, c2, c1, c0 */
+    lsls    r7, r6, #4
+    lsrs    r7, r7, #20
+    uxth    r6, r6
+    asrs    r0, r0, #11 /* y c3 2^-32 = y (c3 2^-11) 2^-21 */
+    movs    r4, r0
+    muls    r4, r6, r4
+    muls    r0, r7, r0
+    asrs    r4, r4, #16
+    adds    r0, r0, r4
+    asrs    r0, r0, #5
+    adds    r1, r1, r0 /* c2 + y c3 */
+    lsrs    r4, r1, #16
+    uxth    r1, r1
+    movs    r5, r1
+    muls    r5, r6, r5
+    lsrs    r5, r5, #16
+    muls    r1, r7, r1
+    adds    r5, r5, r1
+    movs    r1, r4
+    muls    r1, r6, r1
+    adds    r5, r5, r1
+    lsrs    r5, r5, #16
+    muls    r4, r7, r4
+    adds    r2, r2, r4
+    adds    r2, r2, r5 /* c1 + y (c2 + ..) */
+    asrs    r4, r2, #16
+    uxth    r2, r2
+    movs    r5, r2
+    muls    r5, r6, r5
+    lsrs    r5, r5, #16
+    muls    r2, r7, r2
+    adds    r5, r5, r2
+    muls    r6, r4, r6
+    adds    r5, r5, r6
+    asrs    r5, r5, #16
+    muls    r4, r7, r4
+    adds    r3, r3, r4
+    adds    r3, r3, r5 /* c0 + y (c1 + ..) */
+    .endm
+
+/* z, the gap in Q30, in r2 for w in r7:r6. Both leave the top bit of z in the flags. */
+    .macro gap_forward
+    movs    r2, #1
+    lsls    r2, r2, #30
+    subs    r2, r2, r7
+    lsrs    r3, r6, #31
+    subs    r2, r2, r3
+    .endm
+
+    .macro gap_backward
+    movs    r2, #1
+    lsls    r2, r2, #30
+    lsls    r3, r6, #1 /* the carry rounds w up */
+    adcs    r2, r2, r7
+    .endm
+
+/* Target of the branch on the top bit of z. If z = 2^31, a reversal from the end, continue at `back`. Otherwise w is
+ * out of range: clamp it to +-2^62 on its side and continue at `gap`. */
+    .macro reverse_or_clamp gap, back
+    lsls    r3, r2, #1
+    beq     \back
+    lsrs    r7, r7, #31
+    lsls    r7, r7, #31
+    movs    r6, #1
+    lsls    r6, r6, #30
+    orrs    r7, r7, r6
+    movs    r6, #0
+    b       \gap
+    .endm
+
+/* w in r7:r6, the bits of the angle in r1, its sign in the flags. */
+    .macro load_w
+    ldr     r0, STATE
+    ldr     r1, BITS
+    ldmia   r0!, {r6, r7}
+    cmp     r1, #0
+    .endm
+
+/* w += or -= z m >> lr for lr <= 32, with z in r2 and m in r4. `add` is adds or subs, `add_carry` adcs or sbcs. */
+    .macro update_small add, add_carry
+    multiply r2, r4, r3, r5, r1
+    mov     r2, lr
+    movs    r3, #32
+    subs    r3, r3, r2
+    lsrs    r1, r1, r2
+    movs    r4, r5
+    lsls    r4, r4, r3
+    orrs    r1, r1, r4
+    lsrs    r5, r5, r2
+    \add    r6, r6, r1
+    \add_carry r7, r7, r5
+    .endm
+
+/* w += or -= z g, with z in r2 and g in r4. */
+    .macro update_large add, add_carry
+    multiply r2, r4, r3, r5, r1
+    \add    r6, r6, r1
+    \add_carry r7, r7, r5
+    .endm
+
+/* w += or -= z g 2^-32, with z in r2 and g in r0. */
+    .macro update_tiny add, add_carry
+    mulhi   r2, r0, r1, r3, r5
+    movs    r2, #0
+    \add    r6, r6, r1
+    \add_carry r7, r7, r2
+    .endm
+
+    .section .text.dahl_step, "ax", %progbits
+    .global dahl_step
+    .type dahl_step, %function
+    .thumb_func
+    .balign 4
+dahl_step:
+    push    {r0-r2, r4-r7, lr}
+    ldmia   r0!, {r3, r4} /* a_mantissa, a_exponent */
+    lsls    r5, r2, #1
+    lsrs    r5, r5, #24
+    adds    r4, r4, r5
+    movs    r5, #94
+    subs    r4, r5, r4 /* shift */
+    lsls    r2, r2, #8
+    movs    r5, #1
+    lsls    r5, r5, #31
+    orrs    r2, r2, r5
+    mulhi   r2, r3, r5, r6, r7 /* hi in r5 */
+by_shift:
+    cmp     r4, #32 /* unsigned */
+    blo     below_1
+    b       not_below_1
+
+    /* v < 1: g = v Q(v) = m 2^(-32 - lr) */
+below_1:
+    cmp     r5, #0
+    bmi     1f
+    adds    r5, r5, r5
+    adds    r4, r4, #1
+1:  movs    r6, r5
+    lsrs    r6, r6, r4 /* f */
+    mov     r12, r5
+    mov     lr, r4
+    cubic
+    mov     r2, r12
+    mulhi   r2, r3, r4, r5, r6
+    load_w
+    bmi     small_backward
+11: gap_forward
+    bmi     21f
+12: update_small adds, adcs
+    b       torque
+21: reverse_or_clamp 11b, 12b
+22: reverse_or_clamp 13f, 14f
+small_backward:
+13: gap_backward
+    bmi     22b
+14: update_small subs, sbcs
+
+    /* Store w, whose sign is in the flags, and return its torque: dahl_torque_of() of lib/model/torque.h */
+torque:
+    ldr     r0, STATE
+    stmia   r0!, {r6, r7}
+torque_of_w:
+    ldr     r0, PLAN
+    ldr     r2, [r0, #FC]
+    ldr     r3, [r0, #FC + 4]
+    bpl     1f
+    adds    r3, r3, #255 /* 256, the sign of the float, above its exponent */
+    adds    r3, r3, #1
+    movs    r0, #0
+    rsbs    r6, r6, #0
+    sbcs    r0, r0, r7
+    movs    r7, r0
+1:  adds    r3, r3, #EXPONENT
+    movs    r0, #1
+    orrs    r2, r2, r0
+    cmp     r7, #0
+    beq     below_q30
+2:  movs    r0, r7
+    movs    r1, #0 /* leading zeros */
+    lsrs    r4, r0, #16
+    bne     3f
+    lsls    r0, r0, #16
+    adds    r1, r1, #16
+3:  lsrs    r4, r0, #24
+    bne     4f
+    lsls    r0, r0, #8
+    adds    r1, r1, #8
+4:  lsrs    r4, r0, #28
+    bne     5f
+    lsls    r0, r0, #4
+    adds    r1, r1, #4
+    lsrs    r4, r0, #28
+5:  adr     r5, zeros_of_nibble
+    ldrb    r5, [r5, r4]
+    adds    r1, r1, r5
+    lsls    r7, r7, r1
+    movs    r4, #32
+    subs    r4, r4, r1
+    lsrs    r6, r6, r4
+    orrs    r7, r7, r6
+    subs    r3, r3, r1
+    mulhi   r7, r2, r4, r5, r6
+    bmi     6f
+    lsls    r4, r4, #1
+    bpl     zero /* a plan of all zeros */
+    lsls    r3, r3, #23
+    lsrs    r0, r4, #8 /* the carry, the last bit shifted out, rounds to nearest */
+    adcs    r0, r0, r3 /* the first bit adds 1 to the exponent */
+    add     sp, #12
+    pop     {r4-r7, pc}
+6:  adds    r3, r3, #1
+    lsls    r3, r3, #23
+    lsrs    r0, r4, #8
+    adcs    r0, r0, r3
+    add     sp, #12
+    pop     {r4-r7, pc}
+below_q30:
+    movs    r7, r6
+    beq     zero
+    movs    r6, #0
+    subs    r3, r3, #32
+    b       2b
+zero:
+    movs    r0, #0
+    add     sp, #12
+    pop     {r4-r7, pc}
+    .balign 4
+zeros_of_nibble:
+    .byte 4, 3, 2, 2, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0
+
+    .pool
+
+    /* 1/2 <= v < 256: g = 1 - 2^-k (1 - f Q(f)). f is a rotation of hi, with k in its low bits. */
+not_below_1:
+    movs    r6, r4
+    adds    r6, r6, #8
+    cmp     r6, #7 /* unsigned */
+    bls     1f
+    b       not_usual
+1:  movs    r6, r5
+    rors    r6, r6, r4 /* f */
+    movs    r3, #32
+    adds    r3, r3, r4
+    lsrs    r5, r5, r3 /* k */
+    mov     r12, r6
+    mov     lr, r5
+    cubic
+    mov     r2, r12
+    mulhi   r2, r3, r4, r5, r6
+    mvns    r4, r4
+    mov     r5, lr
+    lsrs    r4, r4, r5
+    mvns    r4, r4
+update_by_g:
+    load_w
+    bmi     large_backward
+11: gap_forward
+    bmi     21f
+12: update_large adds, adcs
+    b       torque
+21: reverse_or_clamp 11b, 12b
+22: reverse_or_clamp 13f, 14f
+large_backward:
+13: gap_backward
+    bmi     22b
+14: update_large subs, sbcs
+    b       torque
+
+not_usual:
+    cmp     r4, #64 /* unsigned */
+    bhs     not_tiny
+
+    /* v < 2^-32: g = v Q(0), in Q64 */
+    cmp     r5, #0
+    bmi     1f
+    adds    r5, r5, r5
+    adds    r4, r4, #1
+1:  subs    r4, r4, #32
+    ldr     r3, =dahl_kernel_cubics
+    ldr     r3, [r3, #12]
+    mulhi   r5, r3, r0, r6, r7
+    lsrs    r0, r0, r4
+    mov     r4, r0
+    load_w
+    mov     r0, r4
+    bmi     tiny_backward
+11: gap_forward
+    bmi     21f
+12: update_tiny adds, adcs
+    b       torque
+tiny_backward:
+13: gap_backward
+    bmi     22f
+14: update_tiny subs, sbcs
+    b       torque
+21: reverse_or_clamp 11b, 12b
+22: reverse_or_clamp 13b, 14b
+
+not_tiny:
+    ldr     r1, BITS
+    lsls    r2, r1, #1
+    lsrs    r2, r2, #24 /* exponent of the angle */
+    cmp     r4, #0
+    blt     1f
+    lsrs    r3, r4, #12
+    beq     no_motion
+
+    /* A far plan: as any other, but with a check of the angle */
+    cmp     r2, #0
+    beq     no_motion
+    movs    r3, #FAR >> 21
+    lsls    r3, r3, #21
+    subs    r4, r4, r3
+    cmp     r4, #64
+    bge     no_motion
+    cmp     r2, #255
+    beq     1f
+    b       by_shift
+
+    /* v >= 256, or an infinite angle, or NaN */
+1:  cmp     r5, #0
+    beq     no_motion /* a plan of all zeros */
+    movs    r4, #0
+    mvns    r4, r4
+    cmp     r2, #255
+    beq     2f
+    b       update_by_g
+2:  lsls    r2, r1, #9
+    bne     no_motion /* NaN */
+    movs    r6, #0
+    movs    r7, #1
+    lsls    r7, r7, #30
+    cmp     r1, #0
+    bpl     3f
+    rsbs    r7, r7, #0
+3:  cmp     r7, #0
+    b       torque
+
+no_motion:
+    load_w
+11: gap_backward
+    bmi     21f
+12: cmp     r7, #0
+    b       torque
+21: reverse_or_clamp 11b, 12b
+    .pool
+    .size dahl_step, . - dahl_step
+#endif
+#include "stack_note.inc"
