@@ -125,9 +125,9 @@ typedef struct {
                                      rounded to counts; half the flicker at rest, rounded up */
     uint32_t play;              /**< [count] width of the dead zone that follows the counts: at
                                      least 2 noise and 1, at most #DAHL_COMPENSATOR_PLAY_MAX */
-    uint32_t jump;              /**< [count] longer moves of a tick are rejected: 1 ..
-                                     #DAHL_COMPENSATOR_JUMP_MAX, and below 1000 times the counts of
-                                     a tick at fade_speed */
+    uint32_t jump;              /**< [count] longer moves of a tick are rejected: at least 1, at
+                                     most #DAHL_COMPENSATOR_JUMP_MAX, below 1000 times the counts
+                                     of a tick at fade_speed */
 } dahl_compensator_params_t;
 
 /** Values that dahl_compensator_prepare() derives from the parameters. Integers only; may be

@@ -241,6 +241,22 @@ static void test_full_gain_returns_the_ratio(void)
     }
 }
 
+static void test_the_mean_of_the_speed_follows_the_moves(void)
+{
+    dahl_compensator_params_t params = valid;
+    dahl_compensator_t compensator = {0};
+    params.fade_speed = 3.0f;
+    const dahl_compensator_plan_t plan = plan_of(&params);
+    for (int t = 1; t <= 300; t++) {
+        const int32_t dcounts = t <= 100 ? 10 : t <= 200 ? -100 : 0;
+        const double speed = dcounts * (double)params.friction.theta_per_count * 1e3;
+        (void)dahl_compensator_move(&plan, &compensator, dcounts, 1);
+        if (t % 100 == 0) {
+            TEST_ASSERT_DOUBLE_WITHIN(0.01, speed / 3, compensator.speed_q20 * 0x1p-20);
+        }
+    }
+}
+
 /* --- any bits --------------------------------------------------------------------------------------------------------- */
 
 static void randomize(void *memory, size_t bytes, uint64_t *seed)
