@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 LIB = ROOT / "lib"
-NOT_CORE = ("batch", "cores", "float", "node", "parts")
+NOT_CORE = ("batch", "compensator", "cores", "float", "node", "parts")
 
 
 def _found(*folders: str, kind: str = "c") -> list[Path]:
@@ -21,7 +21,7 @@ def _is_core(path: Path) -> bool:
 
 
 CORE = [path for path in _found("lib") if _is_core(path)]  # one element, as firmware links it
-PARTS = [path for path in _found("lib") if path.relative_to(LIB).parts[0] in ("cores", "parts")]
+PARTS = [path for folder in ("compensator", "cores", "parts") for path in _found(f"lib/{folder}")]
 FLOAT = [path for path in _found("lib") if path.relative_to(LIB).parts[0].startswith("float")]
 BATCHES = [path for path in _found("lib") if path.relative_to(LIB).parts[0].startswith("batch")]
 EXACT = CORE + PARTS + BATCHES  # the same bits everywhere

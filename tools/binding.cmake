@@ -3,7 +3,7 @@
 #   dahl_declarations.h  the headers after the preprocessor; needs the C compiler alone
 #   _dahl.abi3.so        a module of cffi whose calls cost half; needs cffi and Python.h, and is left out without them
 # Both lie next to libdahl.so. tools/dahl/binding/library.py loads them.
-set(headers dahl.h dahl_encoder.h dahl_parts.h dahl_float.h dahl_batch.h dahl_can_bus.h dahl_frames.h dahl_node.h)
+set(headers dahl.h dahl_encoder.h dahl_parts.h dahl_compensator.h dahl_float.h dahl_batch.h dahl_can_bus.h dahl_frames.h dahl_node.h)
 set(include ${PROJECT_SOURCE_DIR}/lib/include)
 set(work ${PROJECT_BINARY_DIR}/binding)
 set(declarations ${PROJECT_BINARY_DIR}/lib/dahl_declarations.h)

@@ -184,6 +184,8 @@ def test_the_screen_begins_with_the_verdict_and_has_each_number_with_its_unit(ri
     for name, unit in kept["units"].items():
         low, high = kept["ci95"][name]
         assert shown[name] == f"{kept[name]:.5g} {unit}, 95 %: {low:.5g} to {high:.5g}"
+    bounds = f"Fc_low {kept['ci95']['Fc'][0]:.5g} N, length_long {1 / kept['ci95']['a'][0]:.5g} m"
+    assert shown["compensator"] == bounds
     for name, unit in UNITS.items():
         assert shown[name] == f"{kept['extra'][name]:.4g} {unit}"
     assert f"{kept['checks'][rig.check]:.4f}" in shown[f"check {Path(rig.check).name}"]
@@ -247,6 +249,10 @@ def test_the_header_has_the_plan_bit_for_bit_and_its_numbers(rig, root):
     for name in ("sigma0", "Fc"):
         low, high = kept["ci95"][name]
         assert f"{name} [{kept['units'][name]}]: 95 % within {low:.5g} to {high:.5g}" in words
+    macros = dict(re.findall(r"#define DAHL_PLAN_X_(\w+) (\S+)f ", header.read_text()))
+    Fc_low, length_long = kept["ci95"]["Fc"][0], 1 / kept["ci95"]["a"][0]  # noqa: N806
+    assert (1 - 1e-6) * Fc_low <= float(macros["FC_LOW"]) <= Fc_low * (1 + 1e-9)
+    assert length_long * (1 - 1e-9) <= float(macros["LENGTH_LONG"]) <= (1 + 1e-6) * length_long
     wanted = (kept["verdict"], f"{kept['r2_plan']:.4f}", *(path.name for path in rig.logs))
     for words_wanted in (*wanted, *(f"FORCED, although {one}" for one in kept["plan"]["against"])):
         assert words_wanted in words

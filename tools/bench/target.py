@@ -215,7 +215,9 @@ def objects_at(core: Core, level: str) -> list[Path]:
     ]
     objects = []
     for source in sorted(
-        path for part in ("arith", "model", "parts") for path in (ROOT / "lib" / part).glob("*.c")
+        path
+        for part in ("arith", "model", "parts", "compensator")
+        for path in (ROOT / "lib" / part).glob("*.c")
     ):
         objects.append(folder / f"{source.stem}.o")
         run(core.tool("gcc"), *flags, "-c", source, "-o", objects[-1])
@@ -239,7 +241,7 @@ def measure_sizes(core: Core) -> dict[str, int]:
     return result
 
 
-# Cases of dahl_parts.h, and Coulomb for measured.py
+# Cases of dahl_parts.h and dahl_compensator.h, and Coulomb for measured.py
 PARTS = (
     *(
         "slip_",
@@ -252,7 +254,7 @@ PARTS = (
         "plastic_",
         "crossing_",
     ),
-    *("work_", "counts_to_torque", "tip_torque", "velocity_"),
+    *("work_", "counts_to_torque", "tip_torque", "velocity_", "compensator_", "adaptation_"),
     "coulomb",
 )
 

@@ -14,6 +14,7 @@ The package calls the C library for all mathematics. Public names:
     Loaded(plan), Work(plan)            a bearing under a load; one that sums its work
     ThroughputSlip(sigma0, Fc, theta_per_count), ThroughputParallel(part, ...)   long logs of these
     VelocityTable(torque, segment_bits)   friction that depends on speed; add it to another
+    Compensator(sigma0, Fc, theta_per_count, ...)   torque that cancels friction, within bounds
     Encoder(modulus, sign, largest_step).move(reading)   counts of each tick, for any wrap
     counts_between(before, now, modulus)   shortest way from one encoder reading to the next
     to_units(ratio_q30, Fc_units)       convert F/Fc in Q30 to integer units of torque
@@ -39,6 +40,7 @@ from dahl.version import __version__ as __version__
 TYPE_CHECKING = False  # importing typing would double the time of `dahl --help`
 if TYPE_CHECKING:
     from dahl.binding.bristles import Asymmetric, ElastoPlastic
+    from dahl.binding.compensator import Compensator
     from dahl.binding.encoder import Encoder, counts_between, to_units
     from dahl.binding.friction import Friction, Plan, State
     from dahl.binding.loaded import Loaded
@@ -51,6 +53,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Asymmetric",
+    "Compensator",
     "ElastoPlastic",
     "Encoder",
     "Error",
@@ -76,6 +79,7 @@ __all__ = [
 SUBMODULES = {"codec": "dahl.can.codec", "node": "dahl.can.node"}
 MODULES = {  # of the public classes and functions
     "binding.bristles": ("Asymmetric", "ElastoPlastic"),
+    "binding.compensator": ("Compensator",),
     "binding.encoder": ("Encoder", "counts_between", "to_units"),
     "binding.friction": ("Friction", "Plan", "State"),
     "binding.loaded": ("Loaded",),

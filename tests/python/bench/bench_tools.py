@@ -127,7 +127,8 @@ CASES += """angle_zero angle_worst prepare torque set_torque change_plan counts_
     asymmetric_float asymmetric_prepare loaded_q30 loaded_more_q30 loaded_float clamped_float
     elastic_q30 plastic_q30 crossing_q30 crossing_float work_step work_step_q30 work_read
     counts_to_torque counts_to_torque_fine tip_torque_1000 tip_torque tip_torque_fine
-    velocity_torque_q30 velocity_torque dense_q30""".split()
+    velocity_torque_q30 velocity_torque compensator_tick compensator_pull adaptation_step
+    compensator_prepare dense_q30""".split()
 OF_A_LIBC = ("expm1f", "expf", "exp_double")
 OF_RIVALS = ("euler", "rk4", "table")
 BYTES = ("code_bytes", "code_bytes_angle", "const_bytes_angle", "static_bytes_angle")

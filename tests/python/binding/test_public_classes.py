@@ -68,6 +68,9 @@ BREAKAWAY = models.with_key("breakaway")
 PLANNED = {"plan": dahl.Plan(**PLAN)}
 TWO = {"sigma0": [100.0, 50.0], "Fc": [0.5, 1.0], "theta_per_count": 1e-3}
 SEAL = {"sigma0": 100.0, "Fc_forward": 0.5, "Fc_backward": 0.3, "theta_per_count": 2e-4}
+COMPENSATED = PLAN | {"period": 1e-3, "limit": 0.3, "slew": 50.0, "gain": 0.5, "Fc_low": 0.4}
+COMPENSATED |= {"length_long": 1e-3, "reference": False, "rise": 0.2, "fall": 0.1, "pull": 0.2}
+COMPENSATED |= {"fade_speed": 3.0, "noise": 1, "play": 5, "jump": 90}
 NODE = {"gain": 0.5, "limit": 0.25, "ramp": 0.3, "timeout": 0.02, "max_step": 7}
 NODE |= {"status_period": 0.07}
 TABLE = [0.5, 0.3, 0.25, -0.125, *(0.0625 * k for k in range(1, 13))]
@@ -77,6 +80,7 @@ KINDS = {
     kind.of.__name__: kind
     for kind in (
         Kind(dahl.Asymmetric, SEAL, step),
+        Kind(dahl.Compensator, COMPENSATED, lambda one: one.move(-7)),
         Kind(models.class_of(BREAKAWAY), PLAN | {"breakaway": 0.5}, step),
         Kind(dahl.Encoder, {"modulus": 65536, "sign": 1, "largest_step": 9}, lambda o: o.move(12)),
         Kind(dahl.Friction, PLANNED, step),

@@ -22,7 +22,7 @@ from conftest import ROOT, from_pypi
 PUBLIC = {
     f"lib/include/{name}"
     for name in ("dahl.h", "dahl_encoder.h", "dahl_parts.h", "dahl.hpp", "dahl_node.h")
-    + ("dahl_frames.h", "dahl_can_bus.h")
+    + ("dahl_compensator.h", "dahl_frames.h", "dahl_can_bus.h")
 }
 
 
@@ -33,7 +33,9 @@ def of(folder: str, *kinds: str) -> set[str]:
     return {path.relative_to(ROOT).as_posix() for path in files}
 
 
-CORE = set().union(*(of(f"lib/{name}", "c", "h") for name in ("arith", "model", "parts")))
+CORE = set().union(
+    *(of(f"lib/{name}", "c", "h") for name in ("arith", "compensator", "model", "parts"))
+)
 NODE = of("lib/node", "c", "h", "dbc")
 ASSEMBLY = of("lib/cores", "S", "inc", "c")
 NEEDED = PUBLIC | CORE | NODE | {"LICENSE", "README.md"}
@@ -73,7 +75,9 @@ def test_platformio_packs_and_compiles_the_needed_files() -> None:
     shown = {f"{one['base']}/{file}" for one in manifest["examples"] for file in one["files"]}
     assert packed == NEEDED | ASSEMBLY | {"library.json"} | shown
     assert len(shown) > 3
-    sources = {f"+<{folder}/>" for folder in ("arith", "cores", "model", "node", "parts")}
+    sources = {
+        f"+<{folder}/>" for folder in ("arith", "compensator", "cores", "model", "node", "parts")
+    }
     assert set(manifest["build"]["srcFilter"]) == sources
 
 

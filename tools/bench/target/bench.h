@@ -25,5 +25,6 @@ void bench_rivals(void);
 void bench_motions(void);
 void bench_variants(void);
 void bench_energy(void);
+void bench_compensator(void);
 
 #endif

@@ -59,5 +59,6 @@ int main(void)
     bench_motions();
     bench_variants();
     bench_energy();
+    bench_compensator();
     return 0;
 }

@@ -11,6 +11,8 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from dahl.binding import models
 from dahl.binding.library import c
 from dahl.errors import Error
@@ -128,6 +130,28 @@ def with_load(header: str, name: str, at_zero: float, per_unit: float) -> str:
         "",
     ]
     return header[:end] + "\n".join(function) + "\n" + header[end:]
+
+
+def bounds(name: str, Fc_low: float, length_long: float, torque: str, angle: str) -> str:  # noqa: N803
+    """Return the lines after a header with the bounds for dahl_compensator.h: the floats below
+    Fc_low and above length_long, with the units of torque and angle.
+    """
+    prefix = f"DAHL_PLAN_{name.upper()}"
+    low, long = _float(_rounded(Fc_low, 0.0)), _float(_rounded(length_long, np.inf))
+    return (
+        "\n/* Bounds for dahl_compensator.h: ends of the 95 % intervals. */\n"
+        f"#ifndef {prefix}_FC_LOW\n"
+        f"#define {prefix}_FC_LOW {low} /* {torque} */\n"
+        f"#define {prefix}_LENGTH_LONG {long} /* {angle} */\n"
+        "#endif\n"
+    )
+
+
+def _rounded(value: float, towards: float) -> float:
+    """Return the nearest float, or the next one if it is on the wrong side of the value."""
+    near = np.float32(value)
+    is_wrong = near > value if towards == 0 else near < value
+    return float(np.nextafter(near, np.float32(towards)) if is_wrong else near)
 
 
 def _float(value: float) -> str:

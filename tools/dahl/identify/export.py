@@ -235,6 +235,8 @@ def header(
     whole = [line.replace("*/", "* /") for line in comment if line]
     folded = [part for line in whole for part in textwrap.wrap(line, COMMENT_WIDTH)]
     text = plan_header.text(name, model.plans(quality.theta_per_count), folded)
+    if result.compensator_bounds:
+        text += plan_header.bounds(name, *result.compensator_bounds, log.unit, log.angle_unit)
     return plan_header.with_load(text, name, *model.load) if model.model == "loaded" else text
 
 

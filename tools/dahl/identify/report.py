@@ -342,6 +342,9 @@ def table(result: Result) -> Table:
         p = getattr(result, name)
         high = f"{p.high:.5g}" if math.isfinite(p.high) else "no end"
         shown.add_row(name, f"{p.value:.5g} {unit}, 95 %: {p.low:.5g} to {high}")
+    if bounds := result.compensator_bounds:
+        words = f"Fc_low {bounds[0]:.5g} {log.unit}, length_long {bounds[1]:.5g} {log.angle_unit}"
+        shown.add_row("compensator", words)
     shown.add_row("law", _law_words(result))
     if (load := _load(result)) is not None:
         shown.add_row("load", _load_words(load))

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from dahl.identify.select import Plausible
 
 NAMES = ("sigma0", "Fc")
+SLIP_LENGTHS = 3  # presliding lengths that a compensator needs if slip elements fit best
 MAX_HALF_WIDTH = 0.3  # of the value; a wider interval is no basis for a firmware
 MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller shapes still more
 MIN_R2 = 0.5  # on cycles left out; below it most of the torque is not friction
@@ -115,6 +116,18 @@ class Result:
         low = s.low / c.high if c.high > 0 else 0.0
         high = s.high / c.low if c.low > 0 else np.inf
         return Parameter(s.value / c.value, low, high, s.claimed and c.claimed, s.uncertainty)
+
+    @property
+    def compensator_bounds(self) -> tuple[float, float] | None:
+        """Fc_low in N m (N) and length_long in rad (m) for dahl_compensator.h: ends of the 95 %
+        intervals; None if an end is missing or if the friction follows a load.
+
+        Slip elements lose no energy in presliding, so their length is given three times.
+        """
+        law = self.hypothesis.friction
+        if not all(self.claimed) or self.Fc.low <= 0 or self.a.low <= 0 or law.name == "loaded":
+            return None
+        return self.Fc.low, (SLIP_LENGTHS if "slip" in law.kinds else 1) / self.a.low
 
     def _parameter(self, k: int) -> Parameter:
         i = self.intervals

@@ -1,0 +1,82 @@
+/* SPDX-License-Identifier: MIT */
+/** Products and quotients of parameters as mantissa 2^exponent, truncated to 32 bits; for prepare functions. */
+#ifndef DAHL_REAL_H
+#define DAHL_REAL_H
+
+#include "../arith/fixed.h"
+#include "dahl.h"
+
+/** Inline at each level of optimization, because gcc for Cortex-M0 copies a returned structure with memcpy. */
+static inline DAHL_ALWAYS_INLINE dahl_real_t dahl_real_of_param(float x)
+{
+    const uint32_t bits = dahl_bits_of(x);
+    dahl_real_t real = {DAHL_TOP_BIT | bits << 8, (int32_t)(bits >> 23) - (127 + 31)};
+    return real;
+}
+
+static inline int dahl_is_zero(float x)
+{
+    return dahl_bits_of(x) << 1 == 0;
+}
+
+static inline dahl_real_t dahl_real_round_down(uint64_t mantissa, int32_t exponent)
+{
+    dahl_wide_t wide = dahl_normalise(mantissa, exponent);
+    dahl_real_t real = {(uint32_t)(wide.mantissa >> 32), wide.exponent + 32};
+    return real;
+}
+
+static inline DAHL_COLD dahl_real_t dahl_real_multiply(dahl_real_t a, dahl_real_t b)
+{
+    return dahl_real_round_down(dahl_mul(a.mantissa, b.mantissa), a.exponent + b.exponent);
+}
+
+static inline DAHL_COLD dahl_real_t dahl_real_divide(dahl_real_t a, dahl_real_t b)
+{
+    return dahl_real_round_down(dahl_quotient_q63(a.mantissa, b.mantissa), a.exponent - b.exponent - 63);
+}
+
+/** Return x 2^bits, truncated, at most `most`. */
+static inline uint32_t dahl_real_to_fixed(dahl_real_t x, int32_t bits, uint32_t most)
+{
+    int32_t shift = -(x.exponent + bits);
+    uint32_t fixed = shift > 31 ? 0 : shift < 0 ? UINT32_MAX : x.mantissa >> shift;
+    return fixed < most ? fixed : most;
+}
+
+/** Return the power of two of ticks that lasts `time`, or down to half of it; at most `most`. */
+static inline DAHL_COLD uint8_t dahl_real_doublings(float time, dahl_real_t period, uint8_t most)
+{
+    uint32_t ticks = dahl_real_to_fixed(dahl_real_divide(dahl_real_of_param(time), period), 0, UINT32_MAX);
+    uint8_t shift = 0;
+    while (shift < most && ticks >> shift > 1) {
+        shift++;
+    }
+    return shift;
+}
+
+/** Return the speed of one count per tick as a part of `speed`, in Q20. */
+static inline DAHL_COLD uint32_t dahl_real_speed_unit(dahl_real_t speed, dahl_real_t period, dahl_real_t theta)
+{
+    return dahl_real_to_fixed(dahl_real_divide(theta, dahl_real_multiply(speed, period)), 20, DAHL_ONE_Q30);
+}
+
+/** Return the longest move whose product with a unit of at most 2^30 is at most 2^30. */
+static inline uint32_t dahl_real_speed_counts(uint32_t unit)
+{
+    uint32_t counts = DAHL_ONE_Q30;
+    for (; unit > 1; unit = (unit + 1) / 2) {
+        counts /= 2;
+    }
+    return counts;
+}
+
+/** Return true if a b > c, decided exactly. */
+static inline int dahl_real_is_product_above(dahl_real_t a, dahl_real_t b, dahl_real_t c)
+{
+    dahl_wide_t product = dahl_normalise(dahl_mul(a.mantissa, b.mantissa), a.exponent + b.exponent);
+    int32_t exponent = c.exponent - 32;
+    return product.exponent != exponent ? product.exponent > exponent : product.mantissa > (uint64_t)c.mantissa << 32;
+}
+
+#endif

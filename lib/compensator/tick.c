@@ -1,0 +1,87 @@
+/* SPDX-License-Identifier: MIT */
+/** Compensator, before and after the tick of its element. */
+#include "../arith/compiler.h"
+#include "dahl_compensator.h"
+#include "scale.h"
+
+#define ONE_Q20 (INT32_C(1) << 20)
+#define ONE_Q30 (UINT32_C(1) << 30)
+
+/** The size of this array is invalid if the state has more than 48 bytes. */
+typedef char dahl_compensator_has_at_most_48_bytes[sizeof(dahl_compensator_t) <= 48 ? 1 : -1];
+
+/** Hold the torque for the first bad ticks, then fade out. The speed is kept, so that a fault at high speed does not
+ * look like rest. */
+static int32_t reject(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator)
+{
+    uint32_t fade = dahl_least(compensator->fade_q30, ONE_Q30);
+    compensator->bad_ticks += compensator->bad_ticks != UINT32_MAX;
+    compensator->rejected += compensator->rejected != UINT32_MAX;
+    fade -= compensator->bad_ticks < DAHL_COMPENSATOR_BAD_TICKS ? 0 : dahl_least(fade, plan->fall_q30);
+    compensator->fade_q30 = fade;
+    compensator->move = 0;
+    return 0;
+}
+
+/** Return the part of the move that leaves the play. Unsigned sums: any play_position is safe. */
+static int32_t apply_play(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t dcounts)
+{
+    int32_t position = (int32_t)((uint32_t)compensator->play_position + (uint32_t)dcounts);
+    int32_t end = position < 0 ? 0 : position;
+    end = end < plan->play ? end : plan->play;
+    compensator->play_position = end;
+    return (int32_t)((uint32_t)position - (uint32_t)end);
+}
+
+/** Prepare bounds the product: a longer move is a jump. */
+static void update_speed(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t move)
+{
+    uint32_t speed = (uint32_t)compensator->speed_q20, now = (uint32_t)move * plan->speed_unit;
+    compensator->speed_q20 = (int32_t)(speed + (uint32_t)((int32_t)(now - speed) >> plan->speed_shift));
+}
+
+int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t dcounts,
+                              int is_good)
+{
+    if (!is_good || dahl_magnitude(dcounts) > plan->jump) {
+        return reject(plan, compensator);
+    }
+    int32_t move = apply_play(plan, compensator, dcounts);
+    update_speed(plan, compensator, move);
+    compensator->fade_q30 = dahl_least(compensator->fade_q30 + plan->rise_q30, ONE_Q30);
+    compensator->bad_ticks = 0;
+    compensator->move = move;
+    return move;
+}
+
+/** Return 1 up to fade_speed, then a line to 0 at twice fade_speed. */
+static uint32_t speed_fade_q15(int32_t speed_q20)
+{
+    int32_t left = (int32_t)(2 * (uint32_t)ONE_Q20 - dahl_magnitude(speed_q20));
+    left = left < 0 ? 0 : left;
+    return (uint32_t)(left < ONE_Q20 ? left : ONE_Q20) >> 5;
+}
+
+/** Return the torque nearest to wanted that differs from now by at most slew. */
+static int32_t limit_slew(int32_t now, int32_t wanted, uint32_t slew)
+{
+    if (wanted > now) {
+        return (int32_t)((uint32_t)now + dahl_least((uint32_t)wanted - (uint32_t)now, slew));
+    }
+    return (int32_t)((uint32_t)now - dahl_least((uint32_t)now - (uint32_t)wanted, slew));
+}
+
+/** The limit comes last, so that it also holds if the state is corrupt. */
+int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t ratio_q30)
+{
+    uint32_t speed_fade = speed_fade_q15(compensator->speed_q20);
+    uint32_t factor_q16 = (plan->gain_q16 * (compensator->fade_q30 >> 15) >> 15) * speed_fade >> 15;
+    int32_t wanted = dahl_scale_q16(ratio_q30, factor_q16);
+    int32_t torque = limit_slew(compensator->torque_q30, wanted, plan->slew_q30);
+    torque = dahl_limit(torque, plan->limit_q30);
+    compensator->ratio_q30 = ratio_q30;
+    compensator->speed_fade_q15 = speed_fade;
+    compensator->wanted_q30 = wanted;
+    compensator->torque_q30 = torque;
+    return torque;
+}

@@ -1,0 +1,304 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file dahl_compensator.h
+ * @brief Feed-forward torque that cancels friction, with the checks that make it safe to switch on.
+ *
+ * Use it to add the torque of a friction element to a motor command. It works with any element
+ * (Dahl, slip, parallel, asymmetric, elasto-plastic, loaded): one call before the tick of the
+ * element, one call after it.
+ *
+ * @par Laws
+ * - #DAHL_COMPENSATOR_MEASURED, for an axis that a hand or a wheel can drive: step the element by
+ *   the result of dahl_compensator_move(), the measured counts behind a play.
+ * - #DAHL_COMPENSATOR_REFERENCE, for an axis with a position loop: step the element by the move of
+ *   the reference. dahl_compensator_move() still reads the encoder, for faults and speed. With 14
+ *   noisy bits or fewer, dahl_compensator_pull() draws the state to one that the measured counts
+ *   step.
+ *
+ * @verbatim
+ * USE (measured law; Fc_low and length_long are the ends of the intervals of `dahl identify`)
+ *   static dahl_plan_t friction;           static dahl_state_t bristle;
+ *   static dahl_compensator_plan_t plan;   static dahl_compensator_t compensator;   // all zeros
+ *   static const dahl_compensator_params_t params = {
+ *       .friction = {Fc_low / length_long, Fc_low, 3.835e-4f},   // sigma0, Fc, rad per count
+ *       .law = DAHL_COMPENSATOR_MEASURED, .Fc_low = Fc_low, .length_long = length_long,
+ *       .gain = 0.9f, .limit = 1.0f, .slew = 50.0f, .period = 1e-3f,   // N m, N m/s, s
+ *       .rise = 0.5f, .fall = 0.02f, .fade_speed = 5.0f,               // s, s, rad/s
+ *       .noise = 1, .play = 2, .jump = 200};                           // counts
+ *   start:
+ *     if (dahl_prepare(&friction, &params.friction) != DAHL_OK
+ *         || dahl_compensator_prepare(&plan, &params) != DAHL_COMPENSATOR_OK) { stop(); }
+ *   each tick:
+ *     int32_t move = dahl_compensator_move(&plan, &compensator, dcounts, encoder_is_good);
+ *     int32_t w = dahl_step_counts_q30(&friction, &bristle, move);
+ *     int32_t y = dahl_compensator_torque(&plan, &compensator, w);
+ *     command_mNm += dahl_to_units(y, Fc_mNm);
+ *   reference law, in place of the second line of the tick:
+ *     w = dahl_step_counts_q30(&friction, &bristle, reference_move);
+ * @endverbatim
+ *
+ * @par Torque
+ * y = gain w fade speed_fade, then a limit on its slew, then a limit on y. A torque is a fraction
+ * of Fc of the element in Q30, with the sign of the motion: add it to the command. dahl_to_units()
+ * converts it. Each term can be read in dahl_compensator_t.
+ *
+ * @par Guarantee (measured law)
+ * The law injects no energy into a free axis, whatever its inertia, if
+ * - Fc_low is at most the true Fc and length_long at least the true presliding length Fc/sigma0,
+ * - the true friction is Dahl- or LuGre-like over all speeds below twice fade_speed,
+ * - the noise of the encoder is at most `noise`.
+ *
+ * With 12 to 20 bits, noise, and 1 to 3 ticks of delay, a simulated axis comes to rest after a
+ * kick, at most 0.08 rad/s. The prepare function enforces gain Fc <= Fc_low, Fc/sigma0 >=
+ * length_long, and play >= 2 noise. Closed form behind it: a loop of amplitude A has the area 4 Fc
+ * (A - tanh(a A)/a), a = sigma0/Fc. If slip elements make the presliding, give three times the
+ * measured length.
+ *
+ * @par Not promised
+ * A benefit with 12 bits or fewer, passivity of the reference law, and faults that the caller does
+ * not report: an encoder that repeats its last count looks like rest.
+ *
+ * @par Properties
+ * As in dahl.h: integers only, equal bits everywhere, no heap, no global variable, no libm, no
+ * division by a variable in a tick. A plan of all zeros gives no torque. A compensator of all zeros
+ * is relaxed and fades in. Any bits are a safe state: the torque stays within the limit.
+ *
+ * @par Cost
+ * On top of the tick of the element, worst case: 96 instructions, 109 on Cortex-M0.
+ */
+#ifndef DAHL_COMPENSATOR_H
+#define DAHL_COMPENSATOR_H
+
+#include "dahl.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/** Consecutive bad readings that start the fade. Fewer only hold the torque. */
+#define DAHL_COMPENSATOR_BAD_TICKS 3u
+/** [count] Largest play, and largest noise times 2. */
+#define DAHL_COMPENSATOR_PLAY_MAX 16777216u
+/** [count] Largest jump. */
+#define DAHL_COMPENSATOR_JUMP_MAX 1073741824u
+
+/** Result of dahl_compensator_prepare() and dahl_adaptation_prepare(). */
+typedef enum {
+    DAHL_COMPENSATOR_OK = 0,         /**< success */
+    DAHL_COMPENSATOR_PARAM = -1,     /**< a parameter is NaN, infinite, negative, or zero but must
+                                          not be; or the law is unknown */
+    DAHL_COMPENSATOR_RANGE = -2,     /**< a parameter is out of range */
+    DAHL_COMPENSATOR_GAIN = -3,      /**< gain Fc is above Fc_low */
+    DAHL_COMPENSATOR_SLOPE = -4,     /**< the presliding length Fc/sigma0 is below length_long */
+    DAHL_COMPENSATOR_PLAY = -5,      /**< the play is below twice the noise, or below 1 count */
+    DAHL_COMPENSATOR_WRONG_LAW = -6, /**< dahl_adaptation_prepare(): not the reference law */
+} dahl_compensator_err_t;
+
+/** Move that steps the element. */
+typedef enum {
+    DAHL_COMPENSATOR_MEASURED = 1, /**< the measured counts, behind the play */
+    DAHL_COMPENSATOR_REFERENCE = 2 /**< the reference of a position loop */
+} dahl_compensator_law_t;
+
+/** Parameters. Every float is 0 if that is allowed, or 2^-64 <= x < 2^64. */
+typedef struct {
+    dahl_params_t friction;     /**< Fc [N m] and steepest sigma0 [N m/rad] of the element, and
+                                     theta_per_count [rad/count]; none may be 0. For several
+                                     elements, give the sums; for asymmetric friction, the larger
+                                     Fc. */
+    dahl_compensator_law_t law; /**< move that steps the element */
+    float Fc_low;               /**< [N m] lower bound of the true Fc. With the reference law, 0
+                                     skips the check. */
+    float length_long;          /**< [rad] upper bound of the true presliding length Fc/sigma0.
+                                     With the reference law, 0 skips the check. */
+    float gain;                 /**< [1] 0 .. 1: share of the friction to cancel */
+    float limit;                /**< [N m] largest torque; above 2 Fc counts as 2 Fc */
+    float slew;                 /**< [N m/s] largest change of the torque; 20 to 100 costs little */
+    float period;               /**< [s] time between two ticks */
+    float rise;                 /**< [s] time to fade in at start and after a fault; 0: at once */
+    float fall;                 /**< [s] time to fade out while the encoder is bad; 0: at once */
+    float fade_speed;           /**< [rad/s] the torque falls from all of it at this speed to 0 at
+                                     twice this speed; 0: no fade over speed */
+    float pull;                 /**< [Hz] corner frequency of dahl_compensator_pull(), within a
+                                     factor of 1.5; 0: no pull */
+    uint32_t noise;             /**< [count] noise of the angle is within +-noise, before it is
+                                     rounded to counts; half the flicker at rest, rounded up */
+    uint32_t play;              /**< [count] width of the dead zone that follows the counts: at
+                                     least 2 noise and 1, at most #DAHL_COMPENSATOR_PLAY_MAX */
+    uint32_t jump;              /**< [count] longer moves of a tick are rejected: at least 1, at
+                                     most #DAHL_COMPENSATOR_JUMP_MAX, below 1000 times the counts
+                                     of a tick at fade_speed */
+} dahl_compensator_params_t;
+
+/** Values that dahl_compensator_prepare() derives from the parameters. Integers only; may be
+ * `const` in flash. */
+typedef struct {
+    uint32_t gain_q16;      /**< [Q16] gain, rounded down */
+    int32_t limit_q30;      /**< [Q30 of Fc] limit */
+    uint32_t slew_q30;      /**< [Q30 of Fc] largest change in a tick */
+    uint32_t rise_q30;      /**< [Q30] increase of the fade in a good tick */
+    uint32_t fall_q30;      /**< [Q30] decrease of the fade in a bad tick */
+    uint32_t jump;          /**< [count] longest move of a tick */
+    int32_t play;           /**< [count] width of the play */
+    uint32_t speed_unit;    /**< [Q20] speed of one count per tick over fade_speed */
+    uint8_t speed_shift;    /**< the mean of the speed covers 2^speed_shift ticks */
+    uint8_t pull_shift;     /**< a pull closes 2^-pull_shift of the gap; 0: no pull */
+    uint8_t law;            /**< dahl_compensator_law_t */
+} dahl_compensator_plan_t;
+
+/** State and telemetry of one compensator, 40 bytes. All zeros: relaxed, faded out. */
+typedef struct {
+    int32_t play_position;    /**< [count] position of the counts within the play */
+    int32_t move;             /**< [count] last result of dahl_compensator_move() */
+    uint32_t bad_ticks;       /**< consecutive ticks with a rejected reading */
+    uint32_t rejected;        /**< rejected readings since the start; stops at UINT32_MAX */
+    int32_t speed_q20;        /**< [Q20 of fade_speed] mean of the speed */
+    uint32_t fade_q30;        /**< [Q30] fade: 0 out, 2^30 in */
+    uint32_t speed_fade_q15;  /**< [Q15] fade over speed */
+    int32_t ratio_q30;        /**< [Q30 of Fc] last torque of the element */
+    int32_t wanted_q30;       /**< [Q30 of Fc] after gain and fades, before slew and limit */
+    int32_t torque_q30;       /**< [Q30 of Fc] last result of dahl_compensator_torque() */
+} dahl_compensator_t;
+
+/**
+ * Prepare a compensator. Call it at start-up.
+ * @param[out] plan   plan to write; unchanged if the call fails
+ * @param      params parameters; both pointers must be valid
+ * @return #DAHL_COMPENSATOR_OK, or why the parameters are rejected. Of several reasons, the first
+ *   in the order of dahl_compensator_err_t.
+ * @note Bounds are compared exactly. A length_long one float above Fc/sigma0 passes, so that sigma0
+ *   = Fc/length_long is accepted in float. Cost: 7000 instructions at most.
+ */
+DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
+    dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params);
+
+/**
+ * Read the encoder: reject bad readings, fade, measure the speed, apply the play. Call it first in
+ * every tick, with both laws.
+ * @param plan        prepared plan
+ * @param compensator state
+ * @param dcounts     [counts] measured move since the last tick, any int32_t
+ * @param is_good     0 if the reading is bad or stale: CRC error, timeout, lost magnet
+ * @return [counts] move for the element of the measured law; 0 if the reading is rejected. After
+ *   a rejected reading, the next one counts from the new position.
+ * @note Cost: half of the 96 instructions.
+ */
+int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator,
+                              int32_t dcounts, int is_good);
+
+/**
+ * Return the compensating torque. Call it after the tick of the element.
+ * @param plan        prepared plan
+ * @param compensator state
+ * @param ratio_q30   [Q30 of Fc] torque of the element: result of its Q30 call
+ * @return [Q30 of Fc] torque to add to the command, within the limit
+ * @note Error: 2^-15 of the torque, from the fades. With gain 1, no fade and no limit in reach, it
+ *   is ratio_q30. The opposite input gives the opposite torque within 2^-30. Cost: the
+ *   other half.
+ */
+int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
+                                dahl_compensator_t *compensator, int32_t ratio_q30);
+
+/**
+ * Reference law: draw the state of the element to one that the measured counts step. Call it
+ * before the tick of the element. It fits each bristle in a dahl_state_t: of a Dahl, asymmetric,
+ * elasto-plastic or loaded element, and each Dahl element of a parallel one.
+ * @param plan     prepared plan; without pull, the state is unchanged
+ * @param state    state of the element that the reference steps
+ * @param measured state of the same element, stepped by the results of dahl_compensator_move()
+ * @note Cost: 22 instructions, 46 on Cortex-M0.
+ */
+void dahl_compensator_pull(const dahl_compensator_plan_t *plan, dahl_state_t *state,
+                           const dahl_state_t *measured);
+
+/**
+ * @name Adaptation of Fc
+ * Optional, for the reference law only: follow an Fc that drifts with temperature or wear. A
+ * program that does not call it does not link it.
+ * @verbatim
+ *   w = dahl_step_counts_q30(&friction, &bristle, reference_move);
+ *   w = dahl_adaptation_apply(&adaptation, w);
+ *   y = dahl_compensator_torque(&plan, &compensator, w);
+ *   dahl_adaptation_step(&adaptation_plan, &adaptation, &compensator, motor_q24);
+ * @endverbatim
+ *
+ * While the shaft slides steadily, the motor torque minus inertia times acceleration is friction
+ * plus load. Each direction has its own mean. Half the difference of both means is Fc, without a
+ * constant load.
+ * - A sample counts if |w| > 0.97 in the direction of motion, the speed is 0.03 to 1 rad/s for 60
+ *   ms, the acceleration needs less than 0.1 Fc, and the encoder is good.
+ * - Each direction needs samples of 0.5 to 1 s, both within 30 s. The estimate then moves by a
+ *   quarter of the gap. It stays within 0.5 to 1.5 of Fc.
+ *
+ * It cannot separate a load that follows the direction (viscous friction, wind, a pump), nor a load
+ * that differs between the two directions. Such a load counts as friction; only the clamp bounds
+ * it. The force of a hand on the shaft also counts as friction. An axis that moves in one direction
+ * only is not adapted. The friction must have the same Fc in both directions.
+ */
+/** @{ */
+
+/** Prepared adaptation; may be `const` in flash. All zeros: no adaptation. */
+typedef struct {
+    uint32_t speed_unit;   /**< [Q20 of 1 rad/s] speed of one count per tick */
+    uint32_t speed_counts; /**< [count] longer moves count as this many */
+    uint32_t settle_ticks; /**< [tick] sliding before the first sample */
+    uint32_t window_ticks; /**< [tick] both directions must be complete within this time */
+    uint32_t inertia_q16;  /**< [Q16 of Fc] inertia times 1 rad/s over the time of a bin */
+    int32_t gap_q20;       /**< [Q20 of 1 rad/s] largest lag of the slower mean of the speed */
+    uint8_t speed_shift;   /**< a mean of the speed covers 2^speed_shift ticks */
+    uint8_t bin_shift;     /**< a bin holds 2^bin_shift samples */
+} dahl_adaptation_plan_t;
+
+/** State of the adaptation, 48 bytes. All zeros: Fc is that of the element. */
+typedef struct {
+    int32_t ratio_q30;      /**< [Q30 of Fc] last torque of the element */
+    int32_t speed_q20;      /**< [Q20 of 1 rad/s] mean of the speed */
+    int32_t slow_q20;       /**< [Q20 of 1 rad/s] mean of this mean; the gap is the acceleration */
+    uint32_t sliding_ticks; /**< [tick] time within the gate */
+    uint32_t age_ticks;     /**< [tick] time since both bins were empty */
+    uint32_t samples[2];    /**< samples in each bin: forward, backward */
+    int32_t torque_q13[2];  /**< [Q13 of Fc] sum of the motor torque in each bin */
+    int32_t change_q20[2];  /**< [Q20 of 1 rad/s] sum of the changes of speed in each bin */
+    int32_t Fc_change_q16;  /**< [Q16] estimated Fc over that of the element, minus 1 */
+} dahl_adaptation_t;
+
+/**
+ * Prepare the adaptation.
+ * @param[out] plan    plan to write; unchanged if the call fails
+ * @param      params  parameters of the compensator, accepted by dahl_compensator_prepare()
+ * @param      inertia [kg m2] rotor and all that moves with it, 2^-64 <= inertia < 2^64
+ * @return #DAHL_COMPENSATOR_OK; #DAHL_COMPENSATOR_WRONG_LAW for the measured law, because the
+ *   estimate would follow its own output; #DAHL_COMPENSATOR_PARAM or #DAHL_COMPENSATOR_RANGE if
+ *   inertia, period or friction is invalid, or if the period exceeds 20 ms.
+ */
+DAHL_NODISCARD dahl_compensator_err_t dahl_adaptation_prepare(
+    dahl_adaptation_plan_t *plan, const dahl_compensator_params_t *params, float inertia);
+
+/**
+ * Scale a torque of the element by the estimate. Call it before dahl_compensator_torque().
+ * @param adaptation state
+ * @param ratio_q30  [Q30 of Fc] torque of the element
+ * @return [Q30 of Fc] ratio_q30 times the estimated Fc over that of the element, saturated to 2 Fc
+ * @note Cost: 20 instructions.
+ */
+int32_t dahl_adaptation_apply(dahl_adaptation_t *adaptation, int32_t ratio_q30);
+
+/**
+ * Read one tick and update the estimate. Call it after dahl_compensator_torque().
+ * @param plan        prepared plan
+ * @param adaptation  state
+ * @param compensator compensator of the same axis: its move and bad_ticks are read
+ * @param motor_q24   [Q24 of Fc] whole motor torque during the last tick, with the delay of the
+ *   drive; samples above 4 Fc are dropped
+ * @note Cost: 155 instructions, 264 on Cortex-M0, when both directions are complete; about half in
+ *   other ticks.
+ */
+void dahl_adaptation_step(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *adaptation,
+                          const dahl_compensator_t *compensator, int32_t motor_q24);
+/** @} */
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,426 @@
+/* SPDX-License-Identifier: MIT */
+/* Closed loops with the compensator: the limits that make it safe to switch on, and naive builds that must miss them. */
+#include <stdio.h>
+
+#include "axis.h"
+
+
+static void at_most(double limit, double value)
+{
+    char message[64];
+    snprintf(message, sizeof message, "%g is above %g", value, limit);
+    TEST_ASSERT_TRUE_MESSAGE(value <= limit, message);
+}
+
+static void at_least(double limit, double value)
+{
+    char message[64];
+    snprintf(message, sizeof message, "%g is below %g", value, limit);
+    TEST_ASSERT_TRUE_MESSAGE(value >= limit, message);
+}
+
+static const double rates[] = {1000, 8000};
+
+/* --- a free axis, and a hand ------------------------------------------------------------------------------------------ */
+
+/* Largest speed in the last of `seconds` after a kick. */
+static double speed_after_kick(axis_t *axis, double seconds)
+{
+    double largest = 0;
+    axis_start(axis);
+    axis->speed = 3;
+    const int ticks = (int)lround(seconds / axis->period), last = (int)lround(1 / axis->period);
+    for (int t = 0; t < ticks; t++) {
+        axis_tick(axis, 0);
+        largest = t >= ticks - last ? fmax(largest, fabs(axis->speed)) : 0;
+    }
+    return largest;
+}
+
+static void test_a_free_axis_comes_to_rest(void)
+{
+    for (int bits = 12; bits <= 20; bits += 2) {
+        for (int delay = 1; delay <= 3; delay++) {
+            for (int kind = 0; kind < 4; kind++) {
+                axis_t axis = axis_of(DAHL_COMPENSATOR_MEASURED, bits, rates[kind % 2]);
+                axis_noise(&axis, bits >= 17 ? 2 : 1);
+                axis.inertia = kind / 2 == 0 ? 0.002 : 0.02;
+                axis.delay = delay;
+                at_most(0.08, speed_after_kick(&axis, 4));
+            }
+        }
+    }
+}
+
+/* RMS of the hand's torque over that without compensation: a sine of 0.5 Hz and a fifth of its amplitude at 1.7 Hz. */
+static double hand_ratio(axis_t *axis, double amplitude)
+{
+    double with = 0, without = 0;
+    axis_start(axis);
+    for (int t = 0; t * axis->period < 6; t++) {
+        double s = TWO_PI * 0.5 * t * axis->period;
+        double F = axis_lead(axis, amplitude * (sin(s) + 0.2 * sin(3.4 * s)));
+        with += F * F;
+        without += axis->friction.F * axis->friction.F;
+    }
+    return sqrt(with / without);
+}
+
+static void test_a_hand_feels_little_friction(void)
+{
+    for (int bits = 12; bits <= 20; bits += 2) {
+        axis_t axis = axis_of(DAHL_COMPENSATOR_MEASURED, bits, 1000);
+        axis_noise(&axis, 1);
+        at_most(bits < 14 ? 0.20 : 0.17, hand_ratio(&axis, 0.5));
+    }
+}
+
+static void test_tanh_resists_a_hand_that_moves_by_5_mrad(void)
+{
+    axis_t axis = axis_of(DAHL_COMPENSATOR_MEASURED, 14, 1000);
+    axis_noise(&axis, 2);
+    at_most(1, hand_ratio(&axis, 0.0025));
+    axis.source = BY_TANH;
+    axis.params.gain = 1;
+    axis.tanh_speed = 0.02;
+    at_least(2.5, hand_ratio(&axis, 0.0025));
+}
+
+/* Half the presliding length, that is sigma0 times 2, passes a check of the gain alone. */
+static void test_a_short_length_keeps_a_free_axis_moving(void)
+{
+    axis_t axis = axis_of(DAHL_COMPENSATOR_MEASURED, 14, 1000);
+    axis.params.gain = 1;
+    axis.params.friction.sigma0 *= 2;
+    dahl_compensator_plan_t plan;
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_SLOPE, dahl_compensator_prepare(&plan, &axis.params));
+    axis.params.length_long /= 2;
+    at_least(1, speed_after_kick(&axis, 6));
+}
+
+static void test_the_fade_over_speed_stops_a_runaway(void)
+{
+    axis_t axis = axis_of(DAHL_COMPENSATOR_MEASURED, 14, 1000);
+    axis_claim(&axis, 1.3 * TRUE_FC, 1.3 * TRUE_SIGMA0);
+    axis.params.gain = 1;
+    axis.params.jump = 2000;
+    axis_t naive = axis;
+    axis.params.fade_speed = 1;
+    at_most(2, speed_after_kick(&axis, 10));
+    at_least(100, speed_after_kick(&naive, 10));
+}
+
+static void test_bounds_hold_for_nine_corners(void)
+{
+    static const double Fc[] = {0.7, 1, 1.3}, sigma0[] = {0.5, 1, 2};
+    for (int corner = 0; corner < 9; corner++) {
+        axis_t axis = axis_of(DAHL_COMPENSATOR_MEASURED, 14, 1000);
+        axis_noise(&axis, 1);
+        axis_claim(&axis, 0.7 * TRUE_FC, 0.7 * TRUE_SIGMA0 * 0.5 / 1.3);
+        axis.friction.Fc = TRUE_FC * Fc[corner % 3];
+        axis.friction.sigma0 = TRUE_SIGMA0 * sigma0[corner / 3];
+        axis_t free = axis;
+        at_most(0.05, speed_after_kick(&free, 4));
+        at_most(0.70, hand_ratio(&axis, 0.5));
+    }
+}
+
+/* --- a position loop -------------------------------------------------------------------------------------------------- */
+
+static void refer_sine(axis_t *axis, double t)
+{
+    const double w = TWO_PI * 0.5;
+    axis_refer(axis, 0.3 * sin(w * t), 0.3 * w * cos(w * t), -0.3 * w * w * sin(w * t));
+}
+
+/* A sum of sines with no common period. */
+static void refer_random(axis_t *axis, double t)
+{
+    static const double hertz[] = {0.17, 0.31, 0.73, 1.37}, phase[] = {0, 1, 2.5, 4};
+    double theta = 0, speed = 0, acceleration = 0;
+    for (int k = 0; k < 4; k++) {
+        const double w = TWO_PI * hertz[k], s = w * t + phase[k], amplitude = 0.05 / hertz[k];
+        theta += amplitude * sin(s);
+        speed += amplitude * w * cos(s);
+        acceleration -= amplitude * w * w * sin(s);
+    }
+    axis_refer(axis, theta, speed, acceleration);
+}
+
+typedef void (*refer_t)(axis_t *axis, double t);
+
+/* RMS tracking error, after the first second. */
+static double tracking_error(axis_t axis, refer_t refer)
+{
+    double sum = 0;
+    refer(&axis, 0);
+    axis.theta = axis.reference;
+    axis.last_counts = axis.last_reference_counts = (int32_t)floor(axis.theta / axis.theta_per_count);
+    axis_start(&axis);
+    for (int t = 0; t * axis.period < 6; t++) {
+        refer(&axis, t * axis.period);
+        axis_tick(&axis, 0);
+        const double error = axis.reference - axis.theta;
+        sum += t * axis.period < 1 ? 0 : error * error;
+    }
+    return sqrt(sum);
+}
+
+static double tracking_ratio(const axis_t *axis, refer_t refer)
+{
+    axis_t without = *axis;
+    without.source = BY_NOTHING;
+    return tracking_error(*axis, refer) / tracking_error(without, refer);
+}
+
+static axis_t loop_of(dahl_compensator_law_t law, int bits)
+{
+    axis_t axis = axis_of(law, bits, 1000);
+    axis.Kp = 30;
+    axis.Kd = 0.4;
+    return axis;
+}
+
+static void test_the_reference_law_tracks(void)
+{
+    static const refer_t refers[] = {refer_sine, refer_random};
+    for (int k = 0; k < 2; k++) {
+        axis_t axis = loop_of(DAHL_COMPENSATOR_REFERENCE, 17);
+        at_most(0.22, tracking_ratio(&axis, refers[k]));
+        axis.params.gain = 1;
+        at_most(0.10, tracking_ratio(&axis, refers[k]));
+        axis_t coarse = loop_of(DAHL_COMPENSATOR_REFERENCE, 14);
+        axis_noise(&coarse, 2);
+        coarse.params.pull = 0.3f;
+        at_most(0.24, tracking_ratio(&coarse, refers[k]));
+    }
+}
+
+static void test_wrong_parameters_are_no_worse_than_none(void)
+{
+    static const double wrong[][2] = {{0.7, 1}, {1.3, 1}, {1, 1 / 3.0}, {1, 3}};
+    for (int k = 0; k < 4; k++) {
+        axis_t axis = loop_of(DAHL_COMPENSATOR_REFERENCE, 17);
+        axis_claim(&axis, wrong[k][0] * TRUE_FC, wrong[k][1] * TRUE_SIGMA0);
+        axis.params.gain = 1;
+        at_most(1.10, tracking_ratio(&axis, refer_sine));
+        at_most(1.10, tracking_ratio(&axis, refer_random));
+    }
+}
+
+/* Sign changes of the torque in a second of hold, after a stop from a motion. */
+static double sign_changes(axis_t *axis)
+{
+    const double seconds = 10;
+    int changes = 0, sign = 0;
+    axis_start(axis);
+    for (int t = 0; t * axis->period < seconds + 3; t++) {
+        const double time = t * axis->period;
+        refer_sine(axis, time < 2 ? time : 2);
+        axis_tick(axis, 0);
+        const int now = (axis->torque > 0) - (axis->torque < 0);
+        changes += time > 3 && now * sign < 0;
+        sign = now != 0 ? now : sign;
+    }
+    return changes / seconds;
+}
+
+static void test_a_hold_does_not_chatter(void)
+{
+    for (int bits = 12; bits <= 20; bits += 2) {
+        axis_t reference = loop_of(DAHL_COMPENSATOR_REFERENCE, bits), measured = loop_of(DAHL_COMPENSATOR_MEASURED, bits);
+        axis_noise(&reference, 1);
+        axis_noise(&measured, 1);
+        at_most(0, sign_changes(&reference));
+        at_most(5, sign_changes(&measured));
+    }
+}
+
+
+static void test_noise_without_play_chatters(void)
+{
+    axis_t axis = loop_of(DAHL_COMPENSATOR_MEASURED, 14);
+    axis.noise = 1; /* the parameters claim a perfect encoder */
+    at_least(30, sign_changes(&axis));
+}
+
+/* --- injected energy -------------------------------------------------------------------------------------------------- */
+
+enum { TURNS = 40, LONGEST_STROKE = 200 };
+
+/* Energy that compensator and friction together feed into a path of strokes from rest, one count per tick, at its best end. The
+ * torque is held during a tick. */
+static double injected_energy(axis_t axis, const int *stroke)
+{
+    double energy = 0, best = 0;
+    axis_start(&axis);
+    for (int turn = 0; turn < TURNS; turn++) {
+        const int direction = turn % 2 == 0 ? 1 : -1;
+        for (int k = 0; k < stroke[turn]; k++) {
+            const double dtheta = direction * axis.theta_per_count;
+            energy += axis.torque * dtheta - friction_move(&axis.friction, dtheta);
+            axis.torque = axis_compensate(&axis, direction);
+            best = fmax(best, energy);
+        }
+    }
+    return best * axis.friction.sigma0 / (axis.friction.Fc * axis.friction.Fc);
+}
+
+/* Climb from several random paths: change one stroke, and keep what injects more. */
+static double most_injected_energy(const axis_t *axis, int paths, int changes)
+{
+    uint64_t random = 7;
+    double most = 0;
+    for (int path = 0; path < paths; path++) {
+        int stroke[TURNS];
+        for (int turn = 0; turn < TURNS; turn++) {
+            stroke[turn] = 1 + (int)(random_u32(&random) % (unsigned)(path % 2 == 0 ? 30 : LONGEST_STROKE));
+        }
+        double best = injected_energy(*axis, stroke);
+        for (int change = 0; change < changes; change++) {
+            const int turn = (int)(random_u32(&random) % TURNS), before = stroke[turn];
+            stroke[turn] = (int)(random_u32(&random) % LONGEST_STROKE);
+            const double energy = injected_energy(*axis, stroke);
+            stroke[turn] = energy >= best ? stroke[turn] : before;
+            best = fmax(best, energy);
+        }
+        most = fmax(most, best);
+    }
+    return most;
+}
+
+/* A count is 1/26 of the presliding length. The compensator claims the bounds Fc_hat and sigma0_hat. */
+static axis_t path_of(double gain, double Fc_hat, double sigma0_hat)
+{
+    axis_t axis = axis_of(DAHL_COMPENSATOR_MEASURED, 15, 1000);
+    axis_claim(&axis, Fc_hat * TRUE_FC, sigma0_hat * TRUE_SIGMA0);
+    axis.params.gain = (float)gain;
+    axis.params.slew = 1e6f;
+    return axis;
+}
+
+static void test_no_path_within_the_bounds_injects_energy(void)
+{
+    static const double inside[][3] = {{1, 1, 1}, {0.9, 1, 1}, {1, 0.7, 0.7}, {1, 0.7, 0.2}, {1, 1, 0.5}, {0.5, 1, 1}};
+    for (size_t k = 0; k < sizeof inside / sizeof inside[0]; k++) {
+        axis_t axis = path_of(inside[k][0], inside[k][1], inside[k][2]);
+        at_most(1e-3, most_injected_energy(&axis, 4, 150));
+        axis.params.slew = 20;
+        at_most(1e-3, most_injected_energy(&axis, 2, 50));
+    }
+}
+
+static void test_paths_just_outside_inject_energy(void)
+{
+    static const double outside[][3] = {{1, 1, 1.1}, {1, 1.05, 1.05}};
+    for (size_t k = 0; k < sizeof outside / sizeof outside[0]; k++) {
+        axis_t axis = path_of(outside[k][0], outside[k][1], outside[k][2]);
+        at_least(1, most_injected_energy(&axis, 2, 100));
+    }
+}
+
+/* --- faults ----------------------------------------------------------------------------------------------------------- */
+
+/* Largest change of the torque in a tick, in Fc, of a shaft that turns by `counts` per tick, under a fault at tick 500. */
+typedef enum { STALE, GLITCH, JUMP, RESET } fault_t;
+
+static double largest_step(axis_t axis, fault_t fault, int counts)
+{
+    double largest = 0;
+    axis_start(&axis);
+    for (int t = 0; t < 1000; t++) {
+        const double before = axis.torque;
+        const int is_now = t == 500;
+        int32_t dcounts = t / 250 % 2 == 0 ? counts : -counts;
+        axis.encoder_is_good = fault != STALE || t < 500 || t > 600;
+        dcounts = axis.encoder_is_good ? dcounts : 0;
+        dcounts += fault == GLITCH ? (is_now ? 2048 : t == 501 ? -2048 : 0) : fault == JUMP && is_now ? -100000 : 0;
+        if (fault == RESET && is_now) {
+            axis.compensator = (dahl_compensator_t){.torque_q30 = axis.compensator.torque_q30};
+            axis.bristle.w = 0;
+        }
+        axis.torque = axis_compensate(&axis, dcounts);
+        largest = fmax(largest, fabs(axis.torque - before));
+    }
+    return largest / TRUE_FC;
+}
+
+static void test_faults_step_the_torque_by_at_most_the_slew(void)
+{
+    for (int fault = STALE; fault <= RESET; fault++) {
+        axis_t axis = axis_of(DAHL_COMPENSATOR_MEASURED, 14, 8000);
+        axis.params.jump = fault == RESET ? 1000 : 100;
+        axis.params.slew = 100;
+        const double slew = 100 * axis.period / TRUE_FC;
+        at_most(slew * 1.0001, largest_step(axis, (fault_t)fault, 3));
+        axis.params.jump = 1u << 30; /* no rejection: the slew alone */
+        at_most(slew * 1.0001, largest_step(axis, (fault_t)fault, 3));
+        axis.params.slew = 1e6f;
+        at_least(fault == GLITCH ? 1.7 : 0, largest_step(axis, (fault_t)fault, 3));
+    }
+}
+
+/* --- adaptation ------------------------------------------------------------------------------------------------------- */
+
+static void adapt(axis_t *axis, const dahl_adaptation_plan_t *plan)
+{
+    const double motor = axis->commands[axis->delay] / axis->params.friction.Fc;
+    dahl_adaptation_step(plan, &axis->adaptation, &axis->compensator, (int32_t)lround(motor * 0x1p24));
+}
+
+static dahl_adaptation_plan_t adaptation_of(const axis_t *axis)
+{
+    dahl_adaptation_plan_t plan;
+    dahl_compensator_params_t params = axis->params;
+    params.law = DAHL_COMPENSATOR_REFERENCE; /* a naive build would not refuse the measured law */
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_adaptation_prepare(&plan, &params, (float)axis->inertia));
+    return plan;
+}
+
+/* Run for `seconds` while the true Fc drifts to Fc_end. Returns the estimate over the true Fc at the end. */
+static double adapted(axis_t axis, double seconds, double Fc_end)
+{
+    const dahl_adaptation_plan_t plan = adaptation_of(&axis);
+    axis_start(&axis);
+    for (int t = 0; t * axis.period < seconds; t++) {
+        const double time = t * axis.period;
+        axis.friction.Fc = TRUE_FC + (Fc_end - TRUE_FC) * time / seconds;
+        refer_sine(&axis, time);
+        axis_tick(&axis, 0);
+        adapt(&axis, &plan);
+    }
+    return (1 + axis.adaptation.Fc_change_q16 * 0x1p-16) * axis.params.friction.Fc / axis.friction.Fc;
+}
+
+static void test_adaptation_follows_a_drift(void)
+{
+    for (int kind = 0; kind < 8; kind++) {
+        axis_t axis = loop_of(DAHL_COMPENSATOR_REFERENCE, kind % 2 == 0 ? 14 : 17);
+        axis_noise(&axis, 1);
+        axis.inertia = kind / 2 % 2 == 0 ? 0.002 : 0.02;
+        const double end = kind / 4 == 0 ? 1.2 : 0.8;
+        at_most(0.04, fabs(adapted(axis, 120, end * TRUE_FC) - 1));
+    }
+}
+
+static void test_adaptation_ignores_a_constant_load(void)
+{
+    for (int sign = -1; sign <= 1; sign += 2) {
+        axis_t axis = loop_of(DAHL_COMPENSATOR_REFERENCE, 14);
+        axis.load = sign * 0.75 * TRUE_FC;
+        at_most(0.03, fabs(adapted(axis, 60, TRUE_FC) - 1));
+    }
+}
+
+/* It sees its own output instead of the friction. */
+static void test_adaptation_under_a_hand_ends_at_the_clamp(void)
+{
+    axis_t axis = axis_of(DAHL_COMPENSATOR_MEASURED, 17, 1000);
+    const dahl_adaptation_plan_t plan = adaptation_of(&axis);
+    axis_start(&axis);
+    for (int t = 0; t < 120000; t++) {
+        (void)axis_lead(&axis, 0.3 * sin(TWO_PI * 0.5e-3 * t));
+        adapt(&axis, &plan);
+    }
+    TEST_ASSERT_DOUBLE_WITHIN(0.01, -0.5, axis.adaptation.Fc_change_q16 * 0x1p-16);
+}

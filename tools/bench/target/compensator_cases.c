@@ -1,0 +1,97 @@
+/* SPDX-License-Identifier: MIT */
+/* Cases of dahl_compensator.h: both calls of a tick without that of the element, the pull, and the adaptation. */
+#include "bench.h"
+#include "dahl_compensator.h"
+
+int32_t call_tick(const dahl_compensator_plan_t *, dahl_compensator_t *, int32_t, int32_t) __asm__("bench_call");
+void call_pull(const dahl_compensator_plan_t *, dahl_state_t *, const dahl_state_t *) __asm__("bench_call");
+void call_adapt(const dahl_adaptation_plan_t *, dahl_adaptation_t *, const dahl_compensator_t *, int32_t) __asm__("bench_call");
+dahl_compensator_err_t call_compensator_prepare(dahl_compensator_plan_t *,
+                                                const dahl_compensator_params_t *) __asm__("bench_call");
+
+#define ONE_Q30 (1 << 30)
+#define BAD 1000 /* counts: a jump */
+
+static const dahl_compensator_params_t params = {
+    .friction = {100.0f, 0.5f, 3.8349519e-4f},
+    .law = DAHL_COMPENSATOR_REFERENCE,
+    .Fc_low = 0.5f,
+    .length_long = 0.005f,
+    .gain = 0.9f,
+    .limit = 0.4f,
+    .slew = 50.0f,
+    .period = 1e-3f,
+    .rise = 0.1f,
+    .fall = 0.02f,
+    .fade_speed = 5.0f,
+    .pull = 0.3f,
+    .noise = 1,
+    .play = 2,
+    .jump = 200,
+};
+
+/* Both calls; the caller steps its element in between. */
+static int32_t tick(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t dcounts, int32_t ratio)
+{
+    (void)dahl_compensator_move(plan, compensator, dcounts, 1);
+    return dahl_compensator_torque(plan, compensator, ratio);
+}
+
+/* Noise, both directions, speeds beyond the fade, jumps, and torques that reach the limit and the slew. */
+static void bench_tick(const dahl_compensator_plan_t *plan)
+{
+    static const int32_t moves[] = {0, 1, -1, 3, -3, 20, -20, 200, -200, BAD, -BAD, BAD, BAD, BAD};
+    static const int32_t ratios[] = {0, ONE_Q30, -ONE_Q30, ONE_Q30 / 5, -ONE_Q30 / 5};
+    dahl_compensator_t compensator = {0};
+    bench_case("compensator_tick");
+    bench_function = (bench_function_t)tick;
+    for (unsigned k = 0; k < 30 * sizeof moves / sizeof moves[0]; k++) {
+        call_tick(plan, &compensator, moves[k / 30], ratios[k % 5]);
+        compensator.torque_q30 = k % 7 == 0 ? INT32_MAX : k % 7 == 1 ? -INT32_MAX : compensator.torque_q30;
+    }
+}
+
+static void bench_pull(const dahl_compensator_plan_t *plan)
+{
+    dahl_state_t state = {-1}, measured = {(int64_t)1 << 62};
+    bench_case("compensator_pull");
+    bench_function = (bench_function_t)dahl_compensator_pull;
+    for (int k = 0; k < 4; k++) {
+        call_pull(plan, &state, &measured);
+        measured.w = -measured.w;
+    }
+}
+
+/* Slides to and fro, through each gate, to full bins. */
+static void bench_adaptation(void)
+{
+    dahl_adaptation_plan_t adaptation_plan;
+    dahl_adaptation_t adaptation = {0};
+    dahl_compensator_t compensator = {0};
+    if (dahl_adaptation_prepare(&adaptation_plan, &params, 0.002f) != DAHL_COMPENSATOR_OK) {
+        return;
+    }
+    bench_case("adaptation_step");
+    bench_function = (bench_function_t)dahl_adaptation_step;
+    for (int32_t k = 0; k < 3000; k++) {
+        const int32_t sign = k / 300 % 2 == 0 ? 1 : -1;
+        compensator.move = sign;
+        (void)dahl_adaptation_apply(&adaptation, sign * ONE_Q30);
+        call_adapt(&adaptation_plan, &adaptation, &compensator, sign * (1 << 24));
+    }
+    bench_number("adaptation_bytes", sizeof adaptation);
+}
+
+void bench_compensator(void)
+{
+    dahl_compensator_plan_t plan;
+    bench_case("compensator_prepare");
+    bench_function = (bench_function_t)dahl_compensator_prepare;
+    if (call_compensator_prepare(&plan, &params) != DAHL_COMPENSATOR_OK) {
+        return; /* the host then lacks the other cases */
+    }
+    bench_tick(&plan);
+    bench_pull(&plan);
+    bench_adaptation();
+    bench_number("compensator_bytes", sizeof(dahl_compensator_t));
+}
