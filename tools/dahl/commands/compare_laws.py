@@ -17,8 +17,10 @@ from dahl.version import __version__
 SCENE = "compensation"
 DEFAULT_SEED = 1
 # Options of a run on a bus or of a user's own log.
-FOREIGN = ("log", "angle", "torque", "time", "sigma0", "fc", "counts_per_turn", "angle_unit")
-FOREIGN += ("torque_scale", "offset", "spring", "bus", "target", "seconds")
+FOREIGN = (
+    *("log", "angle", "torque", "time", "sigma0", "fc", "counts_per_turn", "angle_unit"),
+    *("torque_scale", "offset", "spring", "bus", "target", "seconds"),
+)
 
 
 def run(args: argparse.Namespace, console: Any) -> int:
