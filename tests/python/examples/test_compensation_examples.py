@@ -88,14 +88,17 @@ class Motor:
     def value(self, name: str) -> ctypes.c_float:
         return ctypes.c_float.in_dll(self.lib, name)
 
-    def run(self, ticks: int, counts: int) -> None:
-        """Turn by so many counts in each tick."""
+    def run(self, ticks: int, counts: int) -> list[float]:
+        """Turn by so many counts in each tick. Returns the compensation in N m."""
+        added = []
         for _ in range(ticks):
             self.tim3[CNT] = (self.tim3[CNT] + counts) % 65536
             self.adc[JDR1] = round(2048 + self.current / AMPERE_PER_LSB)
             self.lib.ADC_IRQHandler()
             volt = VOLT * (2 * self.tim1[CCR1] / PWM_PERIOD - 1)
             self.current += (volt - OHM * self.current) / HENRY * TICK_S
+            added.append(self.value("compensation").value)
+        return added
 
 
 def test_the_current_loop_adds_the_current_of_the_friction(root: Path, tmp_path: Path) -> None:
@@ -104,6 +107,17 @@ def test_the_current_loop_adds_the_current_of_the_friction(root: Path, tmp_path:
     motor.tim3[CNT] = 65500
     assert motor.lib.current_loop_init() == 0
     assert (motor.tim3[SMCR], motor.tim3[ARR]) == (3, 65535)
+    low, long = float(np.float32(0.045)), float(np.float32(0.0055))
+    plan = dahl.Plan(float(np.float32(low) / np.float32(long)), low, 2 * math.pi / 16384)
+    compensator = dahl.Compensator(
+        *(plan.sigma0, low, plan.theta_per_count),
+        **{"Fc_low": low, "length_long": long, "limit": 0.06, "slew": 5.0, "period": TICK_S},
+        **{"rise": 0.5, "fall": 0.02, "fade_speed": 20.0, "noise": 1, "play": 2, "jump": 100},
+    )
+    due = compensator.run_log(
+        dahl.Friction(plan), [0] + 199 * [1]
+    )  # the first reading is the start
+    assert motor.run(200, 1) == pytest.approx(due, abs=1e-7 * low) and due[-1] > 0
     friction = 0.9 * 0.045 / 0.05  # A
     for counts in (1, -1):
         motor.run(8000, counts)
@@ -180,26 +194,27 @@ def test_simplefoc_gets_ampere_within_the_limit(direction: int, foc: ctypes.CDLL
 # --- odrive_moteus --------------------------------------------------------------------------------
 
 LIMIT = 0.03  # N m
+NODE = 3
 
 
 def odrive_angle(turns: float) -> can.Message:
     data = struct.pack("<ff", turns, 0.0)
-    return can.Message(arbitration_id=0x009, data=data, is_extended_id=False)
+    return can.Message(arbitration_id=0x069, data=data, is_extended_id=False)
 
 
 def odrive_torque(message: can.Message) -> float:
-    assert message.arbitration_id == 0x00E and len(message.data) == 4
+    assert message.arbitration_id == 0x06E and len(message.data) == 4
     return struct.unpack("<f", message.data)[0]
 
 
 def moteus_angle(turns: float) -> can.Message:
     data = b"\x2d\x01" + struct.pack("<f", turns)
-    return can.Message(arbitration_id=0x100, data=data, is_extended_id=True, is_fd=True)
+    return can.Message(arbitration_id=0x300, data=data, is_extended_id=True, is_fd=True)
 
 
 def moteus_torque(message: can.Message) -> float:
     """Read the subframes of a frame: writes of registers by type, then the query."""
-    assert message.arbitration_id == 0x8001 and message.is_fd and len(message.data) == 32
+    assert message.arbitration_id == 0x8003 and message.is_fd and len(message.data) == 32
     assert message.data[:3] == b"\x01\x00\x0a"  # write one int8 from register 0: position mode
     assert message.data[3:6] == b"\x0c\x05\x20"  # write five floats from register 0x20
     position, *velocity_to_kd = struct.unpack_from("<5f", message.data, 6)
@@ -220,7 +235,7 @@ def test_a_host_feeds_newton_metres_forward(
         "ODrive": (odrive_angle, odrive_torque),
         "Moteus": (moteus_angle, moteus_torque),
     }[name]
-    feed = module.FeedForward(getattr(module, name)(), 0.045, 0.0055, limit=LIMIT)
+    feed = module.FeedForward(getattr(module, name)(NODE), 0.045, 0.0055, limit=LIMIT)
     stranger = can.Message(arbitration_id=0x7FF, data=[1], is_extended_id=False)
     with (
         can.Bus(interface="virtual", channel=name, protocol=can.CanProtocol.CAN_FD) as host,
