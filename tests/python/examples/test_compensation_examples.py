@@ -155,14 +155,12 @@ def test_the_current_loop_compiles_for_a_cortex_m4f(root: Path, tmp_path: Path) 
 @pytest.fixture
 def foc(root: Path, tmp_path: Path) -> ctypes.CDLL:
     """FrictionCompensator and a mock of SimpleFOC."""
-    mock, objects = root / "tests/python/examples/simplefoc_mock", tmp_path / "objects"
-    objects.mkdir()
-    include = [f"-I{root}/lib/include", f"-I{mock}", f"-I{root}/examples/simplefoc"]
-    c = ["gcc", "-std=c99", "-O1", "-fPIC", "-c", *include, *CORE, *COMPENSATOR]
-    subprocess.run([str(word) for word in c], check=True, cwd=objects)
-    cxx = ["g++", "-std=c++14", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-shared", "-fPIC"]
-    cxx += [*include, str(mock / "motor.cpp"), *map(str, objects.glob("*.o"))]
-    subprocess.run([*cxx, "-o", str(tmp_path / "foc.so")], check=True)
+    mock = root / "tests/python/examples/simplefoc_mock"
+    compiled(root, tmp_path)
+    words = ["g++", "-std=c++14", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-shared", "-fPIC"]
+    words += [f"-I{root}/lib/include", f"-I{mock}", f"-I{root}/examples/simplefoc"]
+    words += [str(mock / "motor.cpp"), str(tmp_path / "made.so"), f"-Wl,-rpath,{tmp_path}"]
+    subprocess.run([*words, "-o", str(tmp_path / "foc.so")], check=True)
     lib = ctypes.CDLL(str(tmp_path / "foc.so"))
     lib.motor_loop.restype = ctypes.c_float
     return lib
