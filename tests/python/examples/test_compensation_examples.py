@@ -172,20 +172,21 @@ def test_simplefoc_gets_ampere_within_the_limit(direction: int, foc: ctypes.CDLL
     other = 0.25  # A
     assert foc.motor_init(direction, ctypes.c_float(other)) == 0
 
-    def turn(ticks: int, counts: int, start: int, enabled: int = 1) -> list[float]:
+    def turn(ticks: int, counts: int, start: int, enabled: int = 1, us: int = 1000) -> list[float]:
         angles = [(start + counts * k) % 16384 / 16384 * 2 * math.pi for k in range(ticks)]
         call = foc.motor_loop
-        return [call(ctypes.c_float(a), ctypes.c_ulong(1000), enabled) - other for a in angles]
+        return [call(ctypes.c_float(a), ctypes.c_ulong(us), enabled) - other for a in angles]
 
+    early = turn(40, 1, 15960, us=250)  # a quarter of a period: each fourth call is a tick
+    assert 5 < sum(a != b for a, b in zip(early, early[1:], strict=False)) <= 10
     forward = turn(300, 2, 16000)
     limit = 0.03 / 0.05  # A
     assert forward[-1] == pytest.approx(direction * limit, rel=1e-5)
     assert max(map(abs, forward)) <= limit * (1 + 1e-5)
     steps = [abs(b - a) for a, b in zip(forward, forward[1:], strict=False)]
     assert max(steps) <= 5.0 * 1e-3 / 0.05 * (1 + 1e-4)
-    again = foc.motor_loop(ctypes.c_float(0.0), ctypes.c_ulong(500), 1)  # half a period: no tick
-    assert again - other == pytest.approx(forward[-1])
     assert turn(300, -2, 16598)[-1] == pytest.approx(-direction * limit, rel=1e-5)
+    assert foc.motor_rejected() == 0
     assert turn(60, -2, 15998, enabled=0)[-1] == pytest.approx(0, abs=1e-6)
 
 

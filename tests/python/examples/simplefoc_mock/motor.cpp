@@ -36,3 +36,5 @@ extern "C" float motor_loop(float angle, unsigned long us, int is_enabled)
     compensator.loop();
     return motor.feed_forward_current.q;
 }
+
+extern "C" unsigned motor_rejected() { return compensator.telemetry().rejected; }
