@@ -50,8 +50,16 @@ class FrictionCompensator {
         current_ = torque / torque_per_ampere_;
     }
 
-    float current() const { return current_; }                              // A, the share of the compensator
-    const dahl_compensator_t &telemetry() const { return compensator_; }
+    // A, the share of the compensator.
+    float current() const
+    {
+        return current_;
+    }
+
+    const dahl_compensator_t &telemetry() const
+    {
+        return compensator_;
+    }
 
   private:
     // Counts in the direction of the motor, from the angle within a turn, which keeps its resolution after many turns.

@@ -61,9 +61,9 @@ POSITION_CASES = (
     Case("10 mrad to and fro", 17, noise=1, delay=2, amplitude=0.005),
 )
 HAND_CASES = (
-    Case("17 bits", 17, noise=1),
+    Case("17 bits, noise 1", 17, noise=1),
     Case("14 bits, noise 2, delay 3", 14, noise=2, delay=3),
-    Case("12 bits", 12, noise=1),
+    Case("12 bits, noise 1", 12, noise=1),
     Case("Fc 30 % low, sigma0 / 4", 14, noise=1, Fc=0.7, sigma0=0.25),
     Case("5 mrad to and fro", 14, noise=2, amplitude=0.0025),
 )
