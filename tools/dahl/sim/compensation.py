@@ -44,6 +44,7 @@ class Case:
     Fc: float = 1.0
     sigma0: float = 1.0
     amplitude: float = 0.3  # rad, of the reference or of the hand
+    Ki: float = 0.0  # N m/(rad s), of the position loop
 
     @property
     def theta_per_count(self) -> float:
@@ -54,6 +55,7 @@ class Case:
 POSITION_CASES = (
     Case("17 bits", 17),
     Case("14 bits, noise 2, delay 3", 14, noise=2, delay=3),
+    Case("17 bits, integral", 17, Ki=300),
     Case("Fc 30 % low", 17, Fc=0.7),
     Case("Fc 30 % high", 17, Fc=1.3),
     Case("sigma0 / 3", 17, sigma0=1 / 3),
@@ -210,14 +212,15 @@ def track(case: Case, law: Law, seed: int) -> Run:
     without an error."""
     run, bearing, encoder = Run(), Bearing(), Encoder(case, seed)
     commands = [0.0] * (case.delay + 1)  # the last acts in this tick
-    theta = speed = 0.0
+    theta = speed = integral = 0.0
     reference_counts = 0
     for tick in range(_ticks(MOTION_S + HOLD_S)):
         target, target_speed, acceleration = reference(case.amplitude, tick * PERIOD_S)
         before, reference_counts = reference_counts, math.floor(target / case.theta_per_count)
         added = law.torque(encoder.move(theta), reference_counts - before, target_speed)
         error = target - encoder.counts * case.theta_per_count
-        loop = KP * error + KD * (target_speed - speed) + INERTIA * acceleration
+        integral += case.Ki * error * PERIOD_S
+        loop = integral + KP * error + KD * (target_speed - speed) + INERTIA * acceleration
         commands = [loop + added, *commands[:-1]]
         for _ in range(SUBSTEPS):
             step = PERIOD_S / SUBSTEPS
