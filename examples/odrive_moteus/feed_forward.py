@@ -29,7 +29,8 @@ class Drive(Protocol):
 
 
 class ODrive:
-    """CAN Simple: Get_Encoder_Estimates (9), which the drive sends, and Set_Input_Torque (14)."""
+    """CAN Simple (firmware 0.5.1 or later): Get_Encoder_Estimates (9), which the drive sends, and
+    Set_Input_Torque (14)."""
 
     def __init__(self, node: int = 0) -> None:
         self._id = node << 5

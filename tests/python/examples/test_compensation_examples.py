@@ -157,7 +157,7 @@ def foc(root: Path, tmp_path: Path) -> ctypes.CDLL:
     """FrictionCompensator and a mock of SimpleFOC."""
     mock = root / "tests/python/examples/simplefoc_mock"
     compiled(root, tmp_path)
-    words = ["g++", "-std=c++14", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-shared", "-fPIC"]
+    words = ["g++", "-std=c++11", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-shared", "-fPIC"]
     words += [f"-I{root}/lib/include", f"-I{mock}", f"-I{root}/examples/simplefoc"]
     words += [str(mock / "motor.cpp"), str(tmp_path / "made.so"), f"-Wl,-rpath,{tmp_path}"]
     subprocess.run([*words, "-o", str(tmp_path / "foc.so")], check=True)
