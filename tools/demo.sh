@@ -10,6 +10,7 @@
 # All arguments are passed to `dahl demo`. After the first run, `build/venv/bin/dahl demo --help` lists them.
 # Examples:  tools/demo.sh
 #            tools/demo.sh --scene steering
+#            tools/demo.sh --scene compensation   laws of friction compensation, without a bus: compensation.png, summary.json
 #            tools/demo.sh --target m4f     the torque from firmware on an emulated Cortex-M4F
 #            tools/demo.sh shaft.csv --angle angle_deg --torque torque_Nm --sigma0 120 --fc 0.8 --counts-per-turn 16384
 set -euo pipefail

@@ -34,14 +34,15 @@ def _fill_all(parser: argparse.ArgumentParser) -> None:
     import shtab
 
     from dahl import paths
+    from dahl.commands.compare_laws import SCENE
 
     scenes = sorted(path.stem for path in paths.SCENES.glob("*.ini"))
     (commands,) = (one for one in parser._actions if isinstance(one, argparse._SubParsersAction))
-    for command in commands.choices.values():
+    for name, command in commands.choices.items():
         with contextlib.suppress(ModuleNotFoundError):  # options of a bus, without python-can
             command.fill()
         for action in command._actions:
             if action.dest == "scene":
-                action.choices = scenes
+                action.choices = [*scenes, SCENE] if name == "demo" else scenes
             if action.nargs != 0 and not action.choices:
                 action.complete = shtab.FILE

@@ -98,7 +98,9 @@ def _add_own(own: argparse._ActionsContainer) -> None:
 
 def _add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--scene", metavar="NAME", help="a shipped scene, or the path of a scene file"
+        "--scene",
+        metavar="NAME",
+        help="a shipped scene, the path of a scene file, or compensation (laws compared, no bus)",
     )
     parser.add_argument(
         "--bus", metavar="SPEC", help="socketcan:IF or socketcand (default: the best there is)"
@@ -130,10 +132,13 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from dahl.commands import compare_laws
     from dahl.report import terminal
 
     console = terminal.console(stderr=args.json, soft_wrap=True)
     with paths.lock_folder(args.output):
+        if args.scene == compare_laws.SCENE:
+            return compare_laws.run(args, console)
         _refuse_overwriting(args.log, args.output)
         scene, log, recorded = _choose(args, console)
         numbers, trace = _play(args, scene, log, recorded, console)

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: MIT
+"""Cancel friction from a host: read the angle of an ODrive or a moteus, send a feed-forward torque.
+
+An ODrive must be in torque mode; a moteus is set to its position mode without gains. A host adds
+delay and jitter: prefer the current loop of the drive if you can change it.
+    feed_forward.py odrive can0
+"""
+
+import math
+import struct
+import sys
+import time
+from typing import Protocol
+
+import can
+import dahl
+
+PERIOD_S = 2e-3  # of the drive's estimates
+TIMEOUT_S = 3 * PERIOD_S
+COUNTS_PER_TURN = 16384
+NO_OPERATION = b"\x50"  # moteus: fills a frame up to a length of CAN FD
+
+
+class Drive(Protocol):
+    """Frames of a drive."""
+
+    def turns(self, message: can.Message) -> float | None: ...
+    def command(self, torque: float) -> can.Message: ...
+
+
+class ODrive:
+    """CAN Simple (firmware 0.5.1 or later): Get_Encoder_Estimates (9), which the drive sends, and
+    Set_Input_Torque (14)."""
+
+    def __init__(self, node: int = 0) -> None:
+        self._id = node << 5
+
+    def turns(self, message: can.Message) -> float | None:
+        is_estimate = message.arbitration_id == self._id | 0x09
+        return float(struct.unpack_from("<f", message.data)[0]) if is_estimate else None
+
+    def command(self, torque: float) -> can.Message:
+        data = struct.pack("<f", torque)
+        return can.Message(arbitration_id=self._id | 0x0E, data=data, is_extended_id=False)
+
+
+class Moteus:
+    """Registers: mode (0) = position (10); position (32) = NaN, velocity, feed-forward torque and
+    both gain scales (36) = 0. Each command asks for the position (1)."""
+
+    def __init__(self, node: int = 1) -> None:
+        self._node = node
+
+    def turns(self, message: can.Message) -> float | None:
+        is_reply = message.arbitration_id >> 8 == self._node and message.data[:2] == b"\x2d\x01"
+        return float(struct.unpack_from("<f", message.data, 2)[0]) if is_reply else None
+
+    def command(self, torque: float) -> can.Message:
+        written = b"\x01\x00\x0a\x0c\x05\x20" + struct.pack("<5f", math.nan, 0, torque, 0, 0)
+        data = (written + b"\x1d\x01").ljust(32, NO_OPERATION)
+        return can.Message(
+            arbitration_id=0x8000 | self._node, data=data, is_extended_id=True, is_fd=True
+        )
+
+
+class FeedForward:
+    """Compensate by the measured law. Fc_low [N m] and length_long [rad] are by dahl identify."""
+
+    def __init__(self, drive: Drive, Fc_low: float, length_long: float, limit: float) -> None:
+        theta_per_count = 2 * math.pi / COUNTS_PER_TURN
+        plan = dahl.Plan(Fc_low / length_long, Fc_low, theta_per_count)
+        self._drive, self._element = drive, dahl.Friction(plan)
+        self._counts: int | None = None
+        self._compensator = dahl.Compensator(
+            *(plan.sigma0, plan.Fc, plan.theta_per_count),
+            Fc_low=Fc_low,
+            length_long=length_long,
+            limit=limit,
+            slew=50.0,  # N m/s
+            period=PERIOD_S,
+            rise=0.5,  # s
+            fall=0.02,  # s
+            play=2,  # counts, for a noise of 1
+            noise=1,
+            jump=500,
+        )
+
+    def tick(self, bus: can.BusABC) -> float:
+        """Wait for an angle, send the torque, return it in N m. Without angles it fades out."""
+        turns = self._wait(bus)
+        counts = self._counts if turns is None else round(turns * COUNTS_PER_TURN)
+        moved = 0 if counts is None or self._counts is None else counts - self._counts
+        self._counts = counts
+        move = self._compensator.move(moved, is_good=turns is not None)
+        torque = self._compensator.torque(self._element.step_counts_q30(move))
+        bus.send(self._drive.command(torque))
+        return torque
+
+    def _wait(self, bus: can.BusABC) -> float | None:
+        """Return the next angle in turns, or None after TIMEOUT_S."""
+        end = time.monotonic() + TIMEOUT_S
+        while (left := end - time.monotonic()) > 0:
+            message = bus.recv(left)
+            turns = self._drive.turns(message) if message else None
+            if turns is not None:
+                return turns
+        return None
+
+
+if __name__ == "__main__":
+    kind, channel = sys.argv[1:3]
+    feed = FeedForward(Moteus() if kind == "moteus" else ODrive(), 0.045, 0.0055, limit=0.1)
+    with can.Bus(interface="socketcan", channel=channel, fd=kind == "moteus") as opened:
+        while True:
+            feed.tick(opened)
+            time.sleep(PERIOD_S if kind == "moteus" else 0)  # it sends an angle when asked

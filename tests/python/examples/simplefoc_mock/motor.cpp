@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: MIT
+// A motor of the mock with a FrictionCompensator, for ctypes.
+#include "FrictionCompensator.h"
+
+unsigned long clock_us;
+
+static Sensor sensor;
+static FOCMotor motor;
+static FrictionCompensator compensator(motor, 0.05f, 16384);
+
+extern "C" int motor_init(int direction, float other_ampere)
+{
+    motor.sensor = &sensor;
+    motor.sensor_direction = static_cast<Direction>(direction);
+    motor.feed_forward_current.q = other_ampere;
+    dahl_compensator_params_t params = {};
+    params.friction = {0.045f / 0.0055f, 0.045f, 0.0f};
+    params.Fc_low = 0.045f;
+    params.length_long = 0.0055f;
+    params.gain = 0.9f;
+    params.limit = 0.03f;
+    params.slew = 5.0f;
+    params.period = 1e-3f;
+    params.fall = 0.02f;
+    params.play = 1;
+    params.jump = 200;
+    return compensator.init(params);
+}
+
+// Returns the whole feed-forward current in A after `us` microseconds at an angle in rad within the turn.
+extern "C" float motor_loop(float angle, unsigned long us, int is_enabled)
+{
+    clock_us += us;
+    sensor.angle = angle;
+    motor.enabled = static_cast<int8_t>(is_enabled);
+    compensator.loop();
+    return motor.feed_forward_current.q;
+}
+
+extern "C" unsigned motor_rejected() { return compensator.telemetry().rejected; }

@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: MIT
+"""The page and the examples of friction compensation: their torques are those of dahl.Compensator,
+within limit and slew, in the units that they promise.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import math
+import re
+import struct
+import subprocess
+from pathlib import Path
+
+import can
+import dahl
+import numpy as np
+import pytest
+from conftest import need
+from dahl.binding import plan_header
+from sources import CORE, LIB
+
+pytestmark = pytest.mark.usefixtures("library")
+
+COMPENSATOR = sorted((LIB / "compensator").glob("*.c"))
+STRICT = ["-std=c11", "-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Werror", "-O1"]
+FC_LOW, LENGTH_LONG = 0.45, 0.0055  # N m, rad
+MOVES = np.rint(6 * np.sin(np.arange(1000) / 60)).astype(int)  # counts: at most 2.3 rad/s
+
+
+def compiled(root: Path, folder: Path, *words: object) -> ctypes.CDLL:
+    """Compile sources with the library into a shared library."""
+    flags = [*STRICT, "-shared", "-fPIC", f"-I{root}/lib/include", f"-I{folder}"]
+    command = ["gcc", *flags, *words, *CORE, *COMPENSATOR, "-o", folder / "made.so"]
+    subprocess.run([str(word) for word in command], check=True)
+    return ctypes.CDLL(str(folder / "made.so"))
+
+
+def test_the_page_has_the_bits_of_python(root: Path, tmp_path: Path) -> None:
+    """Its C, with the bounds that `dahl identify` writes."""
+    (code,) = re.findall(r"```c\n(.*?)```", (root / "docs/compensation.md").read_text(), re.S)
+    (tmp_path / "page.c").write_text(code)
+    bounds = plan_header.bounds("rig", FC_LOW, LENGTH_LONG, "N m", "rad")
+    (tmp_path / "dahl_plan_rig.h").write_text(bounds)
+    page = compiled(root, tmp_path, tmp_path / "page.c")
+    page.compensation_tick.restype = ctypes.c_float
+    assert page.compensation_init() == 0
+    low, long = (float(one) for one in re.findall(r"(\S+)f /\*", bounds))
+    sigma0 = float(np.float32(low) / np.float32(long))
+    theta = float(np.float32(6.2831853) / 16384)
+    compensator = dahl.Compensator(
+        *(sigma0, low, theta),
+        **{"Fc_low": low, "length_long": long, "gain": 0.9, "limit": 1.0, "slew": 50.0},
+        **{"period": 1e-3, "rise": 0.5, "fall": 0.02, "fade_speed": 5.0},
+        **{"noise": 1, "play": 2, "jump": 200},
+    )
+    flags = np.abs(np.arange(len(MOVES)) - 700) > 10
+    due = compensator.run_log(dahl.Friction(dahl.Plan(sigma0, low, theta)), MOVES, is_good=flags)
+    found = [page.compensation_tick(int(m), int(f)) for m, f in zip(MOVES, flags, strict=True)]
+    assert found == pytest.approx(due, abs=1e-7 * low)
+    assert math.isclose(max(found), max(due), rel_tol=1e-6) and max(found) > 0.1
+
+
+# --- stm32_current_loop ---------------------------------------------------------------------------
+
+CNT, SMCR, ARR, CCR1 = 9, 2, 11, 13  # words of a timer
+JDR1 = 15  # word of the ADC
+PWM_PERIOD, VOLT, OHM, HENRY, TICK_S = 8400, 24.0, 1.0, 1e-3, 1e-4
+AMPERE_PER_LSB = 3.3 / 4096 / 0.1
+STM32 = Path("examples/stm32_current_loop")
+
+
+class Motor:
+    """Registers and winding of the current loop; the shaft is turned by the test."""
+
+    def __init__(self, root: Path, folder: Path) -> None:
+        (mock := folder / "mock.c").write_text(
+            '#include "registers.h"\ntimer_registers_t tim1, tim3;\nadc_registers_t adc1;\n'
+        )
+        flags = ["-DHOST_REGISTERS", f"-I{root / STM32}"]
+        self.lib = compiled(root, folder, *flags, mock, root / STM32 / "current_loop.c")
+        words = ctypes.c_uint32 * 14
+        self.tim1, self.tim3 = (words.in_dll(self.lib, name) for name in ("tim1", "tim3"))
+        self.adc = (ctypes.c_uint32 * 16).in_dll(self.lib, "adc1")
+        self.current = 0.0  # A
+
+    def value(self, name: str) -> ctypes.c_float:
+        return ctypes.c_float.in_dll(self.lib, name)
+
+    def run(self, ticks: int, counts: int) -> list[float]:
+        """Turn by so many counts in each tick. Returns the compensation in N m."""
+        added = []
+        for _ in range(ticks):
+            self.tim3[CNT] = (self.tim3[CNT] + counts) % 65536
+            self.adc[JDR1] = round(2048 + self.current / AMPERE_PER_LSB)
+            self.lib.ADC_IRQHandler()
+            volt = VOLT * (2 * self.tim1[CCR1] / PWM_PERIOD - 1)
+            self.current += (volt - OHM * self.current) / HENRY * TICK_S
+            added.append(self.value("compensation").value)
+        return added
+
+
+def test_the_current_loop_adds_the_current_of_the_friction(root: Path, tmp_path: Path) -> None:
+    """0.9 times 0.045 N m at 0.05 N m/A, over the wrap of the timer, and back."""
+    motor = Motor(root, tmp_path)
+    motor.tim3[CNT] = 65500
+    assert motor.lib.current_loop_init() == 0
+    assert (motor.tim3[SMCR], motor.tim3[ARR]) == (3, 65535)
+    low, long = float(np.float32(0.045)), float(np.float32(0.0055))
+    plan = dahl.Plan(float(np.float32(low) / np.float32(long)), low, 2 * math.pi / 16384)
+    compensator = dahl.Compensator(
+        *(plan.sigma0, low, plan.theta_per_count),
+        **{"Fc_low": low, "length_long": long, "limit": 0.06, "slew": 5.0, "period": TICK_S},
+        **{"rise": 0.5, "fall": 0.02, "fade_speed": 20.0, "noise": 1, "play": 2, "jump": 100},
+    )
+    due = compensator.run_log(
+        dahl.Friction(plan), [0] + 199 * [1]
+    )  # the first reading is the start
+    assert motor.run(200, 1) == pytest.approx(due, abs=1e-7 * low) and due[-1] > 0
+    friction = 0.9 * 0.045 / 0.05  # A
+    for counts in (1, -1):
+        motor.run(8000, counts)
+        assert motor.current == pytest.approx(counts * friction, abs=0.02)
+        assert motor.value("compensation").value == pytest.approx(counts * 0.0405, abs=1e-4)
+    motor.value("torque_command").value = 0.1
+    motor.run(300, -1)
+    assert motor.current == pytest.approx(0.1 / 0.05 - friction, abs=0.02)
+    motor.value("torque_command").value = 10.0
+    motor.run(300, -1)
+    assert motor.current == pytest.approx(4.0, abs=0.02)
+    ctypes.c_int.in_dll(motor.lib, "encoder_is_good").value = 0
+    motor.value("torque_command").value = 0.0
+    motor.run(300, -1)
+    assert motor.value("compensation").value == 0 and abs(motor.current) < 0.02
+
+
+@pytest.mark.checks
+def test_the_current_loop_compiles_for_a_cortex_m4f(root: Path, tmp_path: Path) -> None:
+    """Without arithmetic in double."""
+    need("arm-none-eabi-gcc", "the current loop compiles for a Cortex-M4F")
+    target = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard", "-O2"]
+    words = ["arm-none-eabi-gcc", *STRICT, "-Wdouble-promotion", *target, "-c"]
+    made = tmp_path / "current_loop.o"
+    words += [f"-I{root}/lib/include", str(root / STM32 / "current_loop.c"), "-o", str(made)]
+    subprocess.run(words, check=True)
+    words = ["arm-none-eabi-nm", "-u", str(made)]
+    needed = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    assert "dahl_compensator_torque" in needed and "__aeabi_d" not in needed
+
+
+# --- simplefoc ------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def foc(root: Path, tmp_path: Path) -> ctypes.CDLL:
+    """FrictionCompensator and a mock of SimpleFOC."""
+    mock = root / "tests/python/examples/simplefoc_mock"
+    compiled(root, tmp_path)
+    words = ["g++", "-std=c++11", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-shared", "-fPIC"]
+    words += [f"-I{root}/lib/include", f"-I{mock}", f"-I{root}/examples/simplefoc"]
+    words += [str(mock / "motor.cpp"), str(tmp_path / "made.so"), f"-Wl,-rpath,{tmp_path}"]
+    subprocess.run([*words, "-o", str(tmp_path / "foc.so")], check=True)
+    lib = ctypes.CDLL(str(tmp_path / "foc.so"))
+    lib.motor_loop.restype = ctypes.c_float
+    return lib
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_simplefoc_gets_ampere_within_the_limit(direction: int, foc: ctypes.CDLL) -> None:
+    """On top of the current of another term, through the zero of the sensor, and 0 if disabled."""
+    other = 0.25  # A
+    assert foc.motor_init(direction, ctypes.c_float(other)) == 0
+
+    def turn(ticks: int, counts: int, start: int, enabled: int = 1, us: int = 1000) -> list[float]:
+        angles = [(start + counts * k) % 16384 / 16384 * 2 * math.pi for k in range(ticks)]
+        call = foc.motor_loop
+        return [call(ctypes.c_float(a), ctypes.c_ulong(us), enabled) - other for a in angles]
+
+    early = turn(40, 1, 15960, us=250)  # a quarter of a period: each fourth call is a tick
+    assert 5 < sum(a != b for a, b in zip(early, early[1:], strict=False)) <= 10
+    forward = turn(300, 2, 16000)
+    limit = 0.03 / 0.05  # A
+    assert forward[-1] == pytest.approx(direction * limit, rel=1e-5)
+    assert max(map(abs, forward)) <= limit * (1 + 1e-5)
+    steps = [abs(b - a) for a, b in zip(forward, forward[1:], strict=False)]
+    assert max(steps) <= 5.0 * 1e-3 / 0.05 * (1 + 1e-4)
+    assert turn(300, -2, 16598)[-1] == pytest.approx(-direction * limit, rel=1e-5)
+    assert foc.motor_rejected() == 0
+    assert turn(60, -2, 15998, enabled=0)[-1] == pytest.approx(0, abs=1e-6)
+
+
+# --- odrive_moteus --------------------------------------------------------------------------------
+
+LIMIT = 0.03  # N m
+NODE = 3
+
+
+def odrive_angle(turns: float) -> can.Message:
+    data = struct.pack("<ff", turns, 0.0)
+    return can.Message(arbitration_id=0x069, data=data, is_extended_id=False)
+
+
+def odrive_torque(message: can.Message) -> float:
+    assert message.arbitration_id == 0x06E and len(message.data) == 4
+    return struct.unpack("<f", message.data)[0]
+
+
+def moteus_angle(turns: float) -> can.Message:
+    data = b"\x2d\x01" + struct.pack("<f", turns)
+    return can.Message(arbitration_id=0x300, data=data, is_extended_id=True, is_fd=True)
+
+
+def moteus_torque(message: can.Message) -> float:
+    """Read the subframes of a frame: writes of registers by type, then the query."""
+    assert message.arbitration_id == 0x8003 and message.is_fd and len(message.data) == 32
+    assert message.data[:3] == b"\x01\x00\x0a"  # write one int8 from register 0: position mode
+    assert message.data[3:6] == b"\x0c\x05\x20"  # write five floats from register 0x20
+    position, *velocity_to_kd = struct.unpack_from("<5f", message.data, 6)
+    assert math.isnan(position) and velocity_to_kd[0] == velocity_to_kd[2] == velocity_to_kd[3] == 0
+    assert message.data[26:] == b"\x1d\x01\x50\x50\x50\x50"  # read one float from register 1
+    return velocity_to_kd[1]
+
+
+@pytest.mark.parametrize("name", ["ODrive", "Moteus"])
+def test_a_host_feeds_newton_metres_forward(
+    name: str, root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Forward, back, among other frames, and without angles, against a mock drive on one bus."""
+    monkeypatch.syspath_prepend(root / "examples/odrive_moteus")
+    module = importlib.import_module("feed_forward")
+    monkeypatch.setattr(module, "TIMEOUT_S", 0.02)
+    angle, torque_of = {
+        "ODrive": (odrive_angle, odrive_torque),
+        "Moteus": (moteus_angle, moteus_torque),
+    }[name]
+    feed = module.FeedForward(getattr(module, name)(NODE), 0.045, 0.0055, limit=LIMIT)
+    stranger = can.Message(arbitration_id=0x7FF, data=[1], is_extended_id=False)
+    with (
+        can.Bus(interface="virtual", channel=name, protocol=can.CanProtocol.CAN_FD) as host,
+        can.Bus(interface="virtual", channel=name, protocol=can.CanProtocol.CAN_FD) as drive,
+    ):
+
+        def torques(counts: range) -> list[float]:
+            found = []
+            for count in counts:
+                drive.send(stranger)
+                drive.send(angle(count / 16384))
+                returned = feed.tick(host)
+                found.append(torque_of(drive.recv(1)))
+                assert found[-1] == pytest.approx(returned, abs=1e-9)
+            return found
+
+        forward = torques(range(0, 1200, 3))
+        assert forward[0] == 0 and forward[-1] == pytest.approx(LIMIT, rel=1e-5)
+        assert max(map(abs, forward)) <= LIMIT * (1 + 1e-6)
+        assert torques(range(1200, 600, -3))[-1] == pytest.approx(-LIMIT, rel=1e-5)
+        silent = [feed.tick(host) for _ in range(15)]
+        assert silent[1] == pytest.approx(-LIMIT, rel=1e-5) and silent[-1] == 0

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: MIT
+"""`dahl demo --scene compensation`: the numbers of each law, its files, and its refusals."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from dahl import cli
+from dahl.sim import compensation
+from dahl.sim.compensation import Comparison
+
+pytestmark = pytest.mark.usefixtures("library")
+
+
+@pytest.fixture(scope="module")
+def compared(library) -> Comparison:
+    return compensation.compare()
+
+
+# Largest ratio of the error to that without compensation.
+POSITION_LIMITS = {
+    "17 bits": 0.10,
+    "14 bits, noise 2, delay 3": 0.24,
+    "17 bits, integral": 0.10,
+    "Fc 30 % low": 1.10,
+    "Fc 30 % high": 1.10,
+    "sigma0 / 3": 1.10,
+    "sigma0 x 3": 1.10,
+    "10 mrad to and fro": 0.10,
+}
+HAND_LIMITS = {
+    "17 bits, noise 1": 0.17,
+    "14 bits, noise 2, delay 3": 0.17,
+    "12 bits, noise 1": 0.20,
+    "Fc 30 % low, sigma0 / 4": 0.70,
+    "5 mrad to and fro": 0.20,
+}
+
+
+@pytest.mark.parametrize(("axis", "limits"), [("position", POSITION_LIMITS), ("hand", HAND_LIMITS)])
+def test_each_case_is_within_its_limit(
+    axis: str, limits: dict[str, float], compared: Comparison
+) -> None:
+    ratios = {case: laws["dahl"]["ratio"] for case, laws in compared.numbers[axis].items()}
+    assert ratios.keys() == limits.keys()
+    assert {case: ratio for case, ratio in ratios.items() if ratio > limits[case]} == {}
+
+
+def test_the_page_has_the_numbers_of_the_scene(compared: Comparison, root: Path) -> None:
+    """In each row of its table: sign, tanh, dead band, dahl."""
+    text = (root / "docs/compensation.md").read_text()
+    rows = re.findall(
+        r"^\|[^|]*\| ([^|]+) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \|$", text, re.M
+    )
+    shown = {(case, k >= len(POSITION_LIMITS)): row for k, (case, *row) in enumerate(rows)}
+    for axis, cases in compared.numbers.items():
+        for case, laws in cases.items():
+            ratios = [value["ratio"] for law, value in laws.items() if law != "none"]
+            row = [float(value) for value in shown.pop((case, axis == "hand"))]
+            assert row == pytest.approx(ratios, abs=2e-3), case
+    assert not shown
+
+
+def test_the_usual_laws_fail_on_a_short_motion(compared: Comparison) -> None:
+    """Their torque is late or chatters within the presliding length."""
+    hand = compared.numbers["hand"]["5 mrad to and fro"]
+    assert all(hand[law]["ratio"] >= 2 for law in ("sign", "tanh", "dead band"))
+    assert hand["tanh"]["ratio"] >= 2.5
+    position = compared.numbers["position"]["10 mrad to and fro"]
+    assert position["sign"]["ratio"] >= 1.5 and position["tanh"]["ratio"] >= 1
+
+
+def test_a_hold_does_not_change_the_sign_of_the_torque(compared: Comparison) -> None:
+    for case, laws in compared.numbers["position"].items():
+        assert laws["dahl"]["sign_changes_per_s"] == 0, case
+    assert compared.numbers["position"]["17 bits"]["dead band"]["sign_changes_per_s"] > 10
+
+
+def test_the_motor_torque_stays_within_limit_and_slew(compared: Comparison) -> None:
+    added = compared.hand["dahl"].added
+    assert max(map(abs, added)) <= compensation.LIMIT
+    steps = [abs(b - a) for a, b in zip(added, added[1:], strict=False)]
+    assert 0 < max(steps) <= compensation.SLEW * compensation.PERIOD_S * (1 + 1e-6)
+
+
+def test_the_seed_alone_decides(compared: Comparison) -> None:
+    case = compensation.SHOWN_HAND
+
+    def error(seed: int) -> list[float]:
+        return compensation.lead(case, compensation.laws(case, False)["dahl"], seed).error
+
+    assert error(1) == error(1) == compared.hand["dahl"].error
+    assert error(2) != error(1)
+
+
+def test_the_demo_writes_picture_and_numbers(
+    compared: Comparison, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["demo", "--scene", "compensation", "--json", "-o", str(tmp_path)]
+    assert cli.main(words) == 0
+    numbers = json.loads(capsys.readouterr().out)
+    assert numbers == json.loads((tmp_path / "summary.json").read_text())
+    assert {axis: numbers[axis] for axis in ("position", "hand")} == compared.numbers
+    assert (tmp_path / "compensation.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("option", [["--bus", "socketcand"], ["--seconds", "3"], ["--fc", "1"]])
+def test_options_of_a_bus_or_a_log_are_refused(
+    option: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["demo", "--scene", "compensation", *option, "-o", str(tmp_path)]
+    assert cli.main(words) != 0
+    said = capsys.readouterr().err
+    assert said.startswith("error: ") and option[0] in said and said.count("\n") == 1
+    assert not (tmp_path / "summary.json").exists()
