@@ -46,7 +46,7 @@ class ODrive:
 
 class Moteus:
     """Registers: mode (0) = position (10); position (32) = NaN, velocity, feed-forward torque and
-    both gain scales (36) = 0. Each command asks for the position (1)."""
+    both gain scales (36) = 0. Each command requests the position (1)."""
 
     def __init__(self, node: int = 1) -> None:
         self._node = node
@@ -80,8 +80,8 @@ class FeedForward:
             period=PERIOD_S,
             rise=0.5,  # s
             fall=0.02,  # s
-            play=2,  # counts, for a noise of 1
-            noise=1,
+            noise=1,  # counts
+            play=4,
             jump=500,
         )
 
@@ -113,4 +113,4 @@ if __name__ == "__main__":
     with can.Bus(interface="socketcan", channel=channel, fd=kind == "moteus") as opened:
         while True:
             feed.tick(opened)
-            time.sleep(PERIOD_S if kind == "moteus" else 0)  # it sends an angle when asked
+            time.sleep(PERIOD_S if kind == "moteus" else 0)  # it sends an angle on request
