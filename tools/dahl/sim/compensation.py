@@ -97,10 +97,10 @@ def _ticks(seconds: float) -> int:
 
 
 class Law(Protocol):
-    """A law of compensation: torque in N m from the moves of a tick."""
+    """A law of compensation: returns the torque in N m, once in each tick."""
 
     def torque(self, dcounts: int, reference_move: int, reference_speed: float) -> float:
-        """Counts of encoder and reference, speed of the reference in rad/s."""
+        """Read the counts of encoder and reference, and the speed of the reference in rad/s."""
 
 
 class NoLaw:
