@@ -108,7 +108,9 @@ class FeedForward:
 
 
 if __name__ == "__main__":
-    kind, channel = sys.argv[1:3]
+    if len(sys.argv) != 3:
+        sys.exit("usage: feed_forward.py odrive|moteus CHANNEL")
+    kind, channel = sys.argv[1:]
     feed = FeedForward(Moteus() if kind == "moteus" else ODrive(), 0.045, 0.0055, limit=0.1)
     with can.Bus(interface="socketcan", channel=channel, fd=kind == "moteus") as opened:
         while True:

@@ -32,6 +32,7 @@ HELP = "replay a log over the bus, record, compare, draw"
 EXAMPLE = """examples:
   dahl demo
   dahl demo --scene steering --seconds 10
+  dahl demo --scene compensation
   dahl demo shaft.csv --angle angle_deg --torque torque_Nm --sigma0 120 --fc 0.8 \\
       --counts-per-turn 16384"""
 

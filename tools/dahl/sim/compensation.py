@@ -259,9 +259,16 @@ class Comparison:
     hand: dict[str, Run]
 
 
+def count_runs() -> int:
+    """Return the number of runs of compare()."""
+    cases = (*POSITION_CASES, *HAND_CASES)
+    return len(cases) * len(laws(cases[0], True))
+
+
 def compare(seed: int = 1, progress: Callable[[], None] = lambda: None) -> Comparison:
     """Run each law in each case. `ratio` is the RMS error over that without compensation, and
     `sign_changes_per_s` counts those of the added torque while the reference holds.
+    Each run calls progress() at its end.
     """
     position = {case: _runs(track, case, True, seed, progress) for case in POSITION_CASES}
     hand = {case: _runs(lead, case, False, seed, progress) for case in HAND_CASES}
