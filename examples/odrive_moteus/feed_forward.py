@@ -2,7 +2,8 @@
 """Cancel friction from a host: read the angle of an ODrive or a moteus, send a feed-forward torque.
 
 An ODrive must be in torque mode; a moteus is set to its position mode without gains. A host adds
-delay and jitter: prefer the current loop of the drive if you can change it.
+delay and jitter: prefer the current loop of the drive if you can change it. Enable the watchdog of
+an ODrive: without it, the last torque stays if this program ends.
     feed_forward.py odrive can0
 """
 
