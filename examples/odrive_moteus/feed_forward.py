@@ -2,7 +2,8 @@
 """Cancel friction from a host: read the angle of an ODrive or a moteus, send a feed-forward torque.
 
 An ODrive must be in torque mode; a moteus is set to its position mode without gains. A host adds
-delay and jitter: prefer the current loop of the drive if you can change it.
+delay and jitter: prefer the current loop of the drive if you can change it. Enable the watchdog of
+an ODrive: without it, the last torque stays if this program ends.
     feed_forward.py odrive can0
 """
 
@@ -46,7 +47,7 @@ class ODrive:
 
 class Moteus:
     """Registers: mode (0) = position (10); position (32) = NaN, velocity, feed-forward torque and
-    both gain scales (36) = 0. Each command asks for the position (1)."""
+    both gain scales (36) = 0. Each command requests the position (1)."""
 
     def __init__(self, node: int = 1) -> None:
         self._node = node
@@ -80,8 +81,8 @@ class FeedForward:
             period=PERIOD_S,
             rise=0.5,  # s
             fall=0.02,  # s
-            play=2,  # counts, for a noise of 1
-            noise=1,
+            noise=1,  # counts
+            play=4,
             jump=500,
         )
 
@@ -108,9 +109,11 @@ class FeedForward:
 
 
 if __name__ == "__main__":
-    kind, channel = sys.argv[1:3]
+    if len(sys.argv) != 3:
+        sys.exit("usage: feed_forward.py odrive|moteus CHANNEL")
+    kind, channel = sys.argv[1:]
     feed = FeedForward(Moteus() if kind == "moteus" else ODrive(), 0.045, 0.0055, limit=0.1)
     with can.Bus(interface="socketcan", channel=channel, fd=kind == "moteus") as opened:
         while True:
             feed.tick(opened)
-            time.sleep(PERIOD_S if kind == "moteus" else 0)  # it sends an angle when asked
+            time.sleep(PERIOD_S if kind == "moteus" else 0)  # it sends an angle on request

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * dahl_step() for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the tick of lib/model/step_angle.c, same bits. See lib/model/kernel.h for v = hi 2^(-32 - shift), Q and g.
+ * dahl_step() for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the tick of lib/model/step_angle.c, same bits.
+ * lib/model/kernel.h explains v = hi 2^(-32 - shift), Q and g.
  *
  * From the test of the shift to the update, the carry is the sign of the angle: forward, or backward if set. No
  * instruction between them changes it; TST does not, for masks of this form (two equal halves of 16 bits).

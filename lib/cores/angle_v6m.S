@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * dahl_step() for ARMv6-M and ARMv8-M Baseline: the tick of lib/model/step_angle.c, same bits. See lib/model/kernel.h for v = hi 2^(-32 - shift), Q and g.
+ * dahl_step() for ARMv6-M and ARMv8-M Baseline: the tick of lib/model/step_angle.c, same bits.
+ * lib/model/kernel.h explains v = hi 2^(-32 - shift), Q and g.
  *
  * The core multiplies to 32 bits, so products are built from halves of 16 bits: x = x1:x0. The arguments are kept on
  * the stack. A float is passed in r0 to r3 on every such core, since none has an FPU.

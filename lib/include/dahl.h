@@ -157,8 +157,8 @@ typedef struct {
  * machine; may be `const` in flash. */
 typedef struct {
     uint32_t a_mantissa;  /**< sigma0/(Fc ln 2) = a_mantissa 2^a_exponent [1/rad]; top bit set */
-    int32_t a_exponent;   /**< exponent of a_mantissa; 0x600000 less if that is 2^62 or more, or
-                               below 2^-121 */
+    int32_t a_exponent;   /**< exponent of a_mantissa; 0x600000 less if sigma0/(Fc ln 2) is 2^62 or
+                               more, or below 2^-121 */
     uint32_t Fc_mantissa; /**< Fc = Fc_mantissa 2^Fc_exponent [N m]; top bit set */
     int32_t Fc_exponent;  /**< exponent of Fc_mantissa */
     dahl_q64_t g[37];     /**< g(u) of 0, 1 .. 8 counts, then of 16, 32 .. 2^31 counts; all 0 if

@@ -24,7 +24,7 @@
  *       .law = DAHL_COMPENSATOR_MEASURED, .Fc_low = Fc_low, .length_long = length_long,
  *       .gain = 0.9f, .limit = 1.0f, .slew = 50.0f, .period = 1e-3f,   // N m, N m/s, s
  *       .rise = 0.5f, .fall = 0.02f, .fade_speed = 5.0f,               // s, s, rad/s
- *       .noise = 1, .play = 2, .jump = 200};                           // counts
+ *       .noise = 1, .play = 4, .jump = 200};                           // counts
  *   start:
  *     if (dahl_prepare(&friction, &params.friction) != DAHL_OK
  *         || dahl_compensator_prepare(&plan, &params) != DAHL_COMPENSATOR_OK) { stop(); }
@@ -46,13 +46,16 @@
  * The law injects no energy into a free axis, whatever its inertia, if
  * - Fc_low is at most the true Fc and length_long at least the true presliding length Fc/sigma0,
  * - the true friction is Dahl- or LuGre-like over all speeds below twice fade_speed,
- * - the noise of the encoder is at most `noise`.
+ * - the noise of the encoder is at most `noise`,
+ * - play is at least 2 noise + 2, or 1 without noise,
+ * - the torque acts at most 3 ticks after the reading.
  *
- * With 12 to 20 bits, noise, and 1 to 3 ticks of delay, a simulated axis comes to rest after a
- * kick, at most 0.08 rad/s. The prepare function enforces gain Fc <= Fc_low, Fc/sigma0 >=
- * length_long, and play >= 2 noise. Closed form behind it: a loop of amplitude A has the area 4 Fc
- * (A - tanh(a A)/a), a = sigma0/Fc. If slip elements make the presliding, give three times the
- * measured length.
+ * With 12 to 20 bits, a simulated axis then comes to rest after a kick, at most 0.02 rad/s. With
+ * play = 2 noise it can keep moving, at most 0.05 rad/s with 14 bits or more if the noise is added
+ * before the rounding, up to 0.4 rad/s otherwise. The prepare function enforces gain Fc <= Fc_low,
+ * Fc/sigma0 >= length_long, and play >= 2 noise. Closed form behind it: a loop of amplitude A has
+ * the area 4 Fc (A - tanh(a A)/a), a = sigma0/Fc. If slip elements make the presliding, give three
+ * times the measured length.
  *
  * @par Not promised
  * A benefit with 12 bits or fewer, passivity of the reference law, and faults that the caller does
@@ -121,10 +124,12 @@ typedef struct {
                                      twice this speed; 0: no fade over speed */
     float pull;                 /**< [Hz] corner frequency of dahl_compensator_pull(), within a
                                      factor of 1.5; 0: no pull */
-    uint32_t noise;             /**< [count] noise of the angle is within +-noise, before it is
-                                     rounded to counts; half the flicker at rest, rounded up */
-    uint32_t play;              /**< [count] width of the dead zone that follows the counts: at
-                                     least 2 noise and 1, at most #DAHL_COMPENSATOR_PLAY_MAX */
+    uint32_t noise;             /**< [count] the noise is within +-noise, added before or after the
+                                     angle is rounded to counts; half the flicker at rest, rounded
+                                     up */
+    uint32_t play;              /**< [count] width of the dead zone that follows the counts: 2 noise
+                                     + 2 is safe; at least 2 noise and 1, at most
+                                     #DAHL_COMPENSATOR_PLAY_MAX */
     uint32_t jump;              /**< [count] longer moves of a tick are rejected: at least 1, at
                                      most #DAHL_COMPENSATOR_JUMP_MAX, below 1000 times the counts
                                      of a tick at fade_speed */

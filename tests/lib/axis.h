@@ -40,6 +40,7 @@ typedef struct {
     double reference, reference_speed, reference_acceleration;
     double period, theta_per_count;
     int noise, delay; /* counts, ticks */
+    int is_noise_after_rounding;
     torque_source_t source;
     double tanh_speed; /* rad/s */
     uint64_t random;
@@ -106,11 +107,15 @@ static inline void axis_start(axis_t *axis)
     axis->law = (int)axis->params.law;
 }
 
-/* The noise, uniform in +-noise counts, is added before the quantization. */
+/* The noise is uniform in +-noise: of whole counts if it is added after the quantization. */
 static inline int32_t axis_read(axis_t *axis)
 {
-    const double noise = axis->noise * (random_u32(&axis->random) * 0x1p-31 - 1);
-    return (int32_t)floor(axis->theta / axis->theta_per_count + noise);
+    const uint32_t random = random_u32(&axis->random);
+    const double counts = axis->theta / axis->theta_per_count;
+    if (axis->is_noise_after_rounding) {
+        return (int32_t)floor(counts) + (int32_t)(random % (2 * (uint32_t)axis->noise + 1)) - axis->noise;
+    }
+    return (int32_t)floor(counts + axis->noise * (random * 0x1p-31 - 1));
 }
 
 /* The moves of both laws in one tick; returns the torque of the element in Q30. */

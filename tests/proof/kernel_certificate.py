@@ -51,17 +51,17 @@ class Piece:
 
 
 def constants_of(sollya: str, generator: Path) -> Constants:
-    """The constants that the kernel's generator prints."""
-    said = run([sollya, str(generator)], "")
-    rows = re.findall(r"{(-?\d+), (-?\d+), (-?\d+), (\d+)u}", said)
+    """Return the constants that the kernel's generator prints."""
+    text = run([sollya, str(generator)], "")
+    rows = re.findall(r"{(-?\d+), (-?\d+), (-?\d+), (\d+)u}", text)
     if len(rows) != CUBICS:
-        raise CertificateError(f"{generator.name} prints other constants: {said[-400:]}")
+        raise CertificateError(f"{generator.name} prints other constants: {text[-400:]}")
     cubics = tuple(tuple(int(c) for c in reversed(row)) for row in rows)
     return Constants(cubics, int(mp.ceil(mpf(2) ** 31 / mp.ln2)))
 
 
 def model(c: Constants, mantissa: int, shift: int) -> tuple[int, int]:
-    """g = m 2^(-32 - s) as (m, s), for v = mantissa 2^(-32 - shift): the certified function."""
+    """Return (m, s) of g = m 2^(-32 - s), for v = mantissa 2^(-32 - shift)."""
     if shift < -8:
         return WORD, 0
     if shift < 0:
@@ -73,7 +73,7 @@ def model(c: Constants, mantissa: int, shift: int) -> tuple[int, int]:
 
 
 def model_q(c: Constants, f: int) -> int:
-    """Q(f) in Q32."""
+    """Return Q(f) in Q32."""
     *rest, r = c.cubics[f >> 28]
     y = f & 2**28 - 1
     for k in reversed(rest):
@@ -82,14 +82,14 @@ def model_q(c: Constants, f: int) -> int:
 
 
 def model_large(c: Constants, mantissa: int, shift: int) -> int:
-    """g in Q32 for 1/2 <= v < 256."""
+    """Return g in Q32 for 1/2 <= v < 256."""
     k, f = mantissa >> (32 + shift), mantissa << -shift & WORD
     product = (f | k) * model_q(c, f | k) >> 32
     return WORD - ((WORD - product) >> k)
 
 
 def run(command: list[str], script: str) -> str:
-    """The output of Sollya or Gappa for a script."""
+    """Return the output of Sollya or Gappa for a script."""
     done = subprocess.run(
         command, input=script, capture_output=True, text=True, timeout=120, check=False
     )
@@ -97,7 +97,7 @@ def run(command: list[str], script: str) -> str:
 
 
 def polynomial(coefficients: tuple[int, ...], x: str, unit: str) -> str:
-    """c0 + x (c1 + x (c2 + ..)) as text for Sollya and Gappa, each number with its unit."""
+    """Return c0 + x (c1 + x (c2 + ..)) for Sollya and Gappa, each number with its unit."""
     *rest, text = [f"{c}{unit}" for c in coefficients]
     for c in reversed(rest):
         text = f"({c} + {x} * {text})"
@@ -105,7 +105,7 @@ def polynomial(coefficients: tuple[int, ...], x: str, unit: str) -> str:
 
 
 def fits(c: Constants, sollya: str) -> list:
-    """For each cubic: a range of P(f) f/(1 - 2^-f) - 1.
+    """Return a range of P(f) f/(1 - 2^-f) - 1 for each cubic.
 
     supnorm certifies the distance from 1 + centre, with the centre near the middle of the piece.
     It needs f > 0: below 2^-30, P and (1 - 2^-f)/f change by less than 2^-61.
@@ -134,7 +134,7 @@ def fits(c: Constants, sollya: str) -> list:
 
 
 def gappa_range(gappa: str, script: str) -> object:
-    """The interval that Gappa proves for the goal of a script."""
+    """Return the interval that Gappa proves for the goal of a script."""
     text = re.sub(r"{[^}]*}", "", run([gappa], script))
     numbers = re.findall(r"(-?\d+)(?:b(-?\d+))?[ ,\]]", text.split(" in ")[-1])
     if len(numbers) < 2 or " in [" not in text:
@@ -144,7 +144,7 @@ def gappa_range(gappa: str, script: str) -> object:
 
 
 def horner_script(row: tuple[int, ...]) -> str:
-    """The evaluated cubic minus the exact one, for y below 1/16."""
+    """Return the script that bounds the evaluated cubic minus the exact one, y below 1/16."""
     *rest, tail = row
     lines = ["@down = fixed<-32,dn>;", "y = down(yx);", f"r0 = {tail}b-32;"]
     for i, k in enumerate(reversed(rest)):

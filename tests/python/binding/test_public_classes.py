@@ -261,7 +261,6 @@ def test_parameters_at_their_limits_are_accepted() -> None:
 
 @pytest.mark.parametrize("module", [dahl, node, codec])
 def test_only_public_names_are_listed_and_imported(module: Any) -> None:
-    """Without modules and the interface to C."""
     brought: dict[str, Any] = {}
     exec(f"from {module.__name__} import *", brought)
     found = {name for name, value in brought.items() if name != "__builtins__"}

@@ -86,7 +86,6 @@ def stopped(dahl, monkeypatch):
 
 
 def test_a_recorder_that_was_stopped_records_the_frames_before_its_end(stopped, tmp_path):
-    """They waited. The limit passed meanwhile, and later frames wait too."""
     stopped("record", "--seconds", 1, "-o", "run.log")
     held = [round(frame.timestamp * 1000) for frame in can.LogReader(tmp_path / "run.log")]
     assert held == [*range(len(held))] and len(held) in (1000, 1001)

@@ -234,7 +234,7 @@ def assert_axes_hold(lines: list[str], *spans: tuple[float, float]) -> None:
     [(5000, 100, 0.25), (-370_000, 1, -0.5), (0, 111_111, 0), (7, 0, 0.5), (0, 0, 0)],
 )
 def test_each_curve_has_its_own_axes(monitor, monkeypatch, low, step, ratio):
-    """Over 0.9 s. Only the last --window ticks are drawn. In the last rows the shaft is at rest."""
+    """Only the last --window ticks are drawn; the shaft ends at rest."""
     sent: list[Sent] = []
     rise = 0.25 if step else 0.0
     for n in range(-5, 10):

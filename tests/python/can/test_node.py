@@ -105,7 +105,7 @@ def move(node: dahl.Node, *counts: int) -> list[codec.FrictionTorque]:
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_node_answers_with_the_torque_of_its_friction(model):
-    """To the bit; the C adds the elements of a mix in another order. Loads come by parameter."""
+    """Bits are equal. The C adds the elements of a mix in another order."""
     given = MODELS[model][1]
     alone = dahl.Friction(given) if isinstance(given, dahl.Plan) else copy.deepcopy(given)
     one, random, count, load = dahl.Node(given), np.random.default_rng(1), 0, ()

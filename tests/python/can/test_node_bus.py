@@ -143,7 +143,7 @@ def test_a_listener_hands_over_frames_by_number_and_each_bus_off(ends, numbers):
 
 
 def test_run_and_listener_send_status_in_its_period(ends):
-    """They wait at least so long from one to the next; a busy machine waits longer."""
+    """They wait at least this long; a busy machine waits longer."""
     here, there = ends
     sent_s: list[float] = []
     period, wanted = 0.02, 6

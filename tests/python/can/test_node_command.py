@@ -34,7 +34,7 @@ TIMING = ("f_clock=8000000", "brp=2", "tseg1=5", "tseg2=2", "sjw=2", "nof_sample
 
 @contextlib.contextmanager
 def started(root, *words: str) -> Iterator[tuple[list[str], list[str]]]:
-    """Lines at the start, and lines at the end, which is Ctrl-C."""
+    """Yield the lines printed at the start, and those printed after Ctrl-C."""
     command = [sys.executable, "-m", "dahl", "node", *words]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     process = subprocess.Popen(command, cwd=root, **pipes)
@@ -77,7 +77,7 @@ def counted(last: list[str]) -> dict[str, int]:
 
 
 def test_the_printed_line_opens_the_bus_of_the_node(root, tmp_path):
-    """Here another server, whose own node has another number. The Status period is 100 ms."""
+    """A second server has a node of another number."""
     hub = ("--role", "node", "--set", "friction.node=9")
     with (
         serving(tmp_path, SCENES / "segments.ini", *hub) as (_, port),

@@ -266,6 +266,5 @@ class AgainstTheModel(RuleBasedStateMachine):
 
 @modes(200, 5000)
 def test_a_node_behaves_as_its_headers_describe(examples):
-    """A failure shows the shortest sequence."""
     how = hypothesis.settings(max_examples=examples, suppress_health_check=SLOW)
     run_state_machine_as_test(AgainstTheModel, settings=how)

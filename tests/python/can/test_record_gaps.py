@@ -181,7 +181,7 @@ def test_faults_on_the_bus_are_no_loss_of_the_recorder(dahl, tmp_path):
 def test_a_stopped_recorder_records_what_waits_or_reports_that_it_was_dropped(
     root, tmp_path, is_dropped
 ):
-    """Its log has whole lines without a gap. Ctrl-C is its end, unless the server drops it."""
+    """Its log has whole lines without a gap. It ends by Ctrl-C or if the server drops it."""
     record, log, bus_log = None, tmp_path / "run.log", tmp_path / "loop" / "run.log"
     limits = ("--wait-clients", "1", "--until-idle", "--set", "motion.seconds=60")
     with serving(tmp_path / "loop", SCENES / "steering.ini", *limits) as (server, port):

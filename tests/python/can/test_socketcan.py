@@ -100,7 +100,7 @@ def test_cansend_disturbs_nothing_and_is_counted(machine):
 
 
 def test_noise_on_the_encoders_own_id_loses_no_answer(machine):
-    """By cangen, in real time. Time stamps are those of the kernel, to the microsecond."""
+    """cangen sends in real time. The kernel sets the time stamps."""
     case = machine("noise")
     assert case.code("both") == 0, case.errors("both")
     assert len(case.frames("run")) > 6400

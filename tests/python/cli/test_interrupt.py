@@ -90,7 +90,7 @@ QUICK = ("demo", "monitor", "record", "follow")
 
 
 def write_log(path: Path) -> None:
-    """A log that takes a moment to identify."""
+    """Write a log whose identification is slow enough to interrupt."""
     theta = 0.05 * np.sin(np.linspace(0, 200, 40000))
     rows = np.column_stack([np.arange(len(theta)) * 1e-3, theta, dahl_torque(theta)])
     np.savetxt(path, rows, delimiter=",", header="t [s],theta [rad],torque [Nm]", comments="")

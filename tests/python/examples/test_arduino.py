@@ -53,6 +53,10 @@ def test_the_library_has_the_layout_of_arduino(packed: Path) -> None:
     kinds = {one.suffix for one in (packed / "src").rglob("*.*")}
     assert kinds == {".c", ".h", ".hpp", ".S", ".inc"}
     assert (packed / "extras/dahl.dbc").exists()
+    public = {path.name for path in (ROOT / "lib/include").glob("*.h")}
+    of_hosts = {"dahl_batch.h", "dahl_float.h"}
+    assert {path.name for path in packed.glob("src/*.h")} == public - of_hosts
+    assert (packed / "src/compensator/tick.c").exists()
     headers = "".join(path.read_text() for path in packed.glob("src/*.h*"))
     for line in (packed / "keywords.txt").read_text().splitlines():  # what the editor highlights
         word, kind = line.split("\t")

@@ -38,7 +38,7 @@ def compiled(root: Path, folder: Path, *words: object) -> ctypes.CDLL:
 
 
 def test_the_page_has_the_bits_of_python(root: Path, tmp_path: Path) -> None:
-    """Its C, with the bounds that `dahl identify` writes."""
+    """The C of the page is compiled with bounds of `dahl identify`."""
     (code,) = re.findall(r"```c\n(.*?)```", (root / "docs/compensation.md").read_text(), re.S)
     (tmp_path / "page.c").write_text(code)
     bounds = plan_header.bounds("rig", FC_LOW, LENGTH_LONG, "N m", "rad")
@@ -53,7 +53,7 @@ def test_the_page_has_the_bits_of_python(root: Path, tmp_path: Path) -> None:
         *(sigma0, low, theta),
         **{"Fc_low": low, "length_long": long, "gain": 0.9, "limit": 1.0, "slew": 50.0},
         **{"period": 1e-3, "rise": 0.5, "fall": 0.02, "fade_speed": 5.0},
-        **{"noise": 1, "play": 2, "jump": 200},
+        **{"noise": 1, "play": 4, "jump": 200},
     )
     flags = np.abs(np.arange(len(MOVES)) - 700) > 10
     due = compensator.run_log(dahl.Friction(dahl.Plan(sigma0, low, theta)), MOVES, is_good=flags)
@@ -154,7 +154,6 @@ def test_the_current_loop_compiles_for_a_cortex_m4f(root: Path, tmp_path: Path) 
 
 @pytest.fixture
 def foc(root: Path, tmp_path: Path) -> ctypes.CDLL:
-    """FrictionCompensator and a mock of SimpleFOC."""
     mock = root / "tests/python/examples/simplefoc_mock"
     compiled(root, tmp_path)
     words = ["g++", "-std=c++11", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-shared", "-fPIC"]

@@ -103,7 +103,7 @@ def test_the_next_tick_uses_new_parameters(shaft) -> None:
 
 @pytest.mark.usefixtures("library")
 def test_the_encoder_example_passes_the_wrap_of_its_timer(root, tmp_path) -> None:
-    """And goes back. The jump at its index pulse leaves the torque."""
+    """The index pulse does not change the torque."""
     flags = ["-G", "Ninja", "-DCMAKE_C_FLAGS=-Wall -Wextra -pedantic -Werror"]
     example = root / "examples/encoder_16bit_timer"
     for words in (["-S", example, "-B", tmp_path, *flags], ["--build", tmp_path]):

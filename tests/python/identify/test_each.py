@@ -125,7 +125,6 @@ def small(tmp_path):
 
 
 def test_a_result_belongs_to_the_content_the_path_and_the_options(small, each):
-    """The two logs have the same name, size and time."""
     first, second = small("a"), small("b", 0.5)
     assert (first / "run.csv").stat().st_size == (second / "run.csv").stat().st_size
     force = float(each(first)[0]["run.csv"]["Fc"])

@@ -87,7 +87,6 @@ def test_each_option_shapes_the_motion_as_it_is_printed(words, tmp_path):
 
 
 def test_the_scene_plays_the_table(tmp_path, dahl_loop):
-    """The table is found next to the scene."""
     assert run("excite", *KNOWN, "-o", tmp_path).returncode == 0
     scene, record = tmp_path / "excite.ini", tmp_path / "run.log"
     played = [dahl_loop, "--scene", scene, "--virtual", "--log", record]

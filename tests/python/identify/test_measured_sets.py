@@ -88,7 +88,6 @@ def test_a_measured_set_is_explained_and_claimed_by_the_rule_alone(identified, n
 
 @pytest.mark.parametrize("number", MIN_R2_OF_PLAY)
 def test_cycloidal_play_on_a_repetition_not_fitted(identified, measured_file, number):
-    """Whole logs separate an offset and a spring from friction."""
     other = measured_file("cycloidal", f"play_test{number}.csv")
     files = [file for file in PLAY if file != other.name]
     found = identified("play", "--check", other, files=files)
@@ -115,7 +114,6 @@ def test_the_moving_load_of_the_band_brake(measured_file, capsys, tmp_path):
 
 
 def test_can_logs_of_a_parked_car_are_read_alike_and_claim_nothing(capsys, measured_file):
-    """Each other set is in the table above."""
     assert set(data.SETS) == {folder for folder, *_ in SETS.values()} | {"can_steering"}
     dbc = measured_file("can_steering", "opendbc_hyundai_can.dbc")
     words = ("--dbc", dbc, "--angle", "SAS_Angle", "--torque", "CR_Mdps_StrColTq")

@@ -322,7 +322,6 @@ def at_rest() -> Log:
 
 
 def changing_load() -> Log:
-    """One row before and one after another load is put on."""
     log = synthetic(1, rows=4000, cycles=8)
     log = log.part(np.repeat(np.arange(log.rows), 2))
     return replace(log, load=np.arange(log.rows) % 2.0)

@@ -64,7 +64,6 @@ def test_a_shipped_scene_is_found_before_a_file_of_its_name(dahl, log):
 
 
 def test_a_record_is_drawn_with_the_log_beside_its_scene(dahl, log, monkeypatch):
-    """Neither with a log in the working folder nor with a measured set of the same name."""
     Path("a.csv").write_text("another\n")
     done = dahl("plot", log, "--scene", "there/mine.ini")
     assert done.stdout == "there/loop.png: 30 ticks, mine\n", done.stderr
@@ -84,7 +83,6 @@ def test_a_record_is_drawn_with_the_log_beside_its_scene(dahl, log, monkeypatch)
 
 @pytest.mark.parametrize("wanted", [MEASURED, "[motion]\ntime = T\n"])
 def test_a_record_with_more_ticks_than_its_log_has_rows_is_refused(dahl, log, wanted):
-    """Whichever column of the log is drawn."""
     scene = log.with_name("mine.ini")
     scene.write_text(REPLAY.replace("[motion]\n", wanted) if "time" in wanted else REPLAY + wanted)
     assert dahl("plot", log, "--scene", scene).returncode == 0
@@ -96,7 +94,7 @@ def test_a_record_with_more_ticks_than_its_log_has_rows_is_refused(dahl, log, wa
 
 
 def test_the_log_of_a_run_is_found_by_its_summary(dahl, log, figures):
-    """Even if the log has moved. For another scene neither this log nor the fit is used."""
+    """It is found if it has moved, and is not used for another scene."""
     Path("there/other.ini").write_text(Path("there/mine.ini").read_text().replace("a.csv", "b.csv"))
     rows = Path("there/a.csv").read_text().splitlines()
     Path("there/b.csv").write_text("\n".join([rows[0], *(f"{row}000" for row in rows[1:])]))
@@ -133,7 +131,7 @@ def test_a_log_of_two_buses_needs_the_name_of_one(dahl, log):
 
 
 def test_a_broken_mf4_is_refused_in_one_line(run_dahl, tmp_path):
-    """Its reader, half constructed, prints no text when it is collected."""
+    """The destructor of the reader prints no text."""
     whole, cut = tmp_path / "whole.mf4", tmp_path / "cut.mf4"
     with can.Logger(whole) as log:
         for n in range(50):

@@ -53,7 +53,7 @@ def shown(page, *options: str) -> dict:
 
 
 def test_the_page_is_complete_and_fits_narrow_windows_and_dark_themes(page):
-    """Without other files. Only the picture is wider, and it scrolls inside the page."""
+    """Only the picture is wider; it scrolls."""
     narrow = shown(page, "--window-size=400,800")
     assert narrow["wide"] > 1000
     assert narrow["sections"] == ["numbers", "faults", "states", "counters"]

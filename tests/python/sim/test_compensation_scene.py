@@ -50,7 +50,6 @@ def test_each_case_is_within_its_limit(
 
 
 def test_the_page_has_the_numbers_of_the_scene(compared: Comparison, root: Path) -> None:
-    """In each row of its table: sign, tanh, dead band, dahl."""
     text = (root / "docs/compensation.md").read_text()
     rows = re.findall(
         r"^\|[^|]*\| ([^|]+) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \|$", text, re.M

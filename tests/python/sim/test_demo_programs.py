@@ -57,7 +57,7 @@ COLUMNS = [  # column, unit by option or name, counts per unit, plotted unit, an
 def test_the_scene_of_an_own_log_is_in_its_units(
     dahl, column, given, unit, per_unit, plotted, scale
 ):
-    """By the option, else by the name of the column."""
+    """The option sets the unit, else the name of the column."""
     Path("x.csv").write_text(f"{column},T\n0,1\n")
     words = (
         "--angle",
@@ -131,7 +131,6 @@ def test_an_own_log_is_drawn_again_from_any_folder(dahl, monkeypatch, time_colum
 
 
 def test_a_scene_of_any_editor_is_played_and_shown(dahl):
-    """With a byte order mark, CR LF and letters beyond ASCII."""
     text = (SCENES / "segments.ini").read_text().replace("Three", "Lenkung ä² <b>")
     Path("my.ini").write_text(text.replace("\n", "\r\n"), encoding="utf-8-sig", newline="")
     words = ("--scene", "my.ini", "--seconds", 0.2, "--bus", "socketcand", "--output", "out")

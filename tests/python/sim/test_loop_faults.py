@@ -244,7 +244,7 @@ def test_each_node_has_its_own_faults(tmp_path, options):
 
 
 def test_the_torque_is_exact_after_the_next_good_frame(tmp_path):
-    """On a motion that rests before it turns: no reversal is hidden by missing frames."""
+    """The shaft rests before it turns, so missing frames hide no reversal."""
     ends = ("motion.theta1=20000", "motion.theta2=-20000", "motion.theta3=20000")
     words = setting(*ends, "motion.speed=20000", "friction.max_step=2000")
     rates = {"drop": 0.03, "corrupt": 0.03, "delay": 0.02, "glitch": 0.01, "reorder": 0.01}

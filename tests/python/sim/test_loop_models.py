@@ -118,7 +118,6 @@ def check_writes(log: list[Logged], dbc: Path, share: np.ndarray, number: int = 
 
 
 def test_friction_follows_a_load_of_the_log(tmp_path, dbc):
-    """Its size counts, clamped to 1. Each of two nodes gets it."""
     ticks = np.arange(1500)
     load = 3 + 5 * np.cos(ticks / 91)
     load[900:] = 0

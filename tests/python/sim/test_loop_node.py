@@ -56,7 +56,6 @@ def next_frame(bus: can.BusABC, kind: type) -> codec.Frame:
 
 
 def frames(rng: random.Random) -> list[can.Message]:
-    """Angles, of which some are lost or repeated, parameters of friction and gain, and resets."""
     counter, made = 0, []
     for _ in range(300):
         counter += rng.choice((0, 1, 1, 1, 1, 2, 5))
@@ -69,7 +68,6 @@ def frames(rng: random.Random) -> list[can.Message]:
 
 
 def test_a_served_node_answers_as_in_this_process(tmp_path):
-    """Also to frames that are wrong in sequence or CRC."""
     here = dahl.Node(PLAN, timeout=60, status_period=60)
     here.tick()
     with served(tmp_path, *PATIENT) as (bus, _, ended):

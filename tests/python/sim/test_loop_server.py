@@ -66,7 +66,6 @@ def flood(peer: socket.socket, element: bytes) -> None:
 
 
 def spoken_angle(folder: Path) -> bytes:
-    """The first angle of a run as an element of a client."""
     recorded = run(folder, STEERING, "--virtual", "--seconds", "0.001").log
     (angle,) = [frame.data for frame in read_log(recorded) if frame.id == 0x100]
     return f"< send 100 8 {' '.join(f'{byte:X}' for byte in angle)} >".encode()

@@ -137,7 +137,6 @@ SCENE_ERRORS = [
 
 @pytest.mark.parametrize(("text", "line", "words"), NODE_ERRORS)
 def test_a_bad_node_is_refused_by_dahl_loop_and_by_python(tmp_path, text, line, words):
-    """Half of such a scene would give other torques than the user meant."""
     path = write(tmp_path, text)
     refused(f"{path}:{line}:", words.split(), "--scene", path)
     with pytest.raises(dahl.Error):

@@ -28,7 +28,7 @@ POSITIVE, OPTIONAL = "2^-64 <= {} < 2^64 ({})", "0, or 2^-64 <= {} < 2^64 ({})"
 @checks.calls_checked
 class Compensator(Copied):
     """Feed-forward torque that cancels friction (dahl_compensator_t), faded out at first. It needs
-    an element beside it: move() before the step of the element, torque() after it.
+    an element: call move() before the step of the element, torque() after it.
 
     sigma0, Fc, theta_per_count  of the element: steepest stiffness and torque of the ratio 1
     reference    False: the measured counts step the element; True: those of the reference do
@@ -41,8 +41,9 @@ class Compensator(Copied):
     rise, fall   s      to fade in, and to fade out while the encoder is bad; 0: at once
     fade_speed   rad/s  no torque from twice this speed; 0: no fade over speed
     pull         Hz     corner frequency of draw(); 0: none
-    noise, play, jump   counts: +-noise of the encoder, width of the play >= 2*noise and >= 1,
-                        longest move of a tick, below 1000 times that of fade_speed
+    noise, play, jump   counts: +-noise of the encoder, width of the play >= 2*noise and >= 1
+                        (2*noise + 2 is safe), longest move of a tick, below 1000 times that of
+                        fade_speed
 
     Two are equal if parameters and state are; picklable; a copy has a state of its own. A tick
     costs about 2 us from Python. Raises dahl.Error with the parameter, its value and its limit.
@@ -192,7 +193,7 @@ class Compensator(Copied):
         return int(c.dahl_compensator_torque(self._prepared, self._state, ratio_q30))
 
     def torque(self, ratio_q30: int) -> float:
-        """The same in N m."""
+        """Return that torque in N m."""
         return self.torque_q30(ratio_q30) / ONE_Q30 * self.Fc
 
     def draw(self, element: Friction | Bristle, measured: Friction | Bristle) -> None:

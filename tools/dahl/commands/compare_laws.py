@@ -9,10 +9,13 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dahl.errors import Error
 from dahl.version import __version__
+
+if TYPE_CHECKING:
+    from dahl.sim.compensation import Comparison
 
 SCENE = "compensation"
 DEFAULT_SEED = 1
@@ -27,14 +30,13 @@ def run(args: argparse.Namespace, console: Any) -> int:
     """Simulate, write both files and print the ratios. Returns 0."""
     from dahl.io import files
     from dahl.report import compensation as picture
-    from dahl.sim import compensation
 
     given = [name for name in FOREIGN if getattr(args, name) is not None]
     if given:
         names = ", ".join("LOG" if one == "log" else f"--{one.replace('_', '-')}" for one in given)
         raise Error(f"--scene {SCENE} has no bus and no log; leave out {names}")
     seed = DEFAULT_SEED if args.seed is None else args.seed
-    comparison = compensation.compare(seed)
+    comparison = _compare_with_progress(seed, console)
     numbers = {"scene": SCENE, "seed": seed, "version": __version__, **comparison.numbers}
     numbers |= {"command": shlex.join(["dahl", *args.words])}
     files.write_atomic(args.output / "summary.json", json.dumps(numbers, indent=2) + "\n")
@@ -47,11 +49,22 @@ def run(args: argparse.Namespace, console: Any) -> int:
     return 0
 
 
+def _compare_with_progress(seed: int, console: Any) -> Comparison:
+    from rich.progress import Progress
+
+    from dahl.sim import compensation
+
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("simulate", total=compensation.count_runs())
+        return compensation.compare(seed, lambda: progress.advance(task))
+
+
 def _table(numbers: dict[str, dict[str, dict[str, dict[str, float]]]]) -> Any:
     """Return the ratios of all laws but "none"; a lower one is better."""
     from rich.table import Table
 
-    table = Table(title="error over that without compensation", title_justify="left")
+    title = "error over that without compensation (less is better)"
+    table = Table(title=title, title_justify="left")
     laws = [law for law in next(iter(numbers["position"].values())) if law != "none"]
     for name in ("axis", "case", *laws):
         table.add_column(name, justify="right" if name in laws else "left")

@@ -32,6 +32,7 @@ HELP = "replay a log over the bus, record, compare, draw"
 EXAMPLE = """examples:
   dahl demo
   dahl demo --scene steering --seconds 10
+  dahl demo --scene compensation
   dahl demo shaft.csv --angle angle_deg --torque torque_Nm --sigma0 120 --fc 0.8 \\
       --counts-per-turn 16384"""
 
@@ -188,6 +189,7 @@ def _not_compared(numbers: dict[str, Any], not_recorded: int) -> str:
 
 def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None, Recorded | None]:
     """Return scene, log and recording, checked before any program starts."""
+    from dahl.commands.compare_laws import SCENE
     from dahl.io import data
     from dahl.sim import scene
 
@@ -199,7 +201,7 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
     given = ["--" + name.replace("_", "-") for name in _given(args) if name != "log"]
     if given:
         raise Error(f"only with a LOG of your own: {', '.join(given)}")
-    chosen = scene.read(scene.find(args.scene)) if args.scene else _default(console)
+    chosen = scene.read(scene.find(args.scene, SCENE)) if args.scene else _default(console)
     if not chosen.log:
         return chosen, None, None
     log = data.find_log(chosen.log, chosen.path.parent)

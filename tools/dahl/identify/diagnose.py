@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Lack of fit: columns that must not explain what the best hypothesis leaves.
 
-Each row of the table is one thing that the hypotheses do not know; other laws and further elements
-are hypotheses themselves. If cycles that were left out ask for a row, it widens the intervals by
-what it moves. If it moves a parameter too far, the claim of that parameter is withdrawn.
+Each row of the table is one effect that no hypothesis models. If a row predicts the left-out cycles
+better, the intervals also cover the parameters of a fit with it. If a parameter moves too far, its
+claim is withdrawn.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ CORRECTABLE = "encoder error"  # rows whose name begins so can be taken out of t
 
 @dataclass
 class Row:
-    """Columns of one thing, and how sigma0 and Fc vary with their coefficients.
+    """Columns of one effect, and how sigma0 and Fc vary with their coefficients.
 
-    `ends` (2, ends, columns) gives ln a and Fc at both ends of what varies, as parts. `max_move` is
-    the part by which a parameter may move before its claim is withdrawn.
+    `ends` (2, ends, columns) gives the changes of ln a and ln Fc at both ends of the drift.
+    `max_move` is the relative move of a parameter above which its claim is withdrawn.
     """
 
     name: str
@@ -114,12 +114,12 @@ class _Judge:
         return self.fitter.parameters(self.fit.p, self.fit.limits, c)
 
     def lack(self, row: Row, columns: range, quantile: float, known: bool) -> Lack | None:
-        """Score one row; None if the cycles do not ask for it."""
+        """Score one row; None if it does not predict the left-out cycles better."""
         after, left, c = self._score([*self.own, *columns])
         gain, error = excess(self.before, after)
         x, each_x = c[columns.start - columns.stop :], left[:, columns.start - columns.stop :]
-        is_asked = gain > SURE * error and gain > row.min_gain * after.sum()
-        if not (known or is_asked):
+        is_needed = gain > SURE * error and gain > row.min_gain * after.sum()
+        if not (known or is_needed):
             return None
         value, each = self._parameters(c), self._parameters(left)
         spread = quantile * jackknife(each)
@@ -137,7 +137,7 @@ class _Judge:
 
 
 def _withdraws(row: Row, moved: np.ndarray, gain: float) -> tuple[bool, bool]:
-    """Whether sigma0 and Fc move too far.
+    """Return whether sigma0 and Fc move too far.
 
     A row that explains most of the residual, `gain` times the rest, shows that the hypothesis is
     wrong.

@@ -29,11 +29,11 @@ MIN_GAIN, SETTLED_STEP = 1e-4, 1e-3  # of the cost and of ln a, below which the 
 MIN_LOW_PASS = 0.3  # samples; a shorter time constant has no effect
 MAX_LINEAR = 0.6  # of ln a: beyond it a linearisation is useless
 MAX_ELEMENT = 1.0  # presliding lengths in a count: one of several elements cannot be stiffer
-MIN_PEAK = -0.02  # of Fc, by which it is larger if slow or after a rest; noise may go below 0
+MIN_PEAK = -0.02  # of Fc: its increase if slow or after a rest, which noise may bring below 0
 MIN_VISCOUS = -0.02  # of MAX_FRICTION, at high speed; friction that falls with speed is Stribeck's
 MAX_FRICTION = 1.5  # of the measured torque: more would have to be cancelled by inertia or a spring
 MIN_LOG_SPEED = 0.01  # of fast motion; at a reversal a logarithm would have no bound
-MIN_LIMIT = 0.05  # of Fc: friction stays friction at any speed
+MIN_LIMIT = 0.05  # of Fc: friction must not vanish or push at any speed
 DERIVATIVE_STEP, DERIVATIVE_STEP_ROWS = 0.01, 0.05  # of numerical derivatives
 
 

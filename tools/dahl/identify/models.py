@@ -52,7 +52,7 @@ class Law:
 
     @property
     def label(self) -> str:
-        """For people."""
+        """Name in reports."""
         if self.kinds[0] == "slip":
             return f"slip K={self.elements}"
         if self.name.startswith("mixed"):

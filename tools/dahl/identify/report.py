@@ -353,7 +353,7 @@ def table(result: Result) -> Table:
         shown.add_row(name, f"{value:.4g} {unit}".strip())
     shown.add_row("R2, cycles left out", f"{result.r2:.4f} of {result.samples.cycles} cycles")
     for name, r2 in result.checks.items():
-        shown.add_row(f"check {_shortened(Path(name).name)}", f"R2 {r2:.4f}, not fitted")
+        shown.add_row(f"check {_shorten_name(Path(name).name)}", f"R2 {r2:.4f}, not fitted")
     model = runnable_model(result)
     if words := about(result, model):
         shown.add_row("header and scene", words)
@@ -364,7 +364,7 @@ def table(result: Result) -> Table:
     return shown
 
 
-def _shortened(name: str) -> str:
+def _shorten_name(name: str) -> str:
     """Return a name without its middle if it is long."""
     half = MAX_NAME_COLUMNS // 2
     return name if len(name) <= MAX_NAME_COLUMNS else f"{name[: half - 1]}…{name[-half:]}"

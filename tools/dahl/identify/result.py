@@ -122,7 +122,7 @@ class Result:
         """Fc_low in N m (N) and length_long in rad (m) for dahl_compensator.h: ends of the 95 %
         intervals; None if an end is missing or if the friction follows a load.
 
-        Slip elements lose no energy in presliding, so their length is given three times.
+        Slip elements lose no energy in presliding, so length_long is three times theirs.
         """
         law = self.hypothesis.friction
         if not all(self.claimed) or self.Fc.low <= 0 or self.a.low <= 0 or law.name == "loaded":

@@ -29,7 +29,7 @@ MAX_LOGS_WITH_DELAYS = 4  # logs that may each have a delay of their own
 FAR_STEP = 0.1  # of ln a: a plausible subset whose linearisation went further is fitted again
 MAX_REFITS = 8  # until the best one is at its optimum
 MAX_COST_RATIO = 1.5  # to the best cost of its law and lag; costlier sets of terms are dropped
-MIN_RESTS = 0.05  # of the samples, if the shaft dwells; a sine is so slow in 1 %
+MIN_RESTS = 0.05  # of the samples; a sine is as slow as a rest in 1 %
 OTHER_ANGLES = 5  # laws that are fitted again with the other angles
 
 

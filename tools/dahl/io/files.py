@@ -28,7 +28,7 @@ MAX_LINE_BYTES = 4096  # longer than any line of a frame log
 @contextlib.contextmanager
 def whole_lines(path: Path, file: object) -> Iterator[None]:
     """Keep whole lines in a log: if the disk is full, name the log in the error and remove a half
-    line from a text file. An MF4 is written at its end, so the error says that it is lost.
+    line from a text file. An MF4 is written when it is closed, so the error says that it is lost.
     """
     try:
         yield
@@ -36,7 +36,7 @@ def whole_lines(path: Path, file: object) -> Iterator[None]:
         if error.errno in FULL and error.filename is None:
             error.filename = str(path)
             if path.suffix.lower() == ".mf4":
-                error.strerror = f"{error.strerror}; an MF4 is written at its end: all is lost"
+                error.strerror = f"{error.strerror}; an MF4 is written at its close: all is lost"
             if isinstance(file, io.TextIOWrapper):
                 with contextlib.suppress(OSError):
                     file.close()  # else the rest of the line may still be written

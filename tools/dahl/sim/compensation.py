@@ -97,10 +97,10 @@ def _ticks(seconds: float) -> int:
 
 
 class Law(Protocol):
-    """A law of compensation: torque in N m from the moves of a tick."""
+    """A law of compensation: returns the torque in N m, once in each tick."""
 
     def torque(self, dcounts: int, reference_move: int, reference_speed: float) -> float:
-        """Counts of encoder and reference, speed of the reference in rad/s."""
+        """Read the counts of encoder and reference, and the speed of the reference in rad/s."""
 
 
 class NoLaw:
@@ -259,9 +259,16 @@ class Comparison:
     hand: dict[str, Run]
 
 
+def count_runs() -> int:
+    """Return the number of runs of compare()."""
+    cases = (*POSITION_CASES, *HAND_CASES)
+    return len(cases) * len(laws(cases[0], True))
+
+
 def compare(seed: int = 1, progress: Callable[[], None] = lambda: None) -> Comparison:
     """Run each law in each case. `ratio` is the RMS error over that without compensation, and
     `sign_changes_per_s` counts those of the added torque while the reference holds.
+    Each run calls progress() at its end.
     """
     position = {case: _runs(track, case, True, seed, progress) for case in POSITION_CASES}
     hand = {case: _runs(lead, case, False, seed, progress) for case in HAND_CASES}

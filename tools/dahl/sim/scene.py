@@ -131,14 +131,14 @@ def settings(scene: Scene) -> dict[str, Any]:
     return found
 
 
-def find(name: str) -> Path:
+def find(name: str, *others: str) -> Path:
     """Return the path of a shipped scene, given by name, or of a scene file, given by path. Raises
-    dahl.Error that lists the shipped scenes.
+    dahl.Error that lists the shipped scenes and the others that the command has.
     """
     for path in (paths.SCENES / f"{name}.ini", Path(name)):
         if path.is_file():
             return path
-    known = ", ".join(sorted(path.stem for path in paths.SCENES.glob("*.ini")))
+    known = ", ".join(sorted([*others, *(path.stem for path in paths.SCENES.glob("*.ini"))]))
     raise Error(f"no scene '{name}' (shipped: {known}; or give the path of a scene file)")
 
 
