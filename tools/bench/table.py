@@ -271,7 +271,8 @@ def show(result: dict[str, dict[str, Any]]) -> None:
         table.add_row(title.replace("*", "").replace("`", ""), *cells(result, key))
     console = make_console()
     console.print(table)
-    console.print(cycles_table("Cycles per call", timed(result), format_cycles))
+    if timed(result):
+        console.print(cycles_table("Cycles per call", timed(result), format_cycles))
     console.print(bare_link(result).replace("`", ""))
 
 

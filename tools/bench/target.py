@@ -468,9 +468,13 @@ def main(arguments: list[str]) -> int:
     unknown = set(options.cores) - set(CORES)
     if unknown:
         parser.error(f"unknown core {sorted(unknown)[0]}; known are {' '.join(CORES)}")
+    names = options.cores or list(CORES)
+    if mhz is not None and not cycles.TABLES.keys() & set(names):
+        known = " ".join(cycles.TABLES)
+        raise BenchError(f"--mhz: no cycles are known for {' '.join(names)}; add one of {known}")
     from table import show, show_times
 
-    result = measure_all(options.cores or list(CORES), options.quick)
+    result = measure_all(names, options.quick)
     write(RESULT, result)
     show(result)
     if mhz is not None:
