@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
 # Usage: tools/bench.sh [--quick]
-#        tools/bench.sh target [--quick] [CORE...] | host [--quick] | report | docs
+#        tools/bench.sh target [--quick] [--mhz CLOCK] [CORE...] | host [--quick] | report | docs
 #
 # Measures cost and error of the library and of other methods. Without a command it runs target, host and docs: 10 minutes on two
 # cores. With --quick it runs target, host and report: 1 minute.
-#   target   counts instructions, bytes and stack in QEMU, on all small cores or on those given (m4f rv32 ...); prints a table and
-#            writes build/bench/target.json. --quick leaves picolibc out.
+#   target   counts instructions, cycles, bytes and stack in QEMU, on all small cores or on those given (m4f rv32 ...); prints
+#            tables and writes build/bench/target.json. --quick leaves picolibc out. --mhz also prints microseconds at a clock:
+#            tools/bench.sh target --quick --mhz 48 m0
 #   host     measures errors against long double and speed on this machine, also for MuJoCo, Newton and SciPy (installed in
 #            build/bench/venv); writes build/bench/host.json. --quick runs shorter motions.
 #   report   reads these two files; writes build/bench/results.json, pareto.png, pareto.svg, growth.png, growth.svg

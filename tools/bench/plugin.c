@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * A plugin for QEMU's code generator that counts the instructions of single calls. The image makes all counted calls from one
- * place (target/call_*.S). The plugin counts from the instruction after `site` up to the one at `back`.
- * At `mark` a new case begins. `out` receives a line `-` for each case, then the count of each of its calls.
+ * A plugin for QEMU's code generator that counts the instructions and cycles of single calls. The image makes all counted calls
+ * from one place (target/call_*.S). The plugin counts from the instruction after `site` up to the one at `back`.
+ * At `mark` a new case begins. `out` receives a line `-` for each case, then for each of its calls the instructions and the
+ * least and the most cycles. `costs` is a file with the cost of each instruction (cycles.py); without it all cycles are 0.
  *
- *   qemu-system-arm ... -plugin libbench_plugin.so,site=0x1234,back=0x1236,mark=0x1240,out=counts.txt
+ *   qemu-system-arm ... -plugin libbench_plugin.so,site=0x1234,back=0x1236,mark=0x1240,costs=costs.txt,out=counts.txt
  *
  * The few functions of QEMU's plugin interface (version 1) are declared here, because Debian has no header for them.
  * The machine has one processor and handles no interrupts during a count.
@@ -33,31 +34,65 @@ extern int qemu_plugin_version;
 int qemu_plugin_version = 1;
 int qemu_plugin_install(qemu_plugin_id_t id, const void *info, int argc, char **argv);
 
+/* Cycles of an instruction: if the next one in memory follows, and if another one does. */
+typedef struct {
+    uint8_t halfwords;
+    uint8_t least, most;
+    uint8_t jump_least, jump_most;
+} cost_t;
+
+#define CODE_HALFWORDS (1u << 20) /* the code of an image must lie in 2 MiB */
+
+static cost_t costs[CODE_HALFWORDS];
+
 static struct {
     uint64_t site, back, mark;
     FILE *out;
-    uint64_t count;
+    uint64_t count, least, most;
+    const cost_t *last;
     bool counting;
 } bench;
 
+static cost_t *cost_at(uint64_t address)
+{
+    return &costs[address / 2 % CODE_HALFWORDS];
+}
+
+/* Add the cost of the last instruction. Only its successor shows whether it jumped. */
+static void add_last(const cost_t *next)
+{
+    const cost_t *last = bench.last;
+    if (last != NULL) {
+        bool is_jump = next != last + last->halfwords;
+        bench.least += is_jump ? last->jump_least : last->least;
+        bench.most += is_jump ? last->jump_most : last->most;
+    }
+    bench.last = next;
+}
+
 static void on_instruction(unsigned cpu, void *user)
 {
-    (void)cpu, (void)user;
-    bench.count += bench.counting;
+    (void)cpu;
+    if (bench.counting) {
+        add_last(user);
+        bench.count++;
+    }
 }
 
 static void on_site(unsigned cpu, void *user)
 {
     (void)cpu, (void)user;
-    bench.count = 0;
+    bench.count = bench.least = bench.most = 0;
+    bench.last = NULL;
     bench.counting = true;
 }
 
 static void on_back(unsigned cpu, void *user)
 {
-    (void)cpu, (void)user;
+    (void)cpu;
     if (bench.counting) {
-        fprintf(bench.out, "%" PRIu64 "\n", bench.count);
+        add_last(user);
+        fprintf(bench.out, "%" PRIu64 " %" PRIu64 " %" PRIu64 "\n", bench.count, bench.least, bench.most);
     }
     bench.counting = false;
 }
@@ -84,7 +119,8 @@ static void on_block(qemu_plugin_id_t id, struct qemu_plugin_tb *block)
     (void)id;
     for (size_t i = 0; i < qemu_plugin_tb_n_insns(block); i++) {
         struct qemu_plugin_insn *insn = qemu_plugin_tb_get_insn(block, i);
-        qemu_plugin_register_vcpu_insn_exec_cb(insn, callback_for(qemu_plugin_insn_vaddr(insn)), 0, NULL);
+        uint64_t address = qemu_plugin_insn_vaddr(insn);
+        qemu_plugin_register_vcpu_insn_exec_cb(insn, callback_for(address), 0, cost_at(address));
     }
 }
 
@@ -92,6 +128,22 @@ static void at_end(qemu_plugin_id_t id, void *user)
 {
     (void)id, (void)user;
     fclose(bench.out);
+}
+
+/* Read lines of address, bytes and four costs. */
+static bool read_costs(const char *name)
+{
+    FILE *in = fopen(name, "r");
+    uint64_t address;
+    unsigned bytes, least, most, jump_least, jump_most;
+    if (in == NULL) {
+        return false;
+    }
+    while (fscanf(in, "%" SCNx64 " %u %u %u %u %u", &address, &bytes, &least, &most, &jump_least, &jump_most) == 6) {
+        *cost_at(address) = (cost_t){(uint8_t)(bytes / 2), (uint8_t)least, (uint8_t)most, (uint8_t)jump_least,
+                                     (uint8_t)jump_most};
+    }
+    return fclose(in) == 0;
 }
 
 static bool take_argument(const char *argument)
@@ -104,6 +156,7 @@ static bool take_argument(const char *argument)
     case 's': bench.site = strtoull(value + 1, NULL, 0); return true;
     case 'b': bench.back = strtoull(value + 1, NULL, 0); return true;
     case 'm': bench.mark = strtoull(value + 1, NULL, 0); return true;
+    case 'c': return read_costs(value + 1);
     case 'o': bench.out = fopen(value + 1, "w"); return bench.out != NULL;
     default: return false;
     }

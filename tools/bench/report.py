@@ -176,6 +176,9 @@ def write_docs(target: dict[str, Any], host: dict[str, Any]) -> None:
         )
     write_block(ROOT / "README.md", table.SHORT_MARKS, table.short(target))
     write_block(DOCS / "microcontroller.md", table.MARKS, table.markdown(target))
+    write_block(DOCS / "microcontroller.md", table.CYCLE_MARKS, table.cycles_block(target))
+    write_block(DOCS / "microcontroller.md", table.WORST_MARKS, table.worst_block(target))
+    write_block(DOCS / "speed.md", table.SPEED_MARKS, table.speed_block(target))
     write_block(DOCS / "speed.md", WAYS_MARKS, ways_table(target, host))
     write_block(DOCS / "speed.md", HOST_MARKS, host_block(results.combine(target, host)))
     for name in PICTURES:

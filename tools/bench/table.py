@@ -3,10 +3,15 @@
 
 from __future__ import annotations
 
+import struct
 import sys
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from dahl.binding import models
+from rich.console import Console
+from rich.table import Table
 
 MARKS = ("<!-- bench:target -->", "<!-- /bench:target -->")
 
@@ -98,23 +103,176 @@ ROWS = [
 ]
 
 
+CYCLE_ROWS = [
+    ("`dahl_step_counts_q30`, one count", "one_count_q30"),
+    ("`dahl_step_counts`, one count, F in N m", "one_count_float"),
+    ("`dahl_step`, worst of all travel", "angle_worst"),
+    ("a whole control tick in integers, F in units", "control_tick_units"),
+    ("a whole control tick in float, F in N m", "control_tick"),
+    ("`dahl_compensator_move` and `dahl_compensator_torque`", "compensator_tick"),
+    ("*newlib `expm1f` step*", "newlib_expm1f"),
+]
+
+
 def cells(result: dict[str, dict[str, Any]], key: str) -> list[str]:
     return [str(core[key]) if key in core else "-" for core in result.values()]
 
 
+def timed(result: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Return the cores with cycles."""
+    return {name: core for name, core in result.items() if "cycles" in core}
+
+
+def format_cycles(name: str, cycles: list[int]) -> str:
+    """Return the cycles: on M0 of both multipliers, on other cores an interval."""
+    least, most = cycles
+    return f"{least} ({most})" if name == "m0" else f"{least} to {most}"
+
+
+def format_times(name: str, cycles: list[int], mhz: float) -> str:
+    least, most = (f"{number / mhz:.3g}" for number in cycles)
+    return f"{least} ({most})" if name == "m0" else f"{least} to {most}"
+
+
+def cycle_cells(
+    cores: dict[str, dict[str, Any]], key: str, cell: Callable[[str, list[int]], str]
+) -> list[str]:
+    return [
+        cell(name, core["cycles"][key]) if key in core["cycles"] else "-"
+        for name, core in cores.items()
+    ]
+
+
+def make_console() -> Console:
+    return Console(width=None if sys.stdout.isatty() else 110)
+
+
+def cycles_table(
+    title: str, cores: dict[str, dict[str, Any]], cell: Callable[[str, list[int]], str]
+) -> Table:
+    table = Table(title=f"{title}, zero wait states; Cortex-M0 with a multiplier of 1 (32) cycles")
+    table.add_column("")
+    for core in cores.values():
+        table.add_column(core["core"], justify="right")
+    for row, key in CYCLE_ROWS:
+        table.add_row(row.replace("*", "").replace("`", ""), *cycle_cells(cores, key, cell))
+    return table
+
+
+def show_times(result: dict[str, dict[str, Any]], mhz: float) -> None:
+    """Print the microseconds at a clock."""
+    title = f"Microseconds at {mhz:g} MHz"
+    make_console().print(cycles_table(title, timed(result), partial(format_times, mhz=mhz)))
+
+
+CYCLE_MARKS = ("<!-- bench:cycles -->", "<!-- /bench:cycles -->")
+
+
+def cycles_block(result: dict[str, dict[str, Any]]) -> str:
+    """Return the block of docs/microcontroller.md with the cycles."""
+    cores = timed(result)
+    head = ["cycles per call", *(core["core"] for core in cores.values())]
+    lines = ["| " + " | ".join(head) + " |", "|---|" + "---:|" * len(cores)]
+    for row, key in CYCLE_ROWS:
+        lines.append("| " + " | ".join([row, *cycle_cells(cores, key, format_cycles)]) + " |")
+    return "\n".join([CYCLE_MARKS[0], *lines, CYCLE_MARKS[1]])
+
+
+SPEED_MARKS = ("<!-- bench:speed -->", "<!-- /bench:speed -->")
+SPEED_ROWS = [  # title, key, worst error
+    ("`dahl_step_counts_q30`, one count", "one_count_q30", "1.21e-9 of Fc"),
+    ("`dahl_step_counts`, one count", "one_count_float", "0.52 ulp of Fc"),
+    ("`dahl_step`, by angle", "angle_worst", "0.6 ulp of Fc"),
+    ("whole control tick in integers", "control_tick_units", "half a unit"),
+    ("newlib `expm1f` step", "newlib_expm1f", "grows with each reversal"),
+]
+
+
+def speed_block(result: dict[str, dict[str, Any]]) -> str:
+    """Return the five rows at the top of docs/speed.md: cycles and worst error."""
+    cores = timed(result)
+    head = ["cycles of the worst call", *(core["core"] for core in cores.values()), "worst error"]
+    lines = ["| " + " | ".join(head) + " |", "|---|" + "---:|" * len(cores) + "---|"]
+    for row, key, error in SPEED_ROWS:
+        each = cycle_cells(cores, key, format_cycles)
+        lines.append("| " + " | ".join([row, *each, error]) + " |")
+    return "\n".join([SPEED_MARKS[0], *lines, SPEED_MARKS[1]])
+
+
+def signed(word: int, bits: int) -> int:
+    return word - (1 << bits) if word >> (bits - 1) else word
+
+
+def float_of(bits: int) -> float:
+    found: float = struct.unpack("f", struct.pack("I", bits))[0]
+    return found
+
+
+def of_counts(travel: int, state: int, move: int) -> str:
+    ratio = signed(state, 64) / 2**62
+    return f"{signed(move, 32)} counts of travel {float_of(travel):.2g} from {ratio:.3g} Fc"
+
+
+def of_angle(travel: int, state: int, move: int) -> str:
+    ratio = signed(state, 64) / 2**62
+    return f"{float_of(move):.3g} rad, count of travel {float_of(travel):.2g}, from {ratio:.3g} Fc"
+
+
+def of_reading(modulus: int, last: int, reading: int) -> str:
+    return f"reading {reading} after {last}, modulo {modulus or 2**32}"
+
+
+def of_ratio(Fc_units: int, _: int, ratio: int) -> str:
+    return f"ratio {signed(ratio, 32)}, Fc {Fc_units} units"
+
+
+def of_compensator(torque: int, ratio: int, dcounts: int) -> str:
+    last, element = signed(torque, 32) / 2**30, signed(ratio, 64) / 2**30
+    return f"{signed(dcounts, 32)} counts, element {element:.3g} Fc, last torque {last:.3g} Fc"
+
+
+WORST_ROWS: list[tuple[str, str, Callable[[int, int, int], str]]] = [
+    ("`dahl_encoder_move`", "encoder_move", of_reading),
+    ("`dahl_step_counts_q30`", "step_counts_q30", of_counts),
+    ("`dahl_step_counts`", "step_counts", of_counts),
+    ("`dahl_step`", "step", of_angle),
+    ("`dahl_to_units`", "to_units", of_ratio),
+    ("a whole control tick in integers", "control_tick_units", of_counts),
+    ("a whole control tick in float", "control_tick", of_counts),
+    ("`dahl_compensator_move` and `_torque`", "compensator_tick", of_compensator),
+]
+WORST_MARKS = ("<!-- bench:worst -->", "<!-- /bench:worst -->")
+
+
+def worst_block(result: dict[str, dict[str, Any]]) -> str:
+    """Return the block of docs/microcontroller.md with the worst calls. The input is that of M0."""
+    cores = timed(result)
+    titles = [core["core"] for core in cores.values()]
+    head = ["worst call: instructions / cycles", *titles, "input with the most cycles on Cortex-M0"]
+    lines = ["| " + " | ".join(head) + " |", "|---|" + "---:|" * len(cores) + "---|"]
+    for row, key, describe in WORST_ROWS:
+        worst = {name: core["worst"][key] for name, core in cores.items()}
+        each = [
+            f"{call['instructions']} / {format_cycles(name, call['cycles'])}"
+            for name, call in worst.items()
+        ]
+        found = worst["m0"]["input"]
+        lines.append("| " + " | ".join([row, *each, describe(*found) if found else "any"]) + " |")
+    return "\n".join([WORST_MARKS[0], *lines, WORST_MARKS[1]])
+
+
 def show(result: dict[str, dict[str, Any]]) -> None:
     """Print a table in the terminal."""
-    from rich.console import Console
-    from rich.table import Table
-
     table = Table(title="Instructions per call, entry to return; bytes")
     table.add_column("")
     for core in result.values():
         table.add_column(core["core"], justify="right")
     for title, key in ROWS:
         table.add_row(title.replace("*", "").replace("`", ""), *cells(result, key))
-    console = Console(width=None if sys.stdout.isatty() else 110)
+    console = make_console()
     console.print(table)
+    if timed(result):
+        console.print(cycles_table("Cycles per call", timed(result), format_cycles))
     console.print(bare_link(result).replace("`", ""))
 
 
@@ -140,7 +298,7 @@ def markdown(result: dict[str, dict[str, Any]]) -> str:
     lines += ["| " + " | ".join([title, *cells(result, key)]) + " |" for title, key in ROWS]
     compilers = sorted({core["compiler"] for core in result.values()})
     note = f"Counted in QEMU with a plugin, `-O2`, {' and '.join(compilers)}."
-    note += " QEMU does not model cycles. On Cortex-M the library's ticks are those in assembly"
+    note += " On Cortex-M the library's ticks are those in assembly"
     note += " (`lib/cores`), except in the rows by the C. RV32IMAC has the C alone."
     return "\n".join([MARKS[0], *lines, "", note, bare_link(result), MARKS[1]])
 

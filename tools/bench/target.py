@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Count instructions, bytes and stack of the library on small cores in QEMU.
 
-Usage: target.py [--quick] [CORE...]. The image of a core (tools/bench/target) makes all its calls
-from one place, and a plugin of QEMU counts the instructions from entry to return. The counts are
-exact and the same on every machine. QEMU does not model cycles. Writes build/bench/target.json.
+Usage: target.py [--quick] [--mhz CLOCK] [CORE...]. The image of a core (tools/bench/target) makes
+all its calls from one place, and a plugin of QEMU counts the instructions from entry to return. The
+counts are exact and the same on every machine. The cycles of Cortex-M0, M3 and M4F follow from the
+trace and from the tables of the manuals (cycles.py). Writes build/bench/target.json.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import argparse
 import fcntl
 import json
+import math
 import os
 import re
 import subprocess
@@ -20,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cycles
 from dahl.binding import models
 from dahl.sim import firmware
 
@@ -132,7 +135,7 @@ def symbols(core: Core, image: Path) -> dict[str, tuple[int, str]]:
 
 def emulate(core: Core, image: Path) -> tuple[str, str]:
     """Run an image with the plugin. Return its output, and the counts."""
-    counts = OUT / f"counts.{core.name}.{os.getpid()}"
+    counts, costs = (OUT / f"{name}.{core.name}.{os.getpid()}" for name in ("counts", "costs"))
     at = symbols(core, image)
     places = ",".join(f"{word}={at['bench_' + word][0]:#x}" for word in ("site", "back", "mark"))
     options = [
@@ -146,24 +149,100 @@ def emulate(core: Core, image: Path) -> tuple[str, str]:
     ]
     if core.tools is RISCV:
         options += ["-bios", "none"]
+    if core.name in cycles.TABLES:
+        costs.write_text(cycles.cost_lines(core.name, run(core.tool("objdump"), "-d", image)))
+        places += f",costs={costs}"
     try:
         plugin = f"{PLUGIN},{places},out={counts}"
         text = run(core.tools[1], "-M", core.machine, *options, "-plugin", plugin, "-kernel", image)
         return text, counts.read_text()
     finally:
         counts.unlink(missing_ok=True)
+        costs.unlink(missing_ok=True)
 
 
-def read_cases(text: str, counts: str) -> tuple[dict[str, list[int]], dict[str, int]]:
-    """Return the counts of each case by name, and the numbers that the image printed."""
+@dataclass(frozen=True)
+class Call:
+    """Instructions of a call, and its least and most cycles (0 if the core has no table)."""
+
+    count: int
+    least: int
+    most: int
+
+
+def read_cases(text: str, counts: str) -> tuple[dict[str, list[Call]], dict[str, int]]:
+    """Return the calls of each case by name, and the numbers that the image printed."""
     names = re.findall(r"^case (\S+)", text, re.MULTILINE)
-    sections = [[int(n) for n in part.split()] for part in counts.split("-\n")[1:]]
+    sections = [
+        [Call(*map(int, line.split())) for line in part.splitlines()]
+        for part in counts.split("-\n")[1:]
+    ]
     if not names or len(names) != len(sections):
         raise BenchError(f"the image named {len(names)} cases and the plugin saw {len(sections)}")
     numbers = {
         name: int(value) for name, value in re.findall(r"^number (\S+) (\d+)", text, re.MULTILINE)
     }
     return dict(zip(names, sections, strict=True)), numbers
+
+
+def instructions(calls: dict[str, list[Call]]) -> dict[str, list[int]]:
+    """Return the instructions of each call, by case."""
+    return {name: [call.count for call in each] for name, each in calls.items()}
+
+
+# Rows with cycles: the key of target.json and the cases of the image.
+CYCLE_CASES = {
+    "one_count_q30": ("one_count_forward_q30", "one_count_backward_q30"),
+    "one_count_float": ("one_count_forward_float", "one_count_backward_float"),
+    "angle_worst": ("angle_worst",),
+    "control_tick_units": ("control_tick_units",),
+    "control_tick": ("control_tick",),
+    "compensator_tick": ("compensator_tick",),
+    "newlib_expm1f": ("expm1f",),
+}
+
+
+def cycle_numbers(cases: dict[str, list[Call]]) -> dict[str, list[int]]:
+    """Return the least and the most cycles of the worst call of each row."""
+    result = {}
+    for key, names in CYCLE_CASES.items():
+        calls = [call for name in names for call in cases[name]]
+        result[key] = [max(call.least for call in calls), max(call.most for call in calls)]
+    return result
+
+
+WORST = "worst:"
+
+
+def inputs_of(text: str) -> dict[str, list[tuple[int, int, int]]]:
+    """Return the inputs of the calls of each case, if the image printed them."""
+    result = {}
+    for part in re.split("^case ", text, flags=re.MULTILINE)[1:]:
+        lines = re.findall(r"^input (\w+) (\w+) (\w+)$", part, re.MULTILINE)
+        if lines:
+            result[part.split()[0]] = [
+                (int(first, 16), int(state, 16), int(move, 16)) for first, state, move in lines
+            ]
+    return result
+
+
+def worst_numbers(cases: dict[str, list[Call]], text: str) -> dict[str, dict[str, Any]]:
+    """Return instructions and cycles of the worst call of each search, and the input of the call
+    with the most cycles. The input is None if all calls cost the same.
+    """
+    result = {}
+    for name, inputs in inputs_of(text).items():
+        calls = cases[name]
+        if len(calls) != len(inputs):
+            raise BenchError(f"{name} has {len(calls)} calls and {len(inputs)} inputs")
+        worst = max(range(len(calls)), key=lambda k: (calls[k].most, calls[k].count))
+        result[name.removeprefix(WORST)] = {
+            "instructions": max(call.count for call in calls),
+            "cycles": [max(call.least for call in calls), calls[worst].most],
+            "searched": len(calls),
+            "input": inputs[worst] if len(set(calls)) > 1 else None,
+        }
+    return result
 
 
 def cache_value(core: Core, key: str) -> str:
@@ -318,9 +397,14 @@ def measure(core: Core, libcs: list[str]) -> dict[str, object]:
         "compiler": run(core.tool("gcc"), "--version").splitlines()[0],
     }
     for libc in reversed(libcs):
-        cases, numbers = read_cases(*emulate(core, core.build / "bench" / f"bench_{libc}"))
+        text, counts = emulate(core, core.build / "bench" / f"bench_{libc}")
+        calls, numbers = read_cases(text, counts)
+        cases = instructions(calls)
         result |= library_numbers(cases, numbers) | rival_numbers(cases, libc)
         result.setdefault("motions", {})[libc] = motion_numbers(cases)
+    result["worst"] = worst_numbers(calls, text)
+    if core.name in cycles.TABLES:
+        result["cycles"] = cycle_numbers(calls)
     return (
         result
         | measure_sizes(core)
@@ -357,6 +441,17 @@ def measure_all(names: list[str], quick: bool) -> dict[str, dict[str, Any]]:
     return result
 
 
+def clock(word: str) -> float:
+    """Return a clock in MHz."""
+    try:
+        mhz = float(word)
+    except ValueError:
+        mhz = math.nan
+    if not 0 < mhz < math.inf:
+        raise BenchError(f"--mhz {word}: not a clock; give a number of MHz above 0, such as 48")
+    return mhz
+
+
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="tools/bench.sh target", description=__doc__.split("\n\n")[0]
@@ -365,15 +460,25 @@ def main(arguments: list[str]) -> int:
         "cores", nargs="*", metavar="CORE", help=f"some of {' '.join(CORES)} (default: all)"
     )
     parser.add_argument("--quick", action="store_true", help="leave picolibc out")
+    parser.add_argument(
+        "--mhz", metavar="CLOCK", help="also print microseconds at this clock, for example --mhz 48"
+    )
     options = parser.parse_args(arguments)
+    mhz = None if options.mhz is None else clock(options.mhz)
     unknown = set(options.cores) - set(CORES)
     if unknown:
         parser.error(f"unknown core {sorted(unknown)[0]}; known are {' '.join(CORES)}")
-    from table import show
+    names = options.cores or list(CORES)
+    if mhz is not None and not cycles.TABLES.keys() & set(names):
+        known = " ".join(cycles.TABLES)
+        raise BenchError(f"--mhz: no cycles are known for {' '.join(names)}; add one of {known}")
+    from table import show, show_times
 
-    result = measure_all(options.cores or list(CORES), options.quick)
+    result = measure_all(names, options.quick)
     write(RESULT, result)
     show(result)
+    if mhz is not None:
+        show_times(result, mhz)
     return 0
 
 

@@ -139,6 +139,11 @@ BYTES += ("plan_bytes", "state_bytes", "stack_bytes")
 KEYS = [re.sub("_(forward|backward)", "", case) for case in CASES]  # of target.json
 KEYS += [f"{libc}_{way}" for libc in ("newlib", "picolibc") for way in OF_A_LIBC]
 KEYS = [*dict.fromkeys([*KEYS, *OF_RIVALS, *BYTES])]
+WITH_CYCLES = ("one_count_q30", "one_count_float", "angle_worst", "control_tick_units")
+WITH_CYCLES += ("control_tick", "compensator_tick", "newlib_expm1f")
+SEARCHED = ("encoder_move", "step_counts_q30", "step_counts", "step", "to_units")
+SEARCHED += ("control_tick_units", "control_tick", "compensator_tick")
+WORST_INPUT = (0x3F000000, (1 << 64) - (1 << 60), (1 << 32) - 2)  # travel 0.5, w -0.25, 2 back
 
 
 def made_target() -> dict[str, dict]:
@@ -155,6 +160,16 @@ def made_target() -> dict[str, dict]:
         named = {"core": f"Core {core}", "compiler": "cc 1", "motions": motions}
         helped = {"helpers": [f"__help_{core}"], "helpers_O0": []}
         result[core] = {key: next(number) for key in KEYS} | named | helped
+        result[core]["worst"] = {
+            call: {
+                "instructions": next(number),
+                "cycles": [next(number), next(number)],
+                "input": WORST_INPUT,
+            }
+            for call in SEARCHED
+        }
+        if core in SMALL:
+            result[core]["cycles"] = {key: [next(number), next(number)] for key in WITH_CYCLES}
     del result["rv32"]["newlib_expf"]
     return result
 

@@ -10,6 +10,9 @@
 /* `case NAME`: the calls until the next case belong to it. */
 void bench_case(const char *name);
 
+/* `input SETTING STATE MOVE` in hexadecimal, before each call of a case whose worst input the table names. */
+void bench_input(uint32_t setting, uint64_t state, uint32_t move);
+
 /* `number NAME VALUE` */
 void bench_number(const char *name, uint32_t value);
 
@@ -26,5 +29,6 @@ void bench_motions(void);
 void bench_variants(void);
 void bench_energy(void);
 void bench_compensator(void);
+void bench_worst(void);
 
 #endif

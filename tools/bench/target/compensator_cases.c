@@ -2,6 +2,7 @@
 /* Cases of dahl_compensator.h: both calls of a tick without that of the element, the pull, and the adaptation. */
 #include "bench.h"
 #include "dahl_compensator.h"
+#include "inputs.h"
 
 int32_t call_tick(const dahl_compensator_plan_t *, dahl_compensator_t *, int32_t, int32_t) __asm__("bench_call");
 void call_pull(const dahl_compensator_plan_t *, dahl_state_t *, const dahl_state_t *) __asm__("bench_call");
@@ -11,6 +12,8 @@ dahl_compensator_err_t call_compensator_prepare(dahl_compensator_plan_t *,
 
 #define ONE_Q30 (1 << 30)
 #define BAD 1000 /* counts: a jump */
+
+enum { WORST_TICKS = 20000 };
 
 static const dahl_compensator_params_t params = {
     .friction = {100.0f, 0.5f, 3.8349519e-4f},
@@ -48,6 +51,25 @@ static void bench_tick(const dahl_compensator_plan_t *plan)
     for (unsigned k = 0; k < 30 * sizeof moves / sizeof moves[0]; k++) {
         call_tick(plan, &compensator, moves[k / 30], ratios[k % 5]);
         compensator.torque_q30 = k % 7 == 0 ? INT32_MAX : k % 7 == 1 ? -INT32_MAX : compensator.torque_q30;
+    }
+}
+
+/* Typical moves and any, ratios and last torques of all magnitudes, in random order. The input shows the last torque. */
+static void search_worst_tick(const dahl_compensator_plan_t *plan)
+{
+    static const int32_t moves[] = {0, 0, 0, 1, -1, 3, -3, 20, -20, 200, -200, BAD};
+    dahl_compensator_t compensator = {0};
+    bench_case("worst:compensator_tick");
+    bench_function = (bench_function_t)tick;
+    for (int k = 0; k < WORST_TICKS; k++) {
+        const uint32_t choice = next_random() % (sizeof moves / sizeof moves[0] + 1);
+        const int32_t dcounts = choice < sizeof moves / sizeof moves[0] ? moves[choice] : random_counts();
+        const int32_t ratio = (int32_t)(random_state() >> 32);
+        if (k % 3 == 0) {
+            compensator.torque_q30 = (int32_t)(random_state() >> 32);
+        }
+        bench_input((uint32_t)compensator.torque_q30, (uint64_t)(int64_t)ratio, (uint32_t)dcounts);
+        call_tick(plan, &compensator, dcounts, ratio);
     }
 }
 
@@ -91,6 +113,7 @@ void bench_compensator(void)
         return; /* the host then lacks the other cases */
     }
     bench_tick(&plan);
+    search_worst_tick(&plan);
     bench_pull(&plan);
     bench_adaptation();
     bench_number("compensator_bytes", sizeof(dahl_compensator_t));

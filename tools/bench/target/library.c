@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /* Cases of the library: named moves, each from a spread of states, and searches for the worst. */
 #include <stdbool.h>
-#include <string.h>
+#include <stddef.h>
 
+#include "axis.h"
 #include "bench.h"
 #include "dahl.h"
 #include "dahl_encoder.h"
+#include "inputs.h"
 
 /* bench_call with the type of each function that it calls. */
 float call_float(const dahl_plan_t *, dahl_state_t *, int32_t) __asm__("bench_call");
@@ -24,30 +26,6 @@ float c_step_counts(const dahl_plan_t *, dahl_state_t *, int32_t);
 int32_t c_step_counts_q30(const dahl_plan_t *, dahl_state_t *, int32_t);
 float c_step(const dahl_plan_t *, dahl_state_t *, float);
 
-/* One axis of a drive, and the work of its interrupt in each tick: from the reading of the 16-bit timer to the sum of the
- * controller's torque and the friction. In N m, or without a float in units of the drive. */
-typedef struct {
-    dahl_encoder_t encoder;
-    dahl_state_t bearing;
-    float asked; /* N m */
-    int32_t asked_units;
-    uint32_t Fc_units;
-} axis_t;
-
-float call_axis(const dahl_plan_t *, axis_t *, uint32_t) __asm__("bench_call");
-
-static int32_t axis_tick_units(const dahl_plan_t *plan, axis_t *axis, uint32_t reading)
-{
-    int32_t ratio = dahl_step_counts_q30(plan, &axis->bearing, dahl_encoder_move(&axis->encoder, reading));
-    return dahl_to_units(ratio, axis->Fc_units) + axis->asked_units;
-}
-
-static float axis_tick(const dahl_plan_t *plan, axis_t *axis, uint32_t reading)
-{
-    float F = dahl_step_counts(plan, &axis->bearing, dahl_encoder_move(&axis->encoder, reading));
-    return F + axis->asked;
-}
-
 enum { RANDOM_CALLS = 20000, MANTISSAS = 8 };
 
 #define ONE_Q62 ((int64_t)1 << 62)
@@ -61,16 +39,6 @@ static const int64_t starts[] = {
     0, ONE_Q62 / 10 * 3, -ONE_Q62 / 10 * 7, ONE_Q62, -ONE_Q62, 1, -1, (int64_t)1 << 31, -((int64_t)1 << 33) + 12345,
 };
 #define STARTS (sizeof starts / sizeof starts[0])
-
-static uint32_t random_word = 2463534242u;
-
-static uint32_t next_random(void)
-{
-    random_word ^= random_word << 13;
-    random_word ^= random_word >> 17;
-    random_word ^= random_word << 5;
-    return random_word;
-}
 
 static uint32_t deepest;
 
@@ -129,19 +97,6 @@ static void from_all_starts(by_counts_t step, int32_t dcounts)
     for (unsigned i = 0; i < STARTS; i++) {
         step(starts[i], dcounts);
     }
-}
-
-static int64_t random_state(void)
-{
-    int64_t w = (int64_t)(((uint64_t)next_random() << 32 | next_random()) >> 2);
-    w >>= next_random() % 62u;
-    return next_random() & 1u ? w : -w;
-}
-
-static int32_t random_counts(void)
-{
-    uint32_t n = next_random();
-    return (int32_t)(n >> (next_random() % 32u)) * (next_random() & 1u ? 1 : -1);
 }
 
 static void search_counts(by_counts_t step)
@@ -235,13 +190,6 @@ static void bench_counts_worst(void)
     bench_case("counts_worst_float");
     search_counts(by_float);
     report_depth("stack_float");
-}
-
-static float float_of(uint32_t bits)
-{
-    float x;
-    memcpy(&x, &bits, sizeof x);
-    return x;
 }
 
 /* Every exponent with a few mantissas and both signs, from every start; then floats at random. */

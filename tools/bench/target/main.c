@@ -40,6 +40,28 @@ void bench_number(const char *name, uint32_t value)
     say("\n");
 }
 
+/* Write the low hexadecimal digits of a value at `text`, and return the end. */
+static char *write_hex(char *text, uint64_t value, int digits)
+{
+    for (int i = digits - 1; i >= 0; i--) {
+        *text++ = "0123456789abcdef"[value >> 4 * i & 15];
+    }
+    return text;
+}
+
+void bench_input(uint32_t setting, uint64_t state, uint32_t move)
+{
+    char line[48] = "input ";
+    char *end = write_hex(line + strlen(line), setting, 8);
+    *end++ = ' ';
+    end = write_hex(end, state, 16);
+    *end++ = ' ';
+    end = write_hex(end, move, 8);
+    *end++ = '\n';
+    *end = '\0';
+    say(line);
+}
+
 uint32_t bench_depth(void)
 {
     const uint32_t *word = (const uint32_t *)(uintptr_t)(bench_sp - BENCH_STACK_BYTES);
@@ -60,5 +82,6 @@ int main(void)
     bench_variants();
     bench_energy();
     bench_compensator();
+    bench_worst();
     return 0;
 }
