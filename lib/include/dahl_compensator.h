@@ -118,7 +118,8 @@ typedef struct {
     float rise;                 /**< [s] time to fade in at start and after a fault; 0: at once */
     float fall;                 /**< [s] time to fade out while the encoder is bad; 0: at once */
     float fade_speed;           /**< [rad/s] the torque falls from all of it at this speed to 0 at
-                                     twice this speed; 0: no fade over speed */
+                                     twice this speed; 0: no fade over speed. With more than 2^14
+                                     counts per tick at this speed, the fade may start earlier. */
     float pull;                 /**< [Hz] corner frequency of dahl_compensator_pull(), within a
                                      factor of 1.5; 0: no pull */
     uint32_t noise;             /**< [count] noise of the angle is within +-noise, before it is
@@ -127,7 +128,7 @@ typedef struct {
                                      least 2 noise and 1, at most #DAHL_COMPENSATOR_PLAY_MAX */
     uint32_t jump;              /**< [count] longer moves of a tick are rejected: at least 1, at
                                      most #DAHL_COMPENSATOR_JUMP_MAX, below 1000 times the counts
-                                     of a tick at fade_speed */
+                                     of a tick at fade_speed, or 500 times if these exceed 2^14 */
 } dahl_compensator_params_t;
 
 /** Values that dahl_compensator_prepare() derives from the parameters. Integers only; may be
