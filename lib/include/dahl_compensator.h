@@ -127,8 +127,9 @@ typedef struct {
     uint32_t play;              /**< [count] width of the dead zone that follows the counts: at
                                      least 2 noise and 1, at most #DAHL_COMPENSATOR_PLAY_MAX */
     uint32_t jump;              /**< [count] longer moves of a tick are rejected: at least 1, at
-                                     most #DAHL_COMPENSATOR_JUMP_MAX, below 1000 times the counts
-                                     of a tick at fade_speed, or 500 times if these exceed 2^14 */
+                                     most #DAHL_COMPENSATOR_JUMP_MAX. With a fade_speed, below that
+                                     and below 1000 times the counts of a tick at fade_speed, or
+                                     500 times if these exceed 2^14. */
 } dahl_compensator_params_t;
 
 /** Values that dahl_compensator_prepare() derives from the parameters. Integers only; may be
