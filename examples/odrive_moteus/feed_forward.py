@@ -19,7 +19,16 @@ import dahl
 PERIOD_S = 2e-3  # of the drive's estimates
 TIMEOUT_S = 3 * PERIOD_S
 COUNTS_PER_TURN = 16384
+JUMP = 500  # counts in a tick
 NO_OPERATION = b"\x50"  # moteus: fills a frame up to a length of CAN FD
+
+
+def float_at(data: bytes | bytearray, place: int) -> float | None:
+    """Return a float of a frame, or None if it is missing, infinite or NaN."""
+    if len(data) < place + 4:
+        return None
+    value = float(struct.unpack_from("<f", data, place)[0])
+    return value if math.isfinite(value) else None
 
 
 class Drive(Protocol):
@@ -38,7 +47,7 @@ class ODrive:
 
     def turns(self, message: can.Message) -> float | None:
         is_estimate = message.arbitration_id == self._id | 0x09
-        return float(struct.unpack_from("<f", message.data)[0]) if is_estimate else None
+        return float_at(message.data, 0) if is_estimate else None
 
     def command(self, torque: float) -> can.Message:
         data = struct.pack("<f", torque)
@@ -54,7 +63,7 @@ class Moteus:
 
     def turns(self, message: can.Message) -> float | None:
         is_reply = message.arbitration_id >> 8 == self._node and message.data[:2] == b"\x2d\x01"
-        return float(struct.unpack_from("<f", message.data, 2)[0]) if is_reply else None
+        return float_at(message.data, 2) if is_reply else None
 
     def command(self, torque: float) -> can.Message:
         written = b"\x01\x00\x0a\x0c\x05\x20" + struct.pack("<5f", math.nan, 0, torque, 0, 0)
@@ -83,7 +92,7 @@ class FeedForward:
             fall=0.02,  # s
             noise=1,  # counts
             play=4,
-            jump=500,
+            jump=JUMP,
         )
 
     def tick(self, bus: can.BusABC) -> float:
@@ -92,6 +101,7 @@ class FeedForward:
         counts = self._counts if turns is None else round(turns * COUNTS_PER_TURN)
         moved = 0 if counts is None or self._counts is None else counts - self._counts
         self._counts = counts
+        moved = max(-JUMP - 1, min(moved, JUMP + 1))  # a longer one is rejected
         move = self._compensator.move(moved, is_good=turns is not None)
         torque = self._compensator.torque(self._element.step_counts_q30(move))
         bus.send(self._drive.command(torque))

@@ -9,6 +9,7 @@
 #define PULL_SHIFT_MAX 40
 #define SQRT2_Q31 3037000500u
 #define TWO_PI 6.2831855f
+#define COARSE_SPEED_Q20 64 /* from 2^14 counts per tick at fade_speed on */
 #define ONE_Q16 (UINT32_C(1) << 16)
 #define LIMIT_MAX INT32_MAX
 
@@ -37,14 +38,16 @@ static DAHL_COLD int32_t check_values(const dahl_compensator_params_t *params)
     return err | (params->jump > 0 ? DAHL_COMPENSATOR_OK : DAHL_COMPENSATOR_PARAM);
 }
 
-/** Return the speed of one count per tick over fade_speed in Q20; 0 without a fade over speed. */
+/** Return the speed of one count per tick over fade_speed in Q20; 0 without a fade over speed. A number of few bits is
+ * rounded up: rounded down, the fade of a fine encoder would start late, or never. */
 static uint32_t speed_unit(const dahl_compensator_params_t *params)
 {
     if (dahl_is_zero(params->fade_speed)) {
         return 0;
     }
-    return dahl_real_speed_unit(dahl_real_of_param(params->fade_speed), dahl_real_of_param(params->period),
-                                dahl_real_of_param(params->friction.theta_per_count));
+    uint32_t unit = dahl_real_speed_unit(dahl_real_of_param(params->fade_speed), dahl_real_of_param(params->period),
+                                         dahl_real_of_param(params->friction.theta_per_count));
+    return unit < COARSE_SPEED_Q20 ? unit + 1 : unit;
 }
 
 static int is_in_range(const dahl_compensator_params_t *params)

@@ -121,9 +121,10 @@ typedef struct {
     float rise;                 /**< [s] time to fade in at start and after a fault; 0: at once */
     float fall;                 /**< [s] time to fade out while the encoder is bad; 0: at once */
     float fade_speed;           /**< [rad/s] the torque falls from all of it at this speed to 0 at
-                                     twice this speed; 0: no fade over speed */
+                                     twice this speed; 0: no fade over speed. With more than 2^14
+                                     counts per tick at this speed, the fade may start earlier. */
     float pull;                 /**< [Hz] corner frequency of dahl_compensator_pull(), within a
-                                     factor of 1.5; 0: no pull */
+                                     factor of 1.5 below 0.17/period; 0: no pull */
     uint32_t noise;             /**< [count] the noise is within +-noise, added before or after the
                                      angle is rounded to counts; half the flicker at rest, rounded
                                      up */
@@ -131,8 +132,9 @@ typedef struct {
                                      + 2 is safe; at least 2 noise and 1, at most
                                      #DAHL_COMPENSATOR_PLAY_MAX */
     uint32_t jump;              /**< [count] longer moves of a tick are rejected: at least 1, at
-                                     most #DAHL_COMPENSATOR_JUMP_MAX, below 1000 times the counts
-                                     of a tick at fade_speed */
+                                     most #DAHL_COMPENSATOR_JUMP_MAX. With a fade_speed, below that
+                                     and below 1000 times the counts of a tick at fade_speed, or
+                                     500 times if these exceed 2^14. */
 } dahl_compensator_params_t;
 
 /** Values that dahl_compensator_prepare() derives from the parameters. Integers only; may be
@@ -197,9 +199,9 @@ int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensa
  * @param compensator state
  * @param ratio_q30   [Q30 of Fc] torque of the element: result of its Q30 call
  * @return [Q30 of Fc] torque to add to the command, within the limit
- * @note Error: 2^-15 of the torque, from the fades. With gain 1, no fade and no limit in reach, it
- *   is ratio_q30. The opposite input gives the opposite torque within 2^-30. Cost: the
- *   other half.
+ * @note Error: 2.3 x 2^-15 of ratio_q30 at most, from the fades. With gain 1, no fade and no limit
+ *   in reach, it is ratio_q30. The opposite input from the opposite state gives the opposite torque
+ *   within 2^-30. Cost: the other half.
  */
 int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
                                 dahl_compensator_t *compensator, int32_t ratio_q30);

@@ -492,7 +492,7 @@ int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t
  * @param dtheta   [rad] signed move; NaN and infinity as in dahl_step()
  * @param load_q30 [Q30] load c, as in dahl_loaded_step_counts(). If it is 0, F is 0 and stays 0
  *   until the shaft moves under a load.
- * @return F [N m], -c Fc .. c Fc, exceeded by at most 2^-31 Fc, the nearest float
+ * @return F [N m], -c Fc .. c Fc, exceeded by at most 2^-31 Fc and its rounding to float
  * @note Error: #DAHL_ULP_ANGLE ulp of Fc, or of c Fc if c > 1. Cost: 165 instructions.
  */
 float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta,

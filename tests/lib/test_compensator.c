@@ -257,6 +257,30 @@ static void test_the_mean_of_the_speed_follows_the_moves(void)
     }
 }
 
+/* The torque after 200 ticks at a speed, for an encoder with this many bits, fade_speed 100 rad/s and 1 kHz. */
+static int32_t torque_at_speed(int bits, float speed)
+{
+    dahl_compensator_params_t params = valid;
+    dahl_compensator_t compensator = {0};
+    params.friction.theta_per_count = ldexpf(6.2831853f, -bits);
+    params.fade_speed = 100.0f;
+    params.jump = (uint32_t)(0.3f / params.friction.theta_per_count);
+    const dahl_compensator_plan_t plan = plan_of(&params);
+    const int32_t dcounts = (int32_t)(speed * params.period / params.friction.theta_per_count);
+    for (int t = 0; t < 200; t++) {
+        (void)dahl_compensator_move(&plan, &compensator, dcounts, 1);
+    }
+    return dahl_compensator_torque(&plan, &compensator, ONE_Q30);
+}
+
+static void test_a_fine_encoder_does_not_fade_late(void)
+{
+    for (int bits = 14; bits <= 30; bits++) {
+        TEST_ASSERT_EQUAL_INT32(0, torque_at_speed(bits, 210.0f));
+        TEST_ASSERT_TRUE(bits > 22 || torque_at_speed(bits, 90.0f) == ONE_Q30);
+    }
+}
+
 /* --- any bits --------------------------------------------------------------------------------------------------------- */
 
 static void randomize(void *memory, size_t bytes, uint64_t *seed)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -80,6 +81,7 @@ def test_draw_closes_the_gap_of_two_states() -> None:
         ({"play": 0}, ("play = 0 ", "1")),
         ({"jump": 0}, ("jump = 0 ", "1")),
         ({"jump": 1000, "fade_speed": 0.3}, ("jump = 1000 ", "1000 times")),
+        ({"jump": 2**29, "fade_speed": 1e4}, ("jump = 536870912 ", "500 times the 26315.8")),
         ({"gain": 1.5}, ("gain = 1.5 ", "<= 1")),
         ({"Fc_low": 0.0}, ("Fc_low = 0 ",)),
         ({"slew": 0.0}, ("slew = 0 ", "N m/s")),
@@ -93,6 +95,25 @@ def test_a_bound_that_is_broken_is_named_with_its_value(
     with pytest.raises(dahl.Error) as caught:
         compensator(**changed)
     assert [word for word in words if word not in str(caught.value)] == [], str(caught.value)
+
+
+@pytest.mark.parametrize("flag", ["False", math.nan, None, [0], np.ones(2), np.timedelta64(1, "s")])
+def test_a_flag_that_is_no_bool_is_refused(flag: Any) -> None:
+    """A text or NaN would be true: a bad reading would count as good."""
+    one = compensator()
+    with pytest.raises(dahl.Error, match="is_good = "):
+        one.move(5, flag)
+    with pytest.raises(dahl.Error, match="is_good "):
+        one.run_log(ELEMENTS["dahl"](), [5, 5], is_good=[flag, flag])
+    assert one == compensator()
+
+
+@pytest.mark.parametrize("flag", [0, 1, False, True, np.False_, np.int8(1)])
+def test_a_flag_may_be_a_whole_number(flag: Any) -> None:
+    one, again = compensator(), compensator()
+    one.move(5, flag)
+    again.run_log(ELEMENTS["dahl"](), [5], is_good=np.array([flag]))
+    assert one.terms["rejected"] == again.terms["rejected"] == int(not flag)
 
 
 def test_a_log_that_does_not_fit_changes_nothing() -> None:

@@ -78,6 +78,7 @@ WRONG_INPUT = {  # exit code 2
         demo shaft.csv {COLUMNS} --sigma0 1 --counts-per-turn 9 -o out => --fc
         demo shaft.csv {COLUMNS} --sigma0 1 --fc 1 -o out => --counts-per-turn
         DEMO --angle shft => shaft.csv:1 ... 'shft' ... 'shaft [deg]'
+        DEMO --angle '' => needs --angle
         DEMO --fc -1 => Fc = -1
         DEMO --counts-per-turn=0 => -turn ... 0
         DEMO --counts-per-turn=inf => -turn ... inf

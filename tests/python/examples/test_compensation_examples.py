@@ -254,5 +254,11 @@ def test_a_host_feeds_newton_metres_forward(
         assert forward[0] == 0 and forward[-1] == pytest.approx(LIMIT, rel=1e-5)
         assert max(map(abs, forward)) <= LIMIT * (1 + 1e-6)
         assert torques(range(1200, 600, -3))[-1] == pytest.approx(-LIMIT, rel=1e-5)
+        for count in (math.nan, 603, 1e38, 603, 603):  # no number; a jump there and back
+            drive.send(angle(count / 16384))
+            assert feed.tick(host) == pytest.approx(-LIMIT, rel=1e-5)
+        cut = angle(0.0)
+        cut.data, cut.dlc = cut.data[:2], 2
+        drive.send(cut)
         silent = [feed.tick(host) for _ in range(15)]
         assert silent[1] == pytest.approx(-LIMIT, rel=1e-5) and silent[-1] == 0

@@ -121,6 +121,14 @@ def loads(values: ArrayLike, moves: np.ndarray) -> np.ndarray:
     return np.minimum(loads_q30, 2 * ONE_Q30 - 1).astype(np.uint32)
 
 
+def flags(name: str, values: ArrayLike) -> np.ndarray:
+    """Return one bool a tick. Raises dahl.Error for other types: a text, and NaN, would be True."""
+    array = _array(name, values)
+    if array.dtype.kind not in "biu":
+        raise Error(f"{name} has type {array.dtype}, not bool")
+    return array.astype(bool)
+
+
 def output(given: np.ndarray | None, wanted: np.ndarray) -> np.ndarray:
     """Return an array for the torques, or the given one. Raises dahl.Error if C cannot fill it."""
     if given is None:

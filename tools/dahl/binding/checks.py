@@ -74,6 +74,16 @@ def counts(dcounts: int) -> int:
     return whole("dcounts", dcounts, INT32_MIN, INT32_MAX)
 
 
+def flag(name: str, value: object) -> bool:
+    """Return a bool, also one of numpy or a whole number; no text, NaN or array."""
+    if value is True or value is False:
+        return value
+    is_numpy_bool = str(getattr(value, "dtype", "")) == "bool" and getattr(value, "ndim", 1) == 0
+    if is_numpy_bool or (isinstance(value, Integral) and not _is_duration(value)):
+        return bool(value)
+    raise Error(f"{name} = {shown(value)} is not a bool")
+
+
 def instance(name: str, value: object, wanted: type[T]) -> T:
     """Return `value` if it is of the wanted type."""
     if not isinstance(value, wanted):

@@ -21,6 +21,7 @@ from dahl.errors import Error
 PLAY_MAX = 2**24  # DAHL_COMPENSATOR_PLAY_MAX
 JUMP_MAX = 2**30  # DAHL_COMPENSATOR_JUMP_MAX
 JUMP_SPEEDS = 1000  # longest jump over the counts of a tick at fade_speed
+COARSE_COUNTS = 2**14  # from so many on, half of that
 FRICTION = ("sigma0", "Fc", "theta_per_count")
 POSITIVE, OPTIONAL = "2^-64 <= {} < 2^64 ({})", "0, or 2^-64 <= {} < 2^64 ({})"
 
@@ -133,8 +134,9 @@ class Compensator(Copied):
         parameters.need_counted(v["theta_per_count"])
         counts = v["fade_speed"] * v["period"] / v["theta_per_count"]
         friction_is_good = all(_is_in_range(name, v[name], False) for name in FRICTION)
-        if friction_is_good and 0 < JUMP_SPEEDS * counts < 1.1 * self._jump:
-            limit = f"{JUMP_SPEEDS} times the {counts:g} counts of a tick at fade_speed"
+        most = JUMP_SPEEDS if counts < COARSE_COUNTS else JUMP_SPEEDS // 2
+        if friction_is_good and 0 < most * counts < 1.1 * self._jump:
+            limit = f"{most} times the {counts:g} counts of a tick at fade_speed"
             return f"jump = {self._jump} is not below {limit}"
         return parameters.refusal(*(v[name] for name in FRICTION))
 
@@ -180,10 +182,10 @@ class Compensator(Copied):
     def move(self, dcounts: int, is_good: bool = True) -> int:
         """Read the encoder: reject, fade, play. Call it first in each tick. Returns the counts that
         step the element of the measured law. dcounts is a whole number within int32; is_good is
-        False for a bad or stale reading. Raises dahl.Error for any other dcounts.
+        False for a bad or stale reading. Raises dahl.Error for any other dcounts or flag.
         """
-        moved = checks.counts(dcounts)
-        return int(c.dahl_compensator_move(self._prepared, self._state, moved, bool(is_good)))
+        moved, flag = checks.counts(dcounts), checks.flag("is_good", is_good)
+        return int(c.dahl_compensator_move(self._prepared, self._state, moved, flag))
 
     def torque_q30(self, ratio_q30: int) -> int:
         """Return the torque to add to the command over Fc, in Q30, from that of the element: the
@@ -224,13 +226,13 @@ class Compensator(Copied):
         if (reference_moves is not None) != self._reference:
             raise Error(f"reference = {self._reference} needs reference_moves = counts or None")
         steps = array if reference_moves is None else arrays.moves(reference_moves, np.int32)
-        flags = np.ones(len(array), bool) if is_good is None else np.asarray(is_good)
+        flags = np.ones(len(array), bool) if is_good is None else arrays.flags("is_good", is_good)
         for name, one in (("reference_moves", steps), ("is_good", flags)):
             if one.shape != array.shape:
                 raise Error(f"{name} has shape {one.shape}, not {array.shape} as moves has")
-        result = np.empty(len(array))
+        result, are_good = np.empty(len(array)), flags.tolist()
         for k, (dcounts, step) in enumerate(zip(array.tolist(), steps.tolist(), strict=True)):
-            move = self.move(dcounts, bool(flags[k]))
+            move = self.move(dcounts, are_good[k])
             result[k] = self.torque(element.step_counts_q30(step if self._reference else move))
         return result
 

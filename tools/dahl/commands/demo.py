@@ -217,7 +217,9 @@ def _own(args: argparse.Namespace) -> Any:
     if not args.log.exists():
         raise Error(f"{args.log}: no such file")
     needed = ("angle", "sigma0", "fc", "counts_per_turn")
-    missing = ["--" + name.replace("_", "-") for name in needed if getattr(args, name) is None]
+    missing = [
+        "--" + name.replace("_", "-") for name in needed if getattr(args, name) in (None, "")
+    ]
     if missing or args.scene:
         raise Error(
             f"{args.log}: a log of your own needs {', '.join(missing)}"
