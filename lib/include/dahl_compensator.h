@@ -124,7 +124,8 @@ typedef struct {
     uint32_t noise;             /**< [count] noise of the angle is within +-noise, before it is
                                      rounded to counts; half the flicker at rest, rounded up */
     uint32_t play;              /**< [count] width of the dead zone that follows the counts: at
-                                     least 2 noise and 1, at most #DAHL_COMPENSATOR_PLAY_MAX */
+                                     least 2 noise and 1, at most #DAHL_COMPENSATOR_PLAY_MAX. If
+                                     the noise comes after the rounding, give 2 noise + 1. */
     uint32_t jump;              /**< [count] longer moves of a tick are rejected: at least 1, at
                                      most #DAHL_COMPENSATOR_JUMP_MAX, below 1000 times the counts
                                      of a tick at fade_speed */

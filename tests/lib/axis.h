@@ -40,6 +40,7 @@ typedef struct {
     double reference, reference_speed, reference_acceleration;
     double period, theta_per_count;
     int noise, delay; /* counts, ticks */
+    int noise_is_rounded; /* an integer, added after the quantization */
     torque_source_t source;
     double tanh_speed; /* rad/s */
     uint64_t random;
@@ -106,9 +107,13 @@ static inline void axis_start(axis_t *axis)
     axis->law = (int)axis->params.law;
 }
 
-/* The noise, uniform in +-noise counts, is added before the quantization. */
+/* The noise is uniform in +-noise counts, before the quantization; or it is an integer, added after it. */
 static inline int32_t axis_read(axis_t *axis)
 {
+    if (axis->noise_is_rounded) {
+        const int32_t noise = (int32_t)(random_u32(&axis->random) % (2u * (unsigned)axis->noise + 1)) - axis->noise;
+        return (int32_t)floor(axis->theta / axis->theta_per_count) + noise;
+    }
     const double noise = axis->noise * (random_u32(&axis->random) * 0x1p-31 - 1);
     return (int32_t)floor(axis->theta / axis->theta_per_count + noise);
 }
