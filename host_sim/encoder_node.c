@@ -37,7 +37,7 @@ bool encoder_load(encoder_t *encoder, dahl_can_frame_t *out)
         return false;
     }
     dahl_param_write_t request = {.param = DAHL_FRAMES_PARAM_LOAD, .write = DAHL_FRAMES_PARAM_WRITE};
-    request.value = load_of(encoder->load, encoder->motion->load);
+    request.value = load_of(encoder->load, encoder->motion->load, 1);
     if (request.value == encoder->load_sent && encoder->sent % ENCODER_LOAD_TICKS != 0) {
         return false;
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* load: the load of a bearing as the value of parameter Load. */
+/* load: the load of a bearing in the unit of parameter Load. */
 #ifndef LOAD_H
 #define LOAD_H
 
@@ -8,10 +8,10 @@
 #include "dahl_node.h"
 #include "scene.h"
 
-/* min(1, rest + |x|/full), in units of 1/DAHL_NODE_ONE; x in the unit of full. */
-static inline uint32_t load_of(const scene_load_t *load, double x)
+/* min(limit, rest + |x|/full), in units of 1/DAHL_NODE_ONE; x in the unit of full. */
+static inline uint32_t load_of(const scene_load_t *load, double x, double limit)
 {
-    return (uint32_t)lround(fmin(1, load->rest + fabs(x) / load->full) * DAHL_NODE_ONE);
+    return (uint32_t)lround(fmin(limit, load->rest + fabs(x) / load->full) * DAHL_NODE_ONE);
 }
 
 #endif

@@ -93,22 +93,27 @@ static void record_error(plant_t *p)
     p->max_error = fmax(p->max_error, fabs(error));
 }
 
-static void write_row(plant_t *p, double angle, double omega)
+static void write_row(plant_t *p)
 {
-    if (p->trace != NULL &&
-        fprintf(p->trace, "%.3f,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\n", (double)p->ticks * PERIOD_S,
-                (double)p->reference_count * theta_per_count(p), angle, omega, p->torque, p->rotor.friction,
-                p->compensation) < 0) {
+    const rotor_t *r = &p->rotor;
+    int result = fprintf(p->trace, "%.3f,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g", (double)p->ticks * PERIOD_S,
+                         (double)p->reference_count * theta_per_count(p), r->theta, r->omega, p->torque, r->friction,
+                         p->compensation);
+    if (result >= 0 && p->scene->has_hand) {
+        result = fprintf(p->trace, ",%.17g", rotor_hand_torque(r));
+    }
+    if (result < 0 || fputc('\n', p->trace) == EOF) {
         p->trace_errno = errno;
     }
 }
 
-/* If the scene has a [load], the bearing is loaded by the motor's torque. */
+/* If the scene has a [load], the bearing is loaded by the motor's torque. dahl_clamped_step() lowers a load of 2 to 2 - 2^-30. */
 static void set_load(plant_t *p, double torque)
 {
+    const scene_load_t *load = &p->scene->load;
     p->motion.load = torque;
     if (p->scene->has_load) {
-        p->rotor.load_q30 = load_of(&p->scene->load, torque) << 14;
+        p->rotor.load_q30 = load_of(load, torque, load->rotor_limit) << 14;
     }
 }
 
@@ -120,7 +125,9 @@ static void advance(plant_t *p, double torque)
         p->side = sign;
     }
     p->torque = torque;
-    write_row(p, p->rotor.theta, p->rotor.omega);
+    if (p->trace != NULL) {
+        write_row(p);
+    }
     set_load(p, torque);
     rotor_advance(&p->rotor, torque);
     p->ticks++;
@@ -165,6 +172,7 @@ bool plant_open(plant_t *plant, const scene_t *scene, motion_t *reference, const
         log_error("[rotor] sigma0 = %.9g, Fc = %.9g: dahl_prepare refuses", r->sigma0, r->Fc);
         return false;
     }
+    plant->rotor.hand = scene->has_hand ? &scene->hand : NULL;
     return true;
 }
 
@@ -174,7 +182,8 @@ bool plant_trace(plant_t *plant, const char *path)
     if (plant->trace == NULL) {
         return false;
     }
-    fputs("time_s,reference_rad,angle_rad,velocity_rad_s,motor_Nm,friction_Nm,compensation_Nm\n", plant->trace);
+    fputs("time_s,reference_rad,angle_rad,velocity_rad_s,motor_Nm,friction_Nm,compensation_Nm", plant->trace);
+    fputs(plant->scene->has_hand ? ",hand_Nm\n" : "\n", plant->trace);
     return true;
 }
 

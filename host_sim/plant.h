@@ -6,6 +6,8 @@
  *   [control]  a PD controller on the encoder's counts, which follows the scene's [motion], plus the friction torque that the
  *              node answers. The encoder sends the *reference*: feed-forward on the reference angle has no feedback, so it
  *              cannot chatter. The torque counts as 0 if the last answer is 3 ticks old or older.
+ *
+ * With either, a [hand] may also act on the shaft.
  */
 #ifndef PLANT_H
 #define PLANT_H

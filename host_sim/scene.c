@@ -13,7 +13,6 @@
 
 #include "stderr_messages.h"
 #include "dahl.h"
-#include "rotor.h"
 #include "utf8.h"
 
 enum { SEGMENTS = MOTION_SEGMENTS, STEERING = MOTION_STEERING, LOG = MOTION_LOG, ANY = SEGMENTS | STEERING | LOG };
@@ -474,9 +473,13 @@ static bool needs(const reader_t *r, const char *section, const char *other)
 static bool check_load_source(const reader_t *r)
 {
     bool is_from_log = r->scene->motion.kind == MOTION_LOG && !has(r, "rotor"), is_given = r->scene->load.column[0] != '\0';
-    int line = r->section_line[find_section("load")];
+    int line = r->section_line[find_section("load")], limit_line = r->key_line[find_key("load", "rotor_limit")];
     if (!is_from_log && !has(r, "rotor")) {
         log_error("%s:%d: [load] needs a [rotor], or [motion] kind = log with a column of the load", PLACE(r, line));
+        return false;
+    }
+    if (is_from_log && limit_line != 0) {
+        log_error("%s:%d: [load] rotor_limit has no meaning without a [rotor]", PLACE(r, limit_line));
         return false;
     }
     if (is_from_log && !is_given) {
@@ -517,7 +520,7 @@ static bool check_rotor(const reader_t *r)
         return false;
     }
     return needs(r, "rotor", "friction") && needs(r, "motor", "rotor") && needs(r, "control", "rotor") &&
-           needs(r, "control", "motion");
+           needs(r, "control", "motion") && needs(r, "hand", "rotor");
 }
 
 /* The message prints the limit with 9 digits, and the printed number must be accepted. */
@@ -529,10 +532,10 @@ static bool check_inertia(const reader_t *r)
     if (!has(r, "rotor")) {
         return true;
     }
-    double least = rotor_least_inertia(rotor->viscous, rotor->sigma0);
+    double least = rotor_least_inertia(rotor->viscous, rotor->sigma0, &r->scene->hand);
     if (rotor->inertia < least * (1 - LIMIT_ROUNDING)) {
         log_error("%s:%d: [rotor] inertia = %.9g: below %.9g, the least at which steps of %g us are stable with this"
-                  " viscous and sigma0", PLACE(r, r->key_line[find_key("rotor", "inertia")]), rotor->inertia, least,
+                  " viscous, sigma0 and [hand]", PLACE(r, r->key_line[find_key("rotor", "inertia")]), rotor->inertia, least,
                   (double)ROTOR_STEP_US);
         return false;
     }
@@ -568,6 +571,7 @@ static void note_sections(const reader_t *r)
     scene->has_control = has(r, "control");
     scene->has_faults = has(r, "faults");
     scene->has_load = has(r, "load");
+    scene->has_hand = has(r, "hand");
 }
 
 static bool check_keys(const reader_t *r)

@@ -12,6 +12,7 @@
 #include "dahl_frames.h"
 #include "dahl_parts.h"
 #include "faults.h"
+#include "rotor.h"
 
 #include "scene_keys.def" /* SCENE_TEXT */
 
@@ -49,7 +50,7 @@ typedef struct {
 } scene_control_t;
 
 typedef struct {
-    double full, rest;
+    double full, rest, rotor_limit;
     char column[SCENE_TEXT];
 } scene_load_t;
 
@@ -65,7 +66,7 @@ typedef struct {
 } scene_motion_t;
 
 typedef struct {
-    bool has_friction, has_motion, has_status, has_rotor, has_motor, has_control, has_faults, has_load;
+    bool has_friction, has_motion, has_status, has_rotor, has_motor, has_control, has_faults, has_load, has_hand;
     char title[SCENE_TEXT];
     scene_friction_t friction;
     scene_load_t load;
@@ -73,6 +74,7 @@ typedef struct {
     scene_rotor_t rotor;
     scene_motor_t motor;
     scene_control_t control;
+    hand_t hand;
     double faults[FAULT_KINDS]; /* rates */
     double status_period_ms;
 } scene_t;

@@ -5,10 +5,10 @@
  * Subtracting inertia times acceleration from each sample would amplify the steps of the encoder. Its sum over a bin
  * is inertia times the sum of the changes of speed, so it is subtracted once from the sum of the bin.
  */
+#include "../arith/scale.h"
 #include "../model/check_params.h"
 #include "dahl_compensator.h"
 #include "real.h"
-#include "scale.h"
 
 #define SLIDING_Q30 1041529569 /* 0.97 */
 #define ONE_Q20 (INT32_C(1) << 20)
@@ -29,11 +29,6 @@
 #define CHANGE_MAX_Q16 (INT32_C(1) << 15) /* 0.5 */
 #define HALF_MAX ((INT32_C(1) << 30) - 1) /* half of 2 Fc in Q30 */
 #define ONE_Q13 (INT32_C(1) << 13)
-
-static int32_t clamp(int32_t x, int32_t most)
-{
-    return x > most ? most : x < -most ? -most : x;
-}
 
 /** Return 0 if all values are in range. */
 static DAHL_COLD dahl_compensator_err_t check(const dahl_compensator_params_t *params, float inertia)
@@ -90,8 +85,8 @@ DAHL_COLD dahl_compensator_err_t dahl_adaptation_prepare(dahl_adaptation_plan_t 
 /** Update both means of the speed and return the change of the first. */
 static int32_t update_speed(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *adaptation, int32_t move)
 {
-    int32_t counts = clamp(move, (int32_t)plan->speed_counts);
-    int32_t before = clamp(adaptation->speed_q20, SPEED_MAX_Q20), slow = clamp(adaptation->slow_q20, SPEED_MAX_Q20);
+    int32_t counts = dahl_limit(move, (int32_t)plan->speed_counts);
+    int32_t before = dahl_limit(adaptation->speed_q20, SPEED_MAX_Q20), slow = dahl_limit(adaptation->slow_q20, SPEED_MAX_Q20);
     int32_t change = (counts * (int32_t)plan->speed_unit - before) >> plan->speed_shift;
     adaptation->speed_q20 = before + change;
     adaptation->slow_q20 = slow + ((before - slow) >> plan->speed_shift);
@@ -120,7 +115,7 @@ static void empty_bins(dahl_adaptation_t *adaptation)
 /** Return the mean torque of a full bin without that of its acceleration. */
 static int32_t mean_q13(const dahl_adaptation_plan_t *plan, const dahl_adaptation_t *adaptation, int bin)
 {
-    int32_t change_q13 = clamp(adaptation->change_q20[bin] >> 7, ONE_Q13);
+    int32_t change_q13 = dahl_limit(adaptation->change_q20[bin] >> 7, ONE_Q13);
     int32_t inertia_q13 = (int32_t)(dahl_mul_signed(change_q13, (int32_t)plan->inertia_q16) >> 16);
     return (adaptation->torque_q13[bin] >> plan->bin_shift) - inertia_q13;
 }
@@ -129,8 +124,8 @@ static int32_t mean_q13(const dahl_adaptation_plan_t *plan, const dahl_adaptatio
 static void adapt(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *adaptation)
 {
     int32_t twice_Fc_q13 = mean_q13(plan, adaptation, 0) - mean_q13(plan, adaptation, 1);
-    int32_t estimate_q16 = clamp((twice_Fc_q13 - 2 * ONE_Q13) * 4, CHANGE_MAX_Q16);
-    int32_t change_q16 = clamp(adaptation->Fc_change_q16, CHANGE_MAX_Q16);
+    int32_t estimate_q16 = dahl_limit((twice_Fc_q13 - 2 * ONE_Q13) * 4, CHANGE_MAX_Q16);
+    int32_t change_q16 = dahl_limit(adaptation->Fc_change_q16, CHANGE_MAX_Q16);
     adaptation->Fc_change_q16 = change_q16 + (estimate_q16 - change_q16) / 4;
 }
 
@@ -168,8 +163,8 @@ void dahl_adaptation_step(const dahl_adaptation_plan_t *plan, dahl_adaptation_t 
 
 int32_t dahl_adaptation_apply(dahl_adaptation_t *adaptation, int32_t ratio_q30)
 {
-    int32_t half = ratio_q30 / 2, change_q16 = clamp(adaptation->Fc_change_q16, CHANGE_MAX_Q16);
+    int32_t half = ratio_q30 / 2, change_q16 = dahl_limit(adaptation->Fc_change_q16, CHANGE_MAX_Q16);
     int32_t change = dahl_scale_q16(half, dahl_magnitude(change_q16));
     adaptation->ratio_q30 = ratio_q30;
-    return 2 * clamp(half + (change_q16 < 0 ? -change : change), HALF_MAX);
+    return 2 * dahl_limit(half + (change_q16 < 0 ? -change : change), HALF_MAX);
 }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /** Compensator, before and after the tick of its element. */
 #include "../arith/compiler.h"
+#include "../arith/scale.h"
 #include "dahl_compensator.h"
-#include "scale.h"
 
 #define ONE_Q20 (INT32_C(1) << 20)
 #define ONE_Q30 (UINT32_C(1) << 30)
@@ -62,22 +62,13 @@ static uint32_t speed_fade_q15(int32_t speed_q20)
     return (uint32_t)(left < ONE_Q20 ? left : ONE_Q20) >> 5;
 }
 
-/** Return the torque nearest to wanted that differs from now by at most slew. */
-static int32_t limit_slew(int32_t now, int32_t wanted, uint32_t slew)
-{
-    if (wanted > now) {
-        return (int32_t)((uint32_t)now + dahl_least((uint32_t)wanted - (uint32_t)now, slew));
-    }
-    return (int32_t)((uint32_t)now - dahl_least((uint32_t)now - (uint32_t)wanted, slew));
-}
-
 /** The limit comes last, so that it also holds if the state is corrupt. */
 int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t ratio_q30)
 {
     uint32_t speed_fade = speed_fade_q15(compensator->speed_q20);
     uint32_t factor_q16 = (plan->gain_q16 * (compensator->fade_q30 >> 15) >> 15) * speed_fade >> 15;
     int32_t wanted = dahl_scale_q16(ratio_q30, factor_q16);
-    int32_t torque = limit_slew(compensator->torque_q30, wanted, plan->slew_q30);
+    int32_t torque = dahl_approach(compensator->torque_q30, wanted, plan->slew_q30);
     torque = dahl_limit(torque, plan->limit_q30);
     compensator->ratio_q30 = ratio_q30;
     compensator->speed_fade_q15 = speed_fade;

@@ -130,7 +130,7 @@ typedef struct {
     dahl_state_t bearing;      /**< state of the Dahl element */
     dahl_node_model_t *model;  /**< model that answers; NULL: plan and bearing */
     dahl_node_counts_t counts; /**< frames by result */
-    uint32_t gain;             /**< [1/DAHL_NODE_ONE] gain to reach */
+    uint32_t gain;             /**< [1/DAHL_NODE_ONE] gain to reach; more than 1 counts as 1 */
     uint32_t limit;            /**< [1/DAHL_NODE_ONE] limit of |torque|/Fc; more than 1 counts as
                                     1 */
     uint32_t load;             /**< [1/DAHL_NODE_ONE] load relative to that of Fc, for the model

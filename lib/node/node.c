@@ -12,6 +12,7 @@
  * @endverbatim
  * A handler returns true if it wrote an answer. A node is "primed" if `count` is a valid starting point.
  */
+#include "../arith/scale.h"
 #include "dahl_node.h"
 
 #include <stddef.h>
@@ -40,6 +41,11 @@ static void clear_errors(dahl_node_t *node)
     node->cleared = tally(&node->counts);
 }
 
+static uint32_t gain_to_reach(const dahl_node_t *node)
+{
+    return dahl_least(node->gain, DAHL_NODE_ONE);
+}
+
 /** Return to power-on, but keep the parameters. */
 static void restart(dahl_node_t *node)
 {
@@ -50,7 +56,7 @@ static void restart(dahl_node_t *node)
     node->held = node->params;
     node->state = DAHL_FRAMES_INIT;
     node->silenced = false;
-    node->gain_now = node->ramp_us == 0 ? node->gain : 0;
+    node->gain_now = node->ramp_us == 0 ? gain_to_reach(node) : 0;
     node->gain_rest = 0;
     node->bus_off_count = 0;
     node->torque_counter = 0;
@@ -88,11 +94,6 @@ static void enter(dahl_node_t *node, dahl_frames_state_t state)
     }
 }
 
-static uint32_t minimum(uint32_t a, uint32_t b)
-{
-    return a < b ? a : b;
-}
-
 /** Time [us] since the last accepted count; 0 if the clock went back. */
 static uint32_t elapsed_us(const dahl_node_t *node, uint32_t now_us)
 {
@@ -100,36 +101,33 @@ static uint32_t elapsed_us(const dahl_node_t *node, uint32_t now_us)
     return elapsed <= INT32_MAX ? elapsed : 0;
 }
 
-/** Return the step of the gain in `elapsed` us. Without the remainder in gain_rest, frequent calls would slow down
- * a long ramp. */
+/** Return the step of the gain in `elapsed` us. Answers have no fixed period, so it cannot be prepared as the fades of
+ * the compensator are. Without the remainder in gain_rest, frequent calls would slow down a long ramp. */
 static uint32_t ramp_step(dahl_node_t *node, uint32_t elapsed)
 {
-    uint32_t whole = DAHL_NODE_ONE * minimum(elapsed, DAHL_NODE_ONE - 1);
+    uint32_t whole = DAHL_NODE_ONE * dahl_least(elapsed, DAHL_NODE_ONE - 1);
     uint32_t step = whole / node->ramp_us, rest = whole % node->ramp_us;
     uint32_t to_next_step = node->ramp_us - rest;
     if (node->gain_rest < to_next_step) {
         node->gain_rest += rest;
         return step;
     }
-    node->gain_rest = minimum(node->gain_rest - to_next_step, node->ramp_us - 1); /* in case the ramp was shortened */
+    node->gain_rest = dahl_least(node->gain_rest - to_next_step, node->ramp_us - 1); /* in case the ramp was shortened */
     return step + 1;
 }
 
 /** Ramp gain_now towards gain. Called once for each answer. */
 static void ramp(dahl_node_t *node, uint32_t elapsed)
 {
-    uint32_t rise = node->gain > node->gain_now ? node->gain - node->gain_now : 0;
-    uint32_t fall = node->gain_now > node->gain ? node->gain_now - node->gain : 0;
     uint32_t step = node->ramp_us > 0 ? ramp_step(node, elapsed) : DAHL_NODE_ONE;
-    node->gain_now += minimum(step, rise) - minimum(step, fall);
+    node->gain_now = (uint32_t)dahl_approach((int32_t)node->gain_now, (int32_t)gain_to_reach(node), step);
 }
 
+/** Scale the magnitude, so that the opposite torque has the opposite answer. */
 static int32_t output(const dahl_node_t *node, int32_t torque_q30)
 {
-    int64_t part = (int64_t)torque_q30 * node->gain_now / (int32_t)DAHL_NODE_ONE;
-    int64_t limit = (int64_t)minimum(node->limit, DAHL_NODE_ONE) << 14;
-    part = part < limit ? part : limit;
-    return (int32_t)(part > -limit ? part : -limit);
+    int32_t part = dahl_scale_q16((int32_t)dahl_magnitude(torque_q30), node->gain_now);
+    return dahl_limit(torque_q30 < 0 ? -part : part, (int32_t)(dahl_least(node->limit, DAHL_NODE_ONE) << 14));
 }
 
 static bool answer(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, int32_t torque_q30,
@@ -158,7 +156,7 @@ static int32_t step_model(dahl_node_t *node, int32_t dcounts)
     if (node->model == NULL) {
         return dahl_step_counts_q30(&node->plan, &node->bearing, dcounts);
     }
-    node->model->load_q30 = minimum(node->load, DAHL_NODE_ONE) << 14;
+    node->model->load_q30 = dahl_least(node->load, DAHL_NODE_ONE) << 14;
     return node->model->step_q30(node->model, dcounts);
 }
 
@@ -518,7 +516,7 @@ static uint8_t status_timeout(const dahl_node_t *node)
 {
     uint32_t whole = node->timeout_us / DAHL_FRAMES_TIMEOUT_US, rest = node->timeout_us % DAHL_FRAMES_TIMEOUT_US;
     uint32_t rounded_up = whole + (rest != 0 ? 1u : 0u);
-    return (uint8_t)minimum(rounded_up, UINT8_MAX);
+    return (uint8_t)dahl_least(rounded_up, UINT8_MAX);
 }
 
 static void pack_status(dahl_node_t *node, uint32_t now_us, dahl_can_frame_t *out)

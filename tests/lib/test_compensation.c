@@ -226,7 +226,7 @@ static void test_wrong_parameters_are_no_worse_than_none(void)
     }
 }
 
-/* Sign changes of the torque in a second of hold, after a stop from a motion. */
+/* Sign changes of the torque in a second of hold, after a stop from a motion and a second to settle. */
 static double sign_changes(axis_t *axis)
 {
     const double seconds = 10;
@@ -234,7 +234,10 @@ static double sign_changes(axis_t *axis)
     axis_start(axis);
     for (int t = 0; t * axis->period < seconds + 3; t++) {
         const double time = t * axis->period;
-        refer_sine(axis, time < 2 ? time : 2);
+        refer_sine(axis, fmin(time, 2));
+        if (time >= 2) {
+            axis_refer(axis, axis->reference, 0, 0);
+        }
         axis_tick(axis, 0);
         const int now = (axis->torque > 0) - (axis->torque < 0);
         changes += time > 3 && now * sign < 0;

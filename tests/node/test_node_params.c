@@ -146,6 +146,23 @@ static void test_any_gain_and_limit_keep_the_answer_in_range(void)
     }
 }
 
+static void test_a_gain_above_1_counts_as_1(void)
+{
+    static const uint32_t gains[] = {DAHL_NODE_ONE, DAHL_NODE_ONE + 1, 2 * DAHL_NODE_ONE, UINT32_MAX};
+    int32_t expected = 0;
+    for (size_t i = 0; i < 2 * sizeof gains / sizeof gains[0]; i++) {
+        talk_begin();
+        node.gain = gains[i / 2];
+        if (i % 2 == 1) {
+            (void)reset(DAHL_FRAMES_RESET_RESTART);
+        }
+        TEST_ASSERT_TRUE(feed(0, 0) && feed(1, 50));
+        expected = i == 0 ? answer.torque_q30 : expected;
+        TEST_ASSERT_TRUE(0 < expected && expected < 1 << 29);
+        TEST_ASSERT_EQUAL(expected, answer.torque_q30);
+    }
+}
+
 /* --- the ramp ------------------------------------------------------------------------------------------------------ */
 
 /* The expected gain: it changes by 1/ramp per us between two answers, of which at most 65,535 us count. */

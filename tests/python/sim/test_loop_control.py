@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import re
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -33,31 +34,46 @@ def traced(tmp_path_factory):
         words = ("--virtual", "--trace", trace, *setting(*sets))
         result = run(folder, SCENES / f"{scene}.ini", *words)
         assert (result.code, result.err) == (0, "")
-        assert trace.read_text(encoding="ascii").split("\n", 1)[0] == ",".join(NAMED)
+        hand = any(word.startswith("hand.") for word in sets)
+        head = ",".join(NAMED + ("hand_Nm",) * hand)
+        assert trace.read_text(encoding="ascii").split("\n", 1)[0] == head
+        columns = COLUMNS + ("hand",) * hand
         table = np.loadtxt(trace, delimiter=",", skiprows=1)
-        return dict(zip(COLUMNS, table.T, strict=True)), result.summary, read_log(result.log)
+        return dict(zip(columns, table.T, strict=True)), result.summary, read_log(result.log)
 
     return of
 
 
-def solved(motor: np.ndarray, viscous: float, inertia: float) -> np.ndarray:
+def solved(
+    motor: np.ndarray,
+    viscous: float,
+    inertia: float,
+    load: np.ndarray | float = 1.0,
+    hand: Callable[[float, float, float], float] | None = None,
+) -> np.ndarray:
     """(angle, velocity, friction) at each tick from rest on, by an ODE solver.
 
-    Each tick is solved by itself, since the motor's torque leaps between two.
+    Each tick is solved by itself, since the motor's torque and the load leap between two.
     """
 
-    def slope(_: float, y: np.ndarray, torque: float) -> tuple[float, float, float]:
-        _, omega, friction = y
-        bristle = SIGMA0 * (omega - abs(omega) * friction / FC)
+    def slope(
+        time: float, y: np.ndarray, torque: float, share: float
+    ) -> tuple[float, float, float]:
+        angle, omega, friction = y
+        bristle = SIGMA0 * (omega - abs(omega) * friction / (share * FC))
+        if hand is not None:
+            torque += hand(time, angle, omega)
         return omega, (torque - viscous * omega - friction) / inertia, bristle
 
-    states = [np.zeros(3)]
-    for torque in motor:
-        done = solve_ivp(
-            slope, (0, 0.001), states[-1], args=(torque,), method="DOP853", rtol=1e-11, atol=1e-13
-        )
-        states.append(done.y[:, -1])
-    return np.array(states[:-1])
+    state, states = np.zeros(3), []
+    loads = np.broadcast_to(load, len(motor))
+    for tick, (torque, share) in enumerate(zip(motor, loads, strict=True)):
+        states.append(state)
+        start = [*state[:2], np.clip(state[2], -share * FC, share * FC)]
+        span, given = (tick * 1e-3, (tick + 1) * 1e-3), (torque, share)
+        done = solve_ivp(slope, span, start, args=given, method="DOP853", rtol=1e-11, atol=1e-13)
+        state = done.y[:, -1]
+    return np.array(states)
 
 
 @pytest.mark.parametrize(
@@ -71,11 +87,54 @@ def solved(motor: np.ndarray, viscous: float, inertia: float) -> np.ndarray:
 def test_the_rotor_follows_an_ode_solver(traced, scene, viscous, inertia, ticks, angle_limit):
     """From rest, with the motor torque of the trace."""
     trace, *_ = traced(scene, f"rotor.viscous={viscous}", f"rotor.inertia={inertia}")
-    angle, velocity, friction = solved(trace["motor"][:ticks], viscous, inertia).T
+    check_solved(trace, solved(trace["motor"][:ticks], viscous, inertia), angle_limit)
+
+
+def check_solved(trace: dict[str, np.ndarray], states: np.ndarray, angle_limit: float) -> None:
+    angle, velocity, friction = states.T
     assert np.abs(angle).max() > 100 * angle_limit
+    ticks = len(angle)
     assert np.abs(trace["angle"][:ticks] - angle).max() < angle_limit
     assert np.abs(trace["velocity"][:ticks] - velocity).max() < 1e-3
     assert np.abs(trace["friction"][:ticks] - friction).max() < 1e-3 * FC
+
+
+def test_friction_grows_with_a_load_above_1(traced):
+    """Up to rotor_limit, while the node gets a load of 1 at most."""
+    sets = ["friction.model=loaded", "load.full=1.5", "load.rest=0.25", "motor.bias=0"]
+    sets += ["motor.amplitude=3.5", "motor.seconds=1"]
+    trace, _, log = traced("creep", *sets, "load.rotor_limit=1.75")
+    load = np.floor(np.minimum(1.75, 0.25 + np.abs(trace["motor"]) / 1.5) * 65536 + 0.5) / 65536
+    check_solved(trace, solved(trace["motor"], 0.5, 0.02, load=load), 1e-5)
+    assert np.abs(trace["friction"]).max() > 1.7 * FC
+    sent = [word(frame.data, 4) for frame in log if frame.id == 0x130]
+    assert max(sent) == 65536
+    limited, *_ = traced("creep", *sets)
+    assert 0.99 * FC < np.abs(limited["friction"]).max() <= FC * (1 + 1e-6)
+
+
+IDLE = ("motor.bias=0", "motor.amplitude=0", "motor.seconds=1.2")
+
+
+@pytest.mark.parametrize(
+    ("scene", "sets", "viscous"), [("creep", IDLE, 0.5), ("slow-reversal", (), 0.02)]
+)
+def test_a_hand_leads_the_shaft(traced, scene, sets, viscous):
+    """A spring and a damper pull it along a sine from a start on, beside any motor."""
+    stiffness, damping, amplitude, rate = 40.0, 0.3, 0.2, 2 * np.pi * 1.5
+
+    def hand(time: float, angle: float, omega: float) -> float:
+        if time < 0.2:
+            return 0.0
+        path, speed = np.sin(rate * (time - 0.2)), rate * np.cos(rate * (time - 0.2))
+        return stiffness * (amplitude * path - angle) + damping * (amplitude * speed - omega)
+
+    keys = {"stiffness": 40, "damping": 0.3, "amplitude": 0.2, "frequency": 1.5, "start": 0.2}
+    trace, *_ = traced(scene, *(f"hand.{key}={value}" for key, value in keys.items()), *sets)
+    check_solved(trace, solved(trace["motor"][:1200], viscous, 0.02, hand=hand), 1e-5)
+    rows = zip(trace["time"], trace["angle"], trace["velocity"], strict=True)
+    due = np.array([hand(time + 1e-9, angle, omega) for time, angle, omega in rows])
+    assert np.abs(trace["hand"] - due).max() < 1e-6 < FC < np.abs(due).max()
 
 
 def used_answers(log: list[Logged], ticks: int) -> np.ndarray:
@@ -234,3 +293,13 @@ def test_an_inertia_below_the_limit_is_refused_and_the_limit_is_stable(tmp_path,
     assert np.abs(table[:, 5]).max() <= FC * (1 + 1e-6)
     if viscous >= 0.5:  # overdamped: the speed follows the torque
         assert np.abs(table[:, 3]).max() <= 1.05 * (3 + FC) / viscous
+
+
+@pytest.mark.parametrize(("stiffness", "damping"), [(1e5, 0.5), (1e3, 50.0)])
+def test_the_least_inertia_is_stable_with_a_hand(traced, stiffness, damping):
+    """A stiff or a viscous hand at rest holds the shaft against its motor."""
+    least = max((0.5 + damping) * 1e-5, (SIGMA0 + stiffness / 2) * 4e-10)
+    sets = [f"hand.stiffness={stiffness}", f"hand.damping={damping}", f"rotor.inertia={least!r}"]
+    sets += ["hand.amplitude=0", "hand.frequency=0", "motor.amplitude=2", "motor.seconds=2"]
+    trace, *_ = traced("creep", *sets)
+    assert np.abs(trace["angle"]).max() < 1.5 * (2.9 + FC) / stiffness

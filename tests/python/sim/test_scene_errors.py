@@ -62,6 +62,7 @@ def model(name: str, sigma0: object = "1 2", Fc: object = "1 2", **keys: str) ->
 
 ROTOR = "[rotor]\ninertia = 0.1\nviscous = 0\nsigma0 = 50\nFc = 0.5\n"
 MOTOR = "[motor]\nseconds = 1\n"
+HAND = "[hand]\nstiffness = 1\namplitude = 1\nfrequency = 1\n"
 CONTROL = "[control]\nkp = 1\nkd = 1\ntorque_limit = 1\n"
 LOADED = "[friction]\nmodel = loaded\nsigma0 = 50\nFc = 0.5\ntheta_per_count = 1e-4\n"
 BREAKAWAY = models.with_key("breakaway").name
@@ -106,6 +107,11 @@ SCENE_ERRORS = [
         16,
         "[load] column [rotor]",
     ),
+    (
+        scene_of(friction=LOADED, status="[load]\nfull = 1\ncolumn = x\nrotor_limit = 1"),
+        18,
+        "[load] rotor_limit [rotor]",
+    ),
     (scene_of(friction=LOADED, motion="[load]\nfull = 1", status=""), 9, "[load] [rotor] column"),
     (scene_of(friction="[friction]\nsigma0 = 1\nsigma0 = 2\nFc = 1"), 5, "[friction] sigma0 4"),
     (scene_of(friction="[friction]\nsigma0"), 4, ""),
@@ -129,6 +135,7 @@ SCENE_ERRORS = [
     (scene_of(motion=ROTOR + CONTROL), 12, "[control] [motion]"),
     (scene_of(friction=ROTOR + CONTROL), 3, "[rotor] [friction]"),
     (scene_of(motion=MOTOR), 7, "[motor] [rotor]"),
+    (scene_of(status=HAND), 13, "[hand] [rotor]"),
     ("", "", "[friction] [motion]"),
     ("sigma0 = 1\n[friction]", 1, '"sigma0"'),
     ("\x00\x01\x02binary\xff\n", 1, "198"),
@@ -226,7 +233,7 @@ def test_a_text_must_be_utf8_and_is_shown_without_control_characters(tmp_path, t
 SHAFT = "[rotor]\ninertia = 0.1\nsigma0 = 50\nFc = 0.5\n[motor]\nseconds = 0.01\n[load]\nfull = 1\n"
 LEAST = {  # scenes: each with all parts that it can have
     "log": scene_of(),
-    "loaded": LOADED + SHAFT,
+    "loaded": LOADED + SHAFT + HAND,
     **{name: (SCENES / f"{name}.ini").read_text() for name in ("segments", "parking")},
 }
 
@@ -276,11 +283,13 @@ def test_a_word_must_be_complete(key, name):
 
 
 HIDDEN = ("sigma0", "Fc", "theta_per_count", "counts_per_unit")  # by other limits: see the table
-PLACES = {"rotor": "creep", "motor": "creep", "load": "creep", "control": "parking"}
+PLACES = {"rotor": "creep", "motor": "creep", "load": "creep", "hand": "creep"}
+PLACES |= {"control": "parking"}
 PLACES |= {"faults": "fault-storm"}
 CALM = [f"faults.{name}=0" for name in scene_keys.names("faults")]
 BESIDE = {  # other settings of a key, so that only its own limit matters
     "rotor": ["rotor.inertia=1e6", "motor.bias=0", "motor.amplitude=0"],
+    "hand": ["rotor.inertia=1e6", "hand.stiffness=1", "hand.amplitude=1", "hand.frequency=1"],
     "faults": CALM,
     "friction.breakaway": [f"friction.model={BREAKAWAY}"],
     "load": ["friction.model=loaded", "load.full=1"],
@@ -401,6 +410,11 @@ OPTION_ERRORS = [  # scene, options, facts of the line
     ),
     ("creep", "--set rotor.viscous=1e5", "creep.ini:12 [rotor] inertia 0.02 1"),
     ("creep", "--set rotor.inertia=1e-7", "--set:1 [rotor] inertia 1e-07 5e-06 20"),
+    (
+        "creep",
+        "--set hand.stiffness=1e9 --set hand.amplitude=0 --set hand.frequency=0",
+        "creep.ini:12 [rotor] inertia 0.02 0.200000048 [hand]",
+    ),
     ("creep", "--set friction.gain=0 --set motion.kind=log", "--set:2 [motion] file"),
     ("creep", "--nodes 2", "--nodes 2 [rotor]"),
     ("creep", "--trace x.csv --role node", "--trace x.csv --role node [rotor]"),

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/** Small operations of the compensator, without a 64-bit product: small cores have none. */
+/** Gain, ramp and limit of a torque, for the node and the compensator. No 64-bit product: small cores have none. */
 #ifndef DAHL_SCALE_H
 #define DAHL_SCALE_H
 
@@ -22,6 +22,16 @@ static inline int32_t dahl_scale_q16(int32_t x, uint32_t factor_q16)
     return (int32_t)((uint32_t)(x >> 16) * factor_q16 + (low * factor_q16 >> 16));
 }
 
+/** Return the value nearest to `wanted` that differs from `now` by at most `step`. */
+static inline int32_t dahl_approach(int32_t now, int32_t wanted, uint32_t step)
+{
+    if (wanted > now) {
+        return (int32_t)((uint32_t)now + dahl_least((uint32_t)wanted - (uint32_t)now, step));
+    }
+    return (int32_t)((uint32_t)now - dahl_least((uint32_t)now - (uint32_t)wanted, step));
+}
+
+/** Return the value nearest to x within -most .. most. */
 static inline int32_t dahl_limit(int32_t x, int32_t most)
 {
     int32_t below = x < most ? x : most;
