@@ -67,7 +67,6 @@ static inline int fuzz_do_all(int (*test)(float), const dahl_params_t *p)
     return test(p->sigma0) && test(p->Fc) && (p->theta_per_count == 0 || test(p->theta_per_count));
 }
 
-/* The result that dahl_prepare must return. */
 static inline dahl_err_t fuzz_judge(const dahl_params_t *p)
 {
     if (!fuzz_do_all(fuzz_is_positive, p)) {

@@ -59,7 +59,6 @@ def call(*words: object) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture(scope="module")
 def programs() -> Path:
-    """Build what has changed."""
     clang = need("clang-19", CLAIM)
     words = ["-G", "Ninja", "-S", HERE, "-B", PROGRAMS, f"-DCMAKE_C_COMPILER={clang}"]
     for command in (["cmake", *words], ["ninja", "-C", PROGRAMS]):
@@ -69,7 +68,6 @@ def programs() -> Path:
 
 
 def fuzz(program: Path, found: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    """Run libFuzzer; inputs that add coverage are written to the folder `found`."""
     name = program.name
     crashes = BUILD.parent / "fuzz" / name
     for folder in (crashes, found):
@@ -84,7 +82,6 @@ def fuzz(program: Path, found: Path, *options: str) -> subprocess.CompletedProce
 
 
 def complaint(program: Path, text: str) -> str:
-    """Return the law, and the command that repeats the failure."""
     law = re.search(r".*(law broken|runtime error|ERROR: ).*", text)
     crash = re.search(r"Test unit written to (\S+)", text)
     return f"{law[0] if law else text[-2000:]}\n  again: {program} {crash[1] if crash else ''}"

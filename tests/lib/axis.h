@@ -21,7 +21,6 @@ typedef struct {
     double Fc, sigma0, F;
 } friction_t;
 
-/* Move and return the work done against the friction. */
 static inline double friction_move(friction_t *f, double dtheta)
 {
     const double sign = dtheta < 0 ? -1 : 1, travel = f->sigma0 / f->Fc * fabs(dtheta);

@@ -81,7 +81,6 @@ static inline uint64_t bits_by_angle(uint64_t hash, const dahl_plan_t *plan, flo
     return hash;
 }
 
-/* Run 0 .. BITS_RUNS - 1. */
 static inline uint64_t bits_run(unsigned run)
 {
     const dahl_params_t *params = &bits_params[run % BITS_PARAMS];

@@ -263,7 +263,6 @@ static inline uint64_t bits_of_part(bits_fold_part_t fold, unsigned set)
     return part.hash;
 }
 
-/* Run 0 .. BITS_PARTS_RUNS - 1. */
 static inline uint64_t bits_parts_run(unsigned run)
 {
     return bits_of_part(bits_parts[run / BITS_PARAMS].fold, run % BITS_PARAMS);

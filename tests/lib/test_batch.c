@@ -73,7 +73,6 @@ static void run(unsigned form, size_t count, size_t rows, float *out)
     TEST_ASSERT_EQUAL_INT(DAHL_OK, err);
 }
 
-/* The torques of single steps, in F. */
 static void run_single_steps(unsigned form, size_t count, size_t rows)
 {
     memcpy(channels.one, channels.start, sizeof channels.one);

@@ -102,7 +102,6 @@ static int32_t expected_move(counter_t *counter, uint32_t reading)
     return (int32_t)way;
 }
 
-/* Any reading, also one beyond the modulus; often a step near the largest one. */
 static uint32_t any_reading(motion_t *m, const counter_t *counter)
 {
     uint32_t near_limit = counter->largest_step + motion_random(m) % 5u - 2u, kind = motion_random(m) % 8u;

@@ -39,7 +39,6 @@ static void test_the_least_angle_that_moves_the_state(void)
     TEST_ASSERT_TRUE(low.w == 1 - one && high.w == one - 1);
 }
 
-/* Small moduli, compared with the definition. */
 static void test_counts_between_is_the_shortest_way(void)
 {
     for (uint32_t n = 1; n < 40; n++) {

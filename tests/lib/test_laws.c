@@ -41,7 +41,6 @@ static void test_each_model_keeps_its_contract(void)
     }
 }
 
-/* A plan of zeros gives no torque, and keeps a state that the first pass has clamped. */
 static void test_plans_of_zeros_are_safe_on_any_bits(void)
 {
     static const int32_t counts[] = {0, 1, -1, 8, -9, 1000, INT32_MAX, INT32_MIN};

@@ -100,7 +100,6 @@ static void check_ends(void)
     TEST_ASSERT_EQUAL_INT32(1 << 30, step_q30(INT32_MAX));
 }
 
-/* The Fc are equal or far apart, and so are the travels. */
 static void test_any_number_of_parts_with_any_Fc(void)
 {
     static const uint32_t spreads[] = {1, 8, 40, 96};

@@ -178,7 +178,6 @@ static dahl_can_frame_t frame_of(const beat_t *beat)
     return frame;
 }
 
-/* Return true if the node answered. */
 static bool act(const beat_t *beat)
 {
     dahl_can_frame_t frame = frame_of(beat);
@@ -401,7 +400,6 @@ static void test_errors_are_sticky_until_a_reset(void)
     TEST_ASSERT_TRUE(status.lost == 1 && status.corrupt == 0);
 }
 
-/* ParamWrite and Reset with a wrong CRC or format. dahl_node_init with bad parameters changes nothing either. */
 static void test_bad_requests_are_counted_and_have_no_effect(void)
 {
     const dahl_params_t bad = {.sigma0 = -1.0f, .Fc = 0.5f, .theta_per_count = 1e-4f};

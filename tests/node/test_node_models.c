@@ -30,7 +30,6 @@ void tearDown(void)
 {
 }
 
-/* Return the ratio in the answer to a move. */
 static int32_t moved(int32_t dcounts)
 {
     place += dcounts;
@@ -202,7 +201,6 @@ static void assert_refused(dahl_err_t wanted, dahl_err_t got)
 
 #define REFUSE(name, ...) assert_refused(DAHL_ERR_PARAM, use_##name##_of(0.3f, bad[i]));
 
-/* Each kind of element, and numbers of elements out of range. */
 static void test_bad_parameters_change_neither_node_nor_memory(void)
 {
     static const float bad[] = {0.0f, -1.0f, NAN, INFINITY};

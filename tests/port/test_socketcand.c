@@ -55,7 +55,6 @@ static void test_random_elements_are_read_as_by_a_second_reader(void)
     }
 }
 
-/* Limits that random elements do not reach. */
 static void test_elements_at_their_limits_are_read_as_by_a_second_reader(void)
 {
     static const char *const elements[] = {
@@ -109,7 +108,6 @@ static void count_elements(void *context, int peer, const char *bytes, size_t co
     }
 }
 
-/* Join a server that then sends these words. */
 static play_peer_t *join_server(const char *words)
 {
     static char text[400];

@@ -101,7 +101,6 @@ def run(command: list[str], allowed: tuple[int, ...] = (0,)) -> str:
 
 
 def compiled(proof: Proof, bin_folder: Path, folder: Path) -> str:
-    """The program for CBMC, with the stand-ins."""
     whole, ready = str(folder / "whole.goto"), str(folder / "ready.goto")
     as_one(folder)
     as_one(folder, NODE, "node_library.c")

@@ -26,8 +26,6 @@ COUNTS = [*range(1, 9), *(2**k for k in range(4, 32))]  # of each entry of the t
 
 @dataclass(frozen=True)
 class Plan:
-    """A dahl_plan_t and calls of the library."""
-
     lib: ctypes.CDLL
     words: ctypes.Array[ctypes.c_uint32]
 

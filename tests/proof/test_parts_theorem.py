@@ -100,7 +100,6 @@ def test_growth_of_a_load(constants: dict[str, mpf]) -> None:
 
 
 def crossed(plan: Any, start: int) -> int:
-    """x after one count from x = start."""
     state = c.new("dahl_state_t *", [start])
     c.dahl_elastoplastic_step_counts_q30(plan, state, 1)
     return int(state.w)

@@ -31,7 +31,6 @@ def made(model: models.Model) -> Any:
 
 
 def keys(model: models.Model) -> str:
-    """Return its lines of [friction] in a scene, without theta_per_count."""
     sigma0, torques = numbers(model)
     lines = {"model": [model.name], "sigma0": sigma0, "Fc": torques}
     if model.key:

@@ -79,7 +79,6 @@ def text_of(node: tree_sitter.Node | None) -> str:
 
 
 def numbers(text: str) -> list[str]:
-    """Return other integers with the suffix of this one."""
     digits = text.rstrip("uUlL")
     try:
         value = int(digits, 0)
@@ -182,7 +181,6 @@ class Bench:
         return target
 
     def notices(self, source: str = "") -> bool:
-        """Return whether a test program fails, crashes or does not end; its own runs first."""
         for program in sorted(self.programs, key=lambda each: source not in each.name):
             try:
                 done = subprocess.run([program], capture_output=True, timeout=SECONDS, check=False)

@@ -58,7 +58,6 @@ def call(*command: object, **environment: str) -> str:
 
 
 def build(name: str, header: str, *parts: str) -> list[Path]:
-    """Build the test programs of these folders of tests/ with counters."""
     for tool in ("clang-19", "llvm-profdata-19", "llvm-cov-19", "cmake", "ninja"):
         need(tool, CLAIM)
     with_port = "ON" if "port" in parts else "OFF"
@@ -97,7 +96,6 @@ def gaps(programs: Sequence[Path], runs: Sequence[Path], files: Sequence[Path]) 
 
 
 def run(program: Path, profile: Path, cpu: Sequence[str] = ()) -> Path:
-    """Run a test program, which must pass, and return its profile."""
     call(program, LLVM_PROFILE_FILE=str(profile), DAHL_CPU=",".join(cpu))
     return profile
 

@@ -73,7 +73,6 @@ static void answer(uint32_t echo, dahl_frames_state_t state, uint64_t now_ns)
     encoder_receive(&encoder, &frame, now_ns);
 }
 
-/* A second answer, one of another node and one with a wrong CRC do not match. */
 static void test_each_answer_is_matched_once(void)
 {
     dahl_can_frame_t frame;

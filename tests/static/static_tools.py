@@ -52,7 +52,6 @@ CLANG = [*PLAIN, "-Werror", "-Weverything", *(f"-Wno-{word}" for word in NOT_MEA
 
 
 def call(*command: object, cwd: Path | None = None) -> tuple[int, str]:
-    """Return exit code and output of a command."""
     done = subprocess.run(
         [str(word) for word in command],
         stdout=subprocess.PIPE,
@@ -65,6 +64,5 @@ def call(*command: object, cwd: Path | None = None) -> tuple[int, str]:
 
 
 def clean(*command: object, cwd: Path | None = None) -> None:
-    """Check that a command succeeds without output."""
     status, text = call(*command, cwd=cwd)
     assert (status, text) == (0, ""), text

@@ -30,16 +30,12 @@ PAGES = ("README.md", "docs/microcontroller.md", "docs/speed.md")
 
 @dataclass
 class Run:
-    """Result of a command."""
-
     code: int
     out: str
     err: str
 
 
 class Bench:
-    """A folder with tools/bench and the pages."""
-
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         (folder / "tools/bench").mkdir(parents=True)
@@ -52,7 +48,6 @@ class Bench:
             shutil.copy(ROOT / page, folder / page)
 
     def put(self, **files: Any) -> None:
-        """Write build/bench/NAME.json."""
         for name, content in files.items():
             (self.folder / f"build/bench/{name}.json").write_text(json.dumps(content))
 
@@ -82,14 +77,13 @@ class Bench:
                 done.code = int(end.code or 0)
             finally:
                 pyplot.close("all")
-                for name in MODULES:  # those of this copy
+                for name in MODULES:
                     sys.modules.pop(name, None)
         done.out, done.err = out.getvalue(), err.getvalue()
         return done
 
 
 def block_of(page: Path, name: str) -> str:
-    """Return the text between two marks of a page."""
     start, end = (f"<!-- {slash}bench:{name} -->\n" for slash in ("", "/"))
     return page.read_text().partition(start)[2].partition(end)[0]
 
@@ -105,7 +99,7 @@ def rows_of(block: str) -> tuple[list[str], dict[str, list[str]]]:
 # --- what a run is made of -----------------------------------------------------------------------
 
 CORES = ("m0", "m3", "m4f", "m7", "m33", "rv32")
-SMALL = ("m0", "m3", "m4f")  # cores of the pictures
+SMALL = ("m0", "m3", "m4f")
 FEW = ("walk_20", "sine_12", "two_one_24")
 JUMPS = "leap_14"  # reported separately
 MOTIONS = (*FEW, JUMPS)
@@ -116,7 +110,6 @@ RIVALS += ("table_counts", "euler", "rk4", "backward", "trapezoid")
 SOLVERS = ("euler", "rk4", "backward", "trapezoid")
 HOST_NAMES = {"backward": "backward_parts", "trapezoid": "trapezoid_parts"}
 
-# Cases of an image, by the name in its output.
 MOVES = [f"{move}_{way}" for move in ("one_count", "one_count_c", "eight_counts", "1000_counts")
          for way in ("forward", "backward")]  # fmt: skip
 BY_FORM = [*MOVES, "zero", "int32_min", "reversal", "counts_worst"]
@@ -136,7 +129,7 @@ OF_A_LIBC = ("expm1f", "expf", "exp_double")
 OF_RIVALS = ("euler", "rk4", "table")
 BYTES = ("code_bytes", "code_bytes_angle", "const_bytes_angle", "static_bytes_angle")
 BYTES += ("plan_bytes", "state_bytes", "stack_bytes")
-KEYS = [re.sub("_(forward|backward)", "", case) for case in CASES]  # of target.json
+KEYS = [re.sub("_(forward|backward)", "", case) for case in CASES]
 KEYS += [f"{libc}_{way}" for libc in ("newlib", "picolibc") for way in OF_A_LIBC]
 KEYS = [*dict.fromkeys([*KEYS, *OF_RIVALS, *BYTES])]
 WITH_CYCLES = ("one_count_q30", "one_count_float", "angle_worst", "control_tick_units")

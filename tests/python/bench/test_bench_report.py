@@ -33,17 +33,15 @@ TOP = 3.0  # larger errors are shown as diverging
 
 @pytest.fixture(scope="module")
 def docs(tmp_path_factory):
-    """Run `docs` once, without pictures."""
     bench = Bench(tmp_path_factory.mktemp("bench"))
     bench.put(target=made_target(), host=made_host())
     done = bench.run("report", "--docs")
-    assert done.code == 0 and "tribometer" in done.out, done.err  # its log is missing
+    assert done.code == 0 and "tribometer" in done.out, done.err
     return bench
 
 
 @pytest.fixture
 def bench(tmp_path) -> Bench:
-    """A copy with the files of a run."""
     bench = Bench(tmp_path)
     bench.put(target=made_target(), host=made_host())
     return bench
@@ -207,7 +205,6 @@ def test_a_part_of_a_run_is_refused_and_changes_no_page(bench, broken, named):
     [("host --quick", 1, "reason"), ("target --quick m3", 1, "reason"), ("target m3 m9", 2, "m9")],
 )
 def test_a_failed_run_is_an_error_without_a_result(bench, monkeypatch, words, code, named):
-    """The build fails; an unknown core is refused before it starts."""
     fails = dict.fromkeys(("cc", "cmake"), "echo reason >&2; exit 1")
     works = dict.fromkeys(("qemu-system-arm", "arm-none-eabi-gcc", "arm-none-eabi-nm"), "")
     (bench.folder / "bin").mkdir()

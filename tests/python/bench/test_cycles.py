@@ -14,7 +14,6 @@ from conftest import need
 
 @pytest.fixture
 def bench_modules(monkeypatch):
-    """Import target.py and cycles.py of this tree."""
     monkeypatch.syspath_prepend(str(BENCH))
     for name in ("target", "cycles"):
         monkeypatch.delitem(sys.modules, name, raising=False)
@@ -74,7 +73,6 @@ def test_an_instruction_has_the_cycles_of_the_manual(
 
 
 def wrong_rows(cycles) -> int:
-    """Return how many instructions of COSTS have other cycles than by hand."""
     found = [
         (cycles.cost(core, name, operands), by_hand) for core, name, operands, by_hand in COSTS
     ]

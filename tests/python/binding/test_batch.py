@@ -24,7 +24,6 @@ EXPONENTS = 20  # of Fc and theta_per_count
 
 
 def fast_and_exact(sigma0: float, Fc: float, theta: float) -> tuple[dahl.Throughput, dahl.Friction]:  # noqa: N803
-    """Both forms of one bearing, with the parameters of the exact form."""
     plan = dahl.Plan(sigma0, Fc, theta)
     return dahl.Throughput(plan.sigma0, plan.Fc, plan.theta_per_count), dahl.Friction(plan)
 

@@ -34,7 +34,6 @@ for kind in KINDS.values():
 
 
 def test_each_public_function_is_declared(root: Path) -> None:
-    """An undeclared or missing function raises AttributeError."""
     headers = "".join(path.read_text() for path in (root / "lib/include").glob("*.h"))
     code = re.sub(r"/\*.*?\*/", "", headers, flags=re.S)
     symbols = ["nm", "-D", "--defined-only", built("lib", "libdahl.so")]

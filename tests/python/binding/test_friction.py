@@ -52,8 +52,6 @@ def changed(before: dahl.Plan, after: dahl.Plan, w: int) -> Fraction:
 
 
 class Calls(RuleBasedStateMachine):
-    """Any calls of one bearing. A twin makes the same moves as logs."""
-
     @initialize(plan=PLANS)
     def begin(self, plan: dahl.Plan) -> None:
         self.one, self.twin = dahl.Friction(plan), dahl.Friction(plan)
@@ -162,7 +160,6 @@ class Calls(RuleBasedStateMachine):
 
     @rule(ratio=st.floats(-1, 1), is_now=st.booleans())
     def move_to_a_torque(self, ratio: float, is_now: bool) -> None:
-        """The shortest move that reaches F, unless no move does."""
         F = self.one.torque if is_now else as_float(ratio * self.one.plan.Fc)
         side = 1 if F > self.one.torque else -1
 

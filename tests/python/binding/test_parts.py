@@ -49,7 +49,7 @@ def test_a_log_has_the_bits_of_single_moves(name):
     torques = many.run_counts(MOVES, out := np.empty(MOVES.size, np.float32))
     assert torques is out and np.ptp(torques) > 0.3
     assert torques.tolist() == [one.step_counts(int(move)) for move in MOVES]
-    if name != "velocity":  # it has no state
+    if name != "velocity":
         assert one == many and many.torque == torques[-1]
     if name in TABLE:
         ratios = [by_ratio.step_counts_q30(move) * 2.0**-30 for move in MOVES.tolist()]
@@ -156,7 +156,7 @@ def test_the_fast_mix_equals_the_exact_mix_each_time():
     fast = dahl.ThroughputParallel(
         dahl.Throughput(80, 2, theta), dahl.ThroughputSlip([100], [limit], theta)
     )
-    for _ in range(2):  # it keeps no state
+    for _ in range(2):
         assert np.abs(fast.run_counts(moves).astype(float) - exact).max() <= 1.07 * ulp_of(3.25)
     assert dahl.ThroughputParallel().run_counts([1, 2]).tolist() == [0, 0]
 

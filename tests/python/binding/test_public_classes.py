@@ -43,14 +43,12 @@ class Kind:
         return self.of(*parts, **arguments)
 
     def others(self) -> Iterator[tuple[str, Any]]:
-        """Yield the name and another value of each argument, and of each number in a list."""
         for name, value in self.arguments.items():
             for other in others(name, value):
                 yield name, other
 
 
 def others(name: str, value: Any) -> Iterator[Any]:
-    """Yield other values. An object of the package changes as its row of KINDS does."""
     if isinstance(value, (list, tuple)):
         for k, each in enumerate(value):
             for other in others(name, each):
@@ -158,7 +156,7 @@ def test_each_argument_counts_for_equality_repr_and_copies(kind: Kind) -> None:
 def test_the_repr_makes_it_again_or_shows_its_numbers_with_units(kind: Kind) -> None:
     one = kind.make()
     assert type(one).__name__ in repr(one) and " at 0x" not in repr(one)
-    if "<" not in repr(one):  # else it has a state
+    if "<" not in repr(one):
         assert eval(repr(one), {name: getattr(dahl, name) for name in dahl.__all__}) == one
     for _ in range(2) if kind.move else ():
         kind.move(one)
@@ -197,8 +195,6 @@ def test_a_parameter_outside_its_limits_is_named_with_them(kind: Kind, value: fl
 def test_a_copy_has_the_state_of_the_original_and_its_own_from_then_on(
     kind: Kind, copied: Any
 ) -> None:
-    """Of a subclass too, with its attributes and slots."""
-
     class Own(kind.of):  # type: ignore[name-defined, misc]
         __slots__ = ("note",)
 
@@ -225,7 +221,6 @@ def test_objects_copied_together_share_their_copies(copied: Any) -> None:
 
 
 def examples() -> list[doctest.DocTest]:
-    """Return the examples of all public names, for a shell after `import dahl`."""
     find = doctest.DocTestFinder(recurse=False)
     names = {"dahl": dahl, **{name: getattr(dahl, name) for name in dahl.__all__}}
     found = (

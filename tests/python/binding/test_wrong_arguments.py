@@ -31,14 +31,12 @@ BLIND = dahl.Plan(100.0, 0.5)  # without an encoder
 
 
 def bearing() -> dahl.Friction:
-    """Return a bearing with a torque."""
     one = dahl.Friction(PLAN)
     one.step_counts(7)
     return one
 
 
 def refused(call: Callable[[], object], *words: str) -> None:
-    """Assert that the call raises dahl.Error in one line with all words."""
     with pytest.raises(dahl.Error) as caught:
         call()
     line = str(caught.value)
@@ -204,7 +202,6 @@ def test_values_that_do_not_fit_together_are_named(call, words):
 
 
 def test_counts_without_an_encoder_are_refused():
-    """Moves by angle still work."""
     blind, quick = dahl.Friction(BLIND), dahl.Throughput(100.0, 0.5)
     for call in (
         lambda: blind.step_counts(1),
@@ -248,7 +245,6 @@ BEYOND = [
 
 
 def movers() -> list[object]:
-    """Return an object of each class with run_counts(), except Loaded."""
     made = [kind.make() for kind in KINDS.values()]
     return [one for one in made if hasattr(one, "run_counts") and not isinstance(one, dahl.Loaded)]
 

@@ -35,7 +35,6 @@ def frames(dbc: Path, *messages: tuple[str, float, dict[str, Any]]) -> Iterator[
 
 
 def is_joined(channel: str) -> bool:
-    """Whether sender and receiver are both on a virtual bus."""
     return len(channels[channel]) == 2
 
 
@@ -70,5 +69,4 @@ def new_channel() -> str:
 
 
 def bus_of(port: int) -> list[str]:
-    """Options of a command that name a served bus."""
     return ["-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", str(port)]

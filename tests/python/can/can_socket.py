@@ -80,7 +80,6 @@ def build_can_library(folder: Path) -> Path:
 def joined(
     folder: Path, planted: Path, *options: str, log: bool = True, scene: Path = STEERING
 ) -> tuple[subprocess.Popen, socket.socket]:
-    """Start dahl-loop on such a bus; also return the bus."""
     bus, inner = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     inner.setblocking(False)
     inner.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16384)
@@ -101,5 +100,4 @@ def joined(
 
 
 def frame(identifier: int, data: bytes) -> bytes:
-    """struct can_frame."""
     return struct.pack("=IB3x8s", identifier, len(data), data)

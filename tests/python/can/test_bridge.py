@@ -18,8 +18,6 @@ import pytest
 
 
 class Peer:
-    """A server for one client."""
-
     def __init__(self) -> None:
         self.server = socket.create_server(("127.0.0.1", 0))
         self.server.settimeout(60)
@@ -53,7 +51,6 @@ def bridge(*ports: str) -> subprocess.Popen:
 
 @contextlib.contextmanager
 def connected() -> Iterator[tuple[Peer, Peer, subprocess.Popen]]:
-    """Node, bus and the bridge, which has connected to both."""
     node, bus = Peer(), Peer()
     with bridge(node.port, bus.port) as work:
         try:
@@ -78,7 +75,6 @@ OTHER_LINES = b"\rz\rT0000010010\rt10021\rr1000\rt1002AA\rt1001AABB\rt1009\r\a"
 
 
 def test_only_data_frames_pass_and_in_both_directions():
-    """In pieces of any length. The bridge ends with the node."""
     rng = random.Random(1)
     frames = [(rng.randrange(0x800), rng.randbytes(rng.randrange(9))) for _ in range(100)]
     elements = [b"< frame %x 12.5 %s >" % (i, data.hex(" ").encode()) for i, data in frames]

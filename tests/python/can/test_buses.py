@@ -40,7 +40,6 @@ def test_a_line_of_run_log_is_as_candump_writes_it(frame, end):
 
 
 def test_a_vcan0_that_is_up_is_chosen_unless_another_bus_is_named(monkeypatch, tmp_path):
-    """The interfaces of the kernel are replaced."""
     monkeypatch.setattr(bus, "Path", lambda path: tmp_path / path.lstrip("/"))
     monkeypatch.setattr(bus.shutil, "which", lambda _: None)
     (folder := tmp_path / "sys/class/net/vcan0").mkdir(parents=True)
@@ -72,7 +71,6 @@ class Stopped:
 
 @pytest.fixture
 def stopped(dahl, monkeypatch):
-    """Run a command on such a bus."""
     link = Stopped()
     monkeypatch.setattr(bus, "time", SimpleNamespace(monotonic=lambda: link.now_s))
     monkeypatch.setattr(can, "Bus", lambda **_: contextlib.nullcontext(link))
@@ -99,7 +97,6 @@ def test_the_monitor_shows_how_far_it_was_behind(stopped):
 
 
 def test_the_emulator_gets_image_and_parameters_and_its_error_is_passed_on(monkeypatch, tmp_path):
-    """The class is not public; without it an image must be cross-compiled."""
     (tmp_path / "qemu-system-arm").write_text('#!/bin/sh\necho "qemu: $*" >&2\nexit 1\n')
     (tmp_path / "qemu-system-arm").chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")

@@ -52,7 +52,6 @@ FIELDS: dict[str, dict[str, Any]] = {  # of each frame: least and most, or all v
 
 
 def frames(kind: str) -> st.SearchStrategy[codec.Frame]:
-    """Any frame of a kind."""
     fields = {
         name: st.integers(*limit) if isinstance(limit, tuple) else st.sampled_from(limit)
         for name, limit in FIELDS[kind].items()
@@ -75,7 +74,6 @@ def protected(kind: str, data: bytes) -> bytes:
 
 
 def signals_of(kind: str, frame: Any) -> dict[str, int]:
-    """Raw signal values by their names in the DBC."""
     named = {name.title().replace("_", ""): int(getattr(frame, name)) for name in FIELDS[kind]}
     if kind == "FrictionTorque":
         named |= {"TorqueRatio": frame.torque_q30, "EchoCounter": frame.echo}
@@ -196,7 +194,6 @@ def message(**changes: Any) -> can.Message:
 
 
 def shortened() -> can.Message:
-    """A message whose length differs from its data."""
     one = message()
     one.dlc = 4
     return one
@@ -246,7 +243,6 @@ def test_a_refusal_is_one_line_with_value_and_limit(call, complaint):
 
 
 def test_the_committed_files_are_those_that_the_dbc_gives(root):
-    """tools/generators/frames.py writes C, Python and a table; dahl_frames.h declares the same."""
     spec = importlib.util.spec_from_file_location("frames", root / "tools/generators/frames.py")
     frames = importlib.util.module_from_spec(spec)
     sys.modules["frames"] = frames  # dataclasses look it up
@@ -263,7 +259,6 @@ SAME += ("choices", "initial")
 
 
 def test_the_dbc_has_whole_frames_with_one_sender_and_ranges_that_fit(database):
-    """Each frame has 8 bytes without overlap and a standard id."""
     for one in database.messages:
         (receiver,) = {"Encoder", "FrictionNode"} - {*one.senders}
         assert all(signal.receivers == [receiver] for signal in one.signals)

@@ -62,7 +62,6 @@ def test_a_description_of_n_nodes_repeats_the_dbc_for_each(dahl, dbc):
 
 
 def test_it_is_printed_or_written_and_overwrites_no_file(dahl, dbc):
-    """By default for one node."""
     printed = dahl("dbc").stdout
     one, project = cantools.database.load_string(printed), cantools.database.load_file(dbc)
     assert [each.name for each in one.messages] == [each.name for each in project.messages]
@@ -76,8 +75,6 @@ def test_it_is_printed_or_written_and_overwrites_no_file(dahl, dbc):
 
 
 def test_a_page_gets_the_fault_table_between_its_marks(tmp_path):
-    """By tools/fault_table.py. A page without the end mark stays; a missing page is named."""
-
     def fault_table(*pages: Path) -> subprocess.CompletedProcess:
         command = [sys.executable, ROOT / "tools" / "fault_table.py", *pages]
         return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)

@@ -56,8 +56,6 @@ def monitor(dahl, dbc):
 
 @pytest.fixture
 def seen(monitor):
-    """The same as numbers."""
-
     def run(sent: Iterable[can.Message | Sent], *words: object) -> dict[str, Any]:
         return json.loads(monitor(sent, "--json", *words))
 
@@ -65,7 +63,6 @@ def seen(monitor):
 
 
 def row_of(shown: str, name: str) -> list[int]:
-    """frames, 1/s, missing and bad of a message in the table."""
     found = re.search(rf"^ *{name} +(\d+) +(\d+) +(\d+) +(\d+)\b", shown, re.MULTILINE)
     return [int(number) for number in found.groups()]
 
@@ -85,7 +82,6 @@ def spoiled_frames() -> list[can.Message]:
 
 
 def test_good_bad_and_other_frames_are_counted(monitor, seen, dbc, monkeypatch):
-    """A frame of CAN FD is bad, as for the node."""
     sent = [*frames(
         dbc,
         ("EncoderState", 0.000, {"Counter": 14, "Valid": 1, "Count": -7}),
@@ -125,7 +121,6 @@ def test_good_bad_and_other_frames_are_counted(monitor, seen, dbc, monkeypatch):
     ],
 )
 def test_repeated_and_late_frames_are_no_gap(seen, counters, period, missing):
-    """As the node counts."""
     sent = [("EncoderState", n * period, ANGLE | {"Counter": c}) for n, c in enumerate(counters)]
     known = seen(sent)["messages"]["EncoderState"]
     assert [known[name] for name in ("frames", "missing", "bad")] == [len(counters), missing, 0]
@@ -191,7 +186,6 @@ def test_the_node_of_the_option_or_else_of_the_scene_is_shown(seen, dahl, dbc, w
 
 
 def test_a_description_may_have_the_identifiers_of_another_node(seen, dbc):
-    """And other messages and scales."""
     text = re.sub(r"(?<=_ )\d+", lambda one: str(int(one[0]) + 3), dbc.read_text())
     text = text.replace("Count : 16|32@1- (1,0)", "Count : 16|32@1- (2,0)")
     other = 'BO_ 1537 Other: 8 Encoder\n SG_ X : 0|8@1+ (1,0) [0|255] "" FrictionNode\n\n'
@@ -234,7 +228,6 @@ def assert_axes_hold(lines: list[str], *spans: tuple[float, float]) -> None:
     [(5000, 100, 0.25), (-370_000, 1, -0.5), (0, 111_111, 0), (7, 0, 0.5), (0, 0, 0)],
 )
 def test_each_curve_has_its_own_axes(monitor, monkeypatch, low, step, ratio):
-    """Only the last --window ticks are drawn; the shaft ends at rest."""
     sent: list[Sent] = []
     rise = 0.25 if step else 0.0
     for n in range(-5, 10):
@@ -267,7 +260,6 @@ def in_trouble(dbc) -> list[can.Message]:
 
 
 def test_a_torque_has_a_unit_if_fc_is_known(monitor, seen, dbc, tmp_path):
-    """By --fc, by a scene with its unit, or by a reply of the node about Fc."""
     (tmp_path / "own.ini").write_text(
         "[friction]\nsigma0 = 1\nFc = 2\n[measured]\nlabel_torque = force [N]\n"
     )
@@ -300,8 +292,6 @@ COMMAND = re.compile(r"\x1b\[[?\d;]*[A-Za-z]")
 
 @pytest.fixture
 def screen(monitor, monkeypatch):
-    """The last screen of a terminal of this size, and all its output."""
-
     def run(sent: Iterable[can.Message | Sent], width: int, height: int) -> tuple[list[str], str]:
         for name, value in (("FORCE_COLOR", 1), ("COLUMNS", width), ("LINES", height)):
             monkeypatch.setenv(name, str(value))
@@ -319,7 +309,6 @@ def screen(monitor, monkeypatch):
     [(40, 16, True), (60, 18, False), (80, 24, True), (70, 50, False), (140, 45, False)],
 )
 def test_the_screen_fits_small_and_large_terminals(screen, dbc, width, height, is_well):
-    """Counters come first, then a curve."""
     quiet = [("EncoderState", 0.0, ANGLE | {"Counter": 1})] * 2
     lines, _ = screen(quiet if is_well else in_trouble(dbc), width, height)
     assert max(map(len, lines)) <= width and len(lines) <= height
@@ -341,7 +330,6 @@ def test_errors_have_colour_on_a_terminal(screen, dbc):
 
 
 def test_the_alternate_screen_is_live_and_the_result_stays(served, root):
-    """The result is complete, even on a low terminal."""
     terminal, inner = pty.openpty()
     environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "20"}
     command = [sys.executable, "-m", "dahl", "monitor", *served, "--frames", "3000"]

@@ -62,7 +62,6 @@ MOTOR += "[motor]\namplitude = 2\nfrequency = 3\nseconds = 1\n"
 
 @pytest.mark.parametrize("model", MODELS)
 def test_each_model_answers_as_the_program_does(tmp_path, model):
-    """With gain, limit and ramp. The load follows the torque of a motor, by parameter Load."""
     lines, friction = MODELS[model]
     path = tmp_path / "model.ini"
     path.write_text(
@@ -81,7 +80,6 @@ def test_each_model_answers_as_the_program_does(tmp_path, model):
 
 
 def test_a_storm_of_faults_is_answered_as_the_program_does(tmp_path):
-    """Frames lost, repeated, late, corrupted and cut; silences, bus-offs and restarts."""
     often = [f"--set=faults.{kind}=0.001" for kind in ("silence", "bus_off", "restart")]
     result = run(tmp_path, SCENES / "fault-storm.ini", "--virtual", "--seconds", "15", *often)
     assert result.code == 0, result.err
@@ -97,7 +95,6 @@ def test_a_storm_of_faults_is_answered_as_the_program_does(tmp_path):
 
 
 def move(node: dahl.Node, *counts: int) -> list[codec.FrictionTorque]:
-    """Answers to counts with the next counters."""
     first = node.counts.ok
     messages = (codec.pack(EncoderState(c, (first + k) % 16)) for k, c in enumerate(counts))
     return [codec.unpack(node.receive(message)) for message in messages]

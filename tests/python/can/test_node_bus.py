@@ -31,7 +31,6 @@ Ends = tuple[can.BusABC, can.BusABC]
 
 @pytest.fixture
 def ends() -> Iterator[Ends]:
-    """Return both ends of a bus of this process."""
     with (
         can.Bus(interface="virtual", channel="test_node") as one,
         can.Bus(interface="virtual", channel="test_node") as other,
@@ -55,8 +54,6 @@ def new_node(number: int = 0) -> dahl.Node:
 
 
 def converse(bus: can.BusABC, number: int = 0) -> None:
-    """Check torques, parameters and resets as a client, and Status after a silence."""
-
     def ask(frame: codec.Frame) -> codec.Frame:
         return node.ask(bus, frame, number, timeout=60)
 
@@ -79,7 +76,6 @@ def converse(bus: can.BusABC, number: int = 0) -> None:
 
 
 def test_a_notifier_serves_several_nodes(ends):
-    """Each node receives the frames with its number, which may be a number of numpy."""
     nodes = [new_node(number) for number in (0, np.uint8(3))]
     with listening(ends[0], *nodes) as listener:
         assert isinstance(listener, can.Listener)
@@ -166,8 +162,6 @@ def test_run_and_listener_send_status_in_its_period(ends):
 
 
 class Waiting:
-    """A bus with frames that wait, and with frames that come after the first one sent."""
-
     def __init__(self, before=(), after=(), refuses=None, gone=False):
         self.queue, self.after, self.refuses, self.gone = iter(before), list(after), refuses, gone
 
@@ -212,7 +206,6 @@ def reply(value: int, counter: int = 4, param: Param = Param.FC) -> can.Message:
 
 
 def test_ask_returns_the_answer_to_its_frame():
-    """Not one that waited, not one to another counter, parameter or node, and not a corrupt one."""
     spoiled, extended = reply(7), reply(8)
     spoiled.data[5] ^= 1
     extended.is_extended_id = True
@@ -233,7 +226,6 @@ def test_ask_returns_the_answer_to_its_frame():
 
 
 def test_a_missing_answer_is_named_with_node_and_frame(ends):
-    """Also if others send all the time."""
     for kind in (TimeoutError, dahl.RunError):
         with pytest.raises(kind):
             node.ask(ends[0], EncoderState(1), timeout=0)
@@ -256,7 +248,6 @@ TORQUE, OTHER = (codec.pack(codec.FrictionTorque(7), number) for number in (0, 1
     [((), False), ((STATUS, SPOILED, OTHER), False), ((STATUS, TORQUE), True), ((reply(1),), True)],
 )
 def test_expect_silence_raises_only_for_an_answer_of_that_node(asked, after, is_answer):
-    """Not for a Status, a frame that waited, or a frame of another node."""
     bus = Waiting([TORQUE], after)
     sent, send = [], bus.send
     bus.send = lambda message: (sent.append(bytes(message.data)), send(message))
@@ -277,7 +268,6 @@ def test_expect_silence_raises_only_for_an_answer_of_that_node(asked, after, is_
     ],
 )
 def test_the_error_of_a_missing_answer_names_state_and_remedy(ends, timeout, counter, words):
-    """The remedy works."""
     theirs, ours = ends
     with listening(theirs, dahl.Node(PLAN, timeout=timeout, status_period=0.02)):
         node.ask(ours, EncoderState(0, 0), timeout=60)

@@ -34,7 +34,6 @@ TIMING = ("f_clock=8000000", "brp=2", "tseg1=5", "tseg2=2", "sjw=2", "nof_sample
 
 @contextlib.contextmanager
 def started(root, *words: str) -> Iterator[tuple[list[str], list[str]]]:
-    """Yield the lines printed at the start, and those printed after Ctrl-C."""
     command = [sys.executable, "-m", "dahl", "node", *words]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     process = subprocess.Popen(command, cwd=root, **pipes)
@@ -54,13 +53,11 @@ def started(root, *words: str) -> Iterator[tuple[list[str], list[str]]]:
 
 
 def opened(lines: list[str]) -> can.BusABC:
-    """Open the bus with the printed line of Python."""
     (call,) = [line.removeprefix("open    ") for line in lines if line.startswith("open    ")]
     return eval(call, {"can": can})
 
 
 def asked(bus: can.BusABC, number: int = 0) -> None:
-    """Check torques and a parameter of the node."""
     bearing = Friction(PLAN)
     for counter, (count, move) in enumerate([(0, 0), (9, 9), (40, 31), (-7, -47)]):
         answer = node.ask(bus, EncoderState(count, counter), number, timeout=60)
@@ -113,7 +110,6 @@ def test_a_served_node_has_the_number_of_the_option_or_else_of_the_scene(
 
 @pytest.mark.parametrize("model", MODELS)
 def test_the_node_has_the_model_and_settings_of_its_scene(dahl, tmp_path, model):
-    """A client asks it after its first Status, and ends it by Ctrl-C."""
     lines, friction = MODELS[model]
     words = f"[friction]\n{lines}theta_per_count = {THETA}\n"
     kept = "gain = 0.5\nlimit = 0.25\nramp_ms = 300\nmax_step = 700\ntimeout_ms = 9000\n"
@@ -161,7 +157,6 @@ def test_a_second_node_of_the_same_number_is_refused(tmp_path, dahl, status):
 
 
 def test_the_printed_lines_name_the_same_bus(dahl):
-    """`open` works in Python and `watch` in a shell, with every option."""
     words = ("-i", "virtual", "-c", "a rig", "-b", "500000", "--fd", "--data-bitrate", "2000000")
     words += ("--timing", *TIMING, "--bus-kwargs", "preserve_timestamps=True", "rx_queue_size=7")
     done = dahl("node", *OWN, *words, "--node", "3", "--seconds", "0.05")

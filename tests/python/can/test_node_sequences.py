@@ -83,7 +83,6 @@ OTHERS = {
 
 
 def writes(*tables: dict[int, st.SearchStrategy]) -> st.SearchStrategy[tuple[int, int, int]]:
-    """Return number, way of writing and value of a parameter."""
     values = {number: each for table in tables for number, each in table.items()}
     ways = st.sampled_from([0, 1, 1, 2, 3])
     return st.sampled_from([*values]).flatmap(lambda n: st.tuples(st.just(n), ways, values[n]))
@@ -99,7 +98,6 @@ def pack(kind: int, counter: int, high: int, body: bytes) -> bytes:
 
 
 def with_fault(kind: int, fault: str, data: bytes) -> Logged:
-    """Return a good frame with a fault."""
     identifier = kind | NUMBER | (ERROR if fault == "error" else 0)
     if fault == "crc":
         data = data[:5] + bytes([data[5] ^ 4]) + data[6:]
@@ -119,7 +117,6 @@ def message_of(frame: Logged) -> can.Message:
 
 
 def read(message: can.Message | None, now_us: int) -> Answer | Status | Reply | None:
-    """Return a message as the model does."""
     if message is None:
         return None
     assert message.arbitration_id & 15 == NUMBER
@@ -181,7 +178,6 @@ class AgainstTheModel(RuleBasedStateMachine):
             yield with_fault(ENCODER, "crc", frame.data) if k == bad and fault == "crc" else frame
 
     def send_row(self, row: tuple) -> None:
-        """One frame each ms."""
         for frame in self.next_row(*row):
             self.send(frame, pause_us=1000)
         self.send(None)
@@ -255,7 +251,7 @@ class AgainstTheModel(RuleBasedStateMachine):
     def go_on_with_a_copy(self, copied) -> None:
         other = copied(self.real)
         assert other == self.real and other is not self.real
-        other.receive(message_of(self.next_angle(0, 1)), self.now_us / 1e6)  # its own way
+        other.receive(message_of(self.next_angle(0, 1)), self.now_us / 1e6)
         self.real = copied(self.real)
 
     def teardown(self) -> None:

@@ -27,8 +27,6 @@ SCENE = "[friction]\nsigma0 = 100\nFc = 0.5\ntheta_per_count = 3.8e-4\n"
 
 
 class Outcome(NamedTuple):
-    """Code, last line and all lines of a run of pytest."""
-
     code: int
     last: str
     said: str
@@ -38,7 +36,6 @@ class Outcome(NamedTuple):
 def outcome(
     pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, library: Path
 ) -> Callable[..., Outcome]:
-    """Run pytest with the plugin on a test file with these lines."""
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
     monkeypatch.setattr(pytest_plugin, "FIRST_ANSWER_TIMEOUT_S", 20)  # for a busy machine
@@ -59,7 +56,7 @@ def test_the_example_of_the_readme(outcome):
     assert len([line for line in example.splitlines() if line]) <= 5
     done = outcome(example)
     assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
-    assert "dahl.node" not in {thread.name for thread in threading.enumerate()}  # it has ended
+    assert "dahl.node" not in {thread.name for thread in threading.enumerate()}
     wrong = outcome(example.replace("ratio == 1", "ratio == 0.5"))
     assert (wrong.code, wrong.last[:8]) == (1, "1 failed"), wrong.said
 
@@ -89,7 +86,6 @@ def options_of(port: int) -> list[str]:
 def rig(
     folder: Path, lines: str = "", *options: str
 ) -> Iterator[tuple[list[str], subprocess.Popen]]:
-    """Options for the bus of another process, dahl-loop with more lines of its scene."""
     (folder / "scene.ini").write_text(f"{SCENE}{lines}\n")
     words = ("--role", "node", *options)
     with serving(folder / "loop", folder / "scene.ini", *words) as (process, port):
@@ -160,7 +156,6 @@ def test_frames_wait_for_the_test_while_properties_are_read(dahl_bus, dahl_node)
 
 @pytest.mark.parametrize("where", ["here", "on a rig", "served on its bus"])
 def test_the_same_tests_run_on_a_simulated_node_and_on_a_rig(outcome, tmp_path, dahl_loop, where):
-    """Other nodes on the bus do not matter. The rig keeps its parameters."""
     lines = f"gain = 0.75\nnode = {9 if where[0] == 's' else 0}"
     with rig(tmp_path, lines) as (bus, _):
         before = parameters(bus, 9 if where[0] == "s" else 0)
@@ -234,7 +229,7 @@ def test_another_model(dahl_node): pass
         done = outcome(text, *options)
     assert (done.code, done.last[:18]) == (1, "1 passed, 2 errors"), done.said
     assert "refuses SIGMA0 = 50" in done.said and "dahl_node.friction" in done.said
-    assert "rig.py" not in done.said  # no internal frames
+    assert "rig.py" not in done.said
 
 
 # --- no rig, and several tests at once ------------------------------------------------------------
@@ -297,7 +292,6 @@ def test_alone(dahl_bus, dahl_node, n):
 
 
 def test_the_report_of_a_failed_test_has_its_frames(outcome):
-    """Sent and received frames, also unread ones. A passed test shows none."""
     done = outcome("""
 import can
 from dahl import codec, node
@@ -359,7 +353,6 @@ def test_a_test_may_have_more_nodes(outcome, tmp_path, dahl_loop, text, where):
 
 
 def test_async_tests_need_no_plugin(outcome):
-    """A wrong one fails."""
     done = outcome("""
 import asyncio, dahl, pytest
 from dahl.codec import EncoderState, Param, ParamWrite

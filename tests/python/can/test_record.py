@@ -47,7 +47,6 @@ def angles(log: Path) -> list[can.Message]:
     ],
 )
 def test_a_record_of_each_format_has_the_frames_of_the_bus_and_can_be_drawn(dahl, tmp_path, ending):
-    """Each angle has the time of the bus."""
     log = f"run{ending}"
     limits = ("--wait-clients", "1", "--seconds", "120")
     with serving(tmp_path / "loop", SCENES / "steering.ini", *limits) as (_, port):
@@ -162,7 +161,6 @@ def test_force_overwrites_a_log(served, dahl):
 
 @pytest.mark.parametrize("old", ["an old run", ""])
 def test_a_silent_bus_is_announced_and_keeps_the_old_file(dahl, monkeypatch, old):
-    """The recorder announces that it waits, here at once."""
     monkeypatch.setattr("dahl.commands.record.SILENCE_NOTICE_S", -1)
     Path("run.log").write_text(old)
     done = dahl("record", *QUIET, "--seconds", "0.3", "-o", "run.log", "--force")

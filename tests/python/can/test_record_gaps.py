@@ -36,7 +36,6 @@ ANGLES, ANSWERS = (ticks(range(100), name) for name in ("EncoderState", "Frictio
 
 
 def without(sent: list[Tick], numbers: range, *names: str) -> list[Tick]:
-    """The frames that are left when these are lost."""
     return [one for one in sent if not (one[1] in numbers and one[0] in (names or SEEN))]
 
 
@@ -63,8 +62,6 @@ def record(dahl):
 
 @pytest.fixture
 def recorded(record, dbc):
-    """Do the same for ticks, with other signals if change() gives them."""
-
     def run(
         sent: list[Tick], change: Callable[[str, int], dict] = lambda *_: {}, spoil: int = -1
     ) -> tuple[int, int] | None:
@@ -111,7 +108,6 @@ def answer_of(name: str, place: int) -> dict:
 
 @pytest.mark.parametrize("late", [0, 3])
 def test_angles_that_no_node_answered_are_not_missing(recorded, late):
-    """The answers have no gap. They may be some ticks late."""
     absent = (21, 22, 40, 60, 61, 62, 63, 98)
     numbers = [number for number in range(100) if number not in absent]
     place = {number: place for place, number in enumerate(numbers)}
@@ -166,7 +162,6 @@ def test_each_node_has_its_own_counters(record, dbc):
 
 
 def test_faults_on_the_bus_are_no_loss_of_the_recorder(dahl, tmp_path):
-    """A tenth of all frames is dropped or spoiled, and the node restarts."""
     more = ("--set", "faults.restart=0.002", "--set", "faults.drop=0.05")
     words = ("--wait-clients", "1", "--virtual", *more)
     with serving(tmp_path / "loop", SCENES / "fault-storm.ini", *words) as (_, port):

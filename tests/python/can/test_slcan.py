@@ -39,7 +39,6 @@ EXTENDED, REMOTE, FD = 1, 2, 8
 
 @pytest.fixture(scope="module")
 def adapter(tmp_path_factory) -> Path:
-    """A program that reads lines and prints each frame and its line, under the sanitizers."""
     program = tmp_path_factory.mktemp("slcan") / "adapter"
     flags = "-std=c99 -pedantic -Wall -Wextra -Werror -O1 -fsanitize=address,undefined".split()
     folders = [f"-I{ROOT}/lib/include", f"-I{ROOT}/port/slcan", f"{ROOT}/port/slcan/slcan.c"]
@@ -54,7 +53,6 @@ def heard(adapter: Path, text: str) -> list[str]:
 
 
 def other_end() -> tuple[slcanBus, list[str]]:
-    """The bus of python-can without a port. Its lines are appended to the list."""
     bus, written = slcanBus.__new__(slcanBus), []
     bus._write = written.append
     bus.serialPortOrig = SimpleNamespace(write_timeout=None)
@@ -85,9 +83,6 @@ def messages(draw) -> can.Message:
 
 @given(st.lists(messages(), min_size=1, max_size=20))
 def test_python_can_agrees(adapter, sent: list[can.Message]) -> None:
-    """It writes lines that are read here (of CAN FD the first 8 bytes), and frames are written as
-    it writes them.
-    """
     bus, written = other_end()
     for message in sent:
         slcanBus.send(bus, message)

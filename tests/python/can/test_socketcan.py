@@ -26,8 +26,6 @@ ABSENT = 77  # vm.sh's code for what cannot be had here
 
 @dataclass
 class Case:
-    """Files of one case."""
-
     folder: Path
 
     def summary(self, name: str) -> dict:
@@ -100,7 +98,6 @@ def test_cansend_disturbs_nothing_and_is_counted(machine):
 
 
 def test_noise_on_the_encoders_own_id_loses_no_answer(machine):
-    """cangen sends in real time. The kernel sets the time stamps."""
     case = machine("noise")
     assert case.code("both") == 0, case.errors("both")
     assert len(case.frames("run")) > 6400

@@ -33,7 +33,6 @@ runpy.run_module("dahl", run_name="__main__", alter_sys=False)
 
 
 def started(arguments: list[object], folder: Path) -> subprocess.Popen:
-    """Start the command in its own process group; return when it handles Ctrl-C."""
     words = [sys.executable, "-c", READY, *map(str, arguments)]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     process = subprocess.Popen(words, cwd=folder, start_new_session=True, **pipes)
@@ -42,7 +41,6 @@ def started(arguments: list[object], folder: Path) -> subprocess.Popen:
 
 
 def members(group: int) -> list[int]:
-    """Processes of a group that still run."""
     found = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -100,7 +98,6 @@ def write_log(path: Path) -> None:
     "name", [pytest.param(n, marks=[] if n in QUICK else pytest.mark.checks) for n in VERBS]
 )
 def test_ctrl_c_ends_a_command_in_one_line(tmp_path, name):
-    """Early, while modules are imported, and during the work."""
     write_log(tmp_path / "a.csv")
     with serving(tmp_path / "node", SCENES / "steering.ini") as (_, port):
         words = [port if word == "PORT" else word for word in VERBS[name]]

@@ -22,7 +22,6 @@ SCRIPT = "<script>alert(1)</script>"
 
 
 def shaft(name: str = "shaft.csv", header: str = "t,angle [deg],torque [Nm]") -> Path:
-    """Write a small log with this name and these names of columns."""
     theta = sine(1, rows=600, cycles=5)
     torque = dahl_torque(theta) + 0.01 * FC * noise_of(1, 600)
     return write_csv(Path(name), theta, torque, header)
@@ -66,7 +65,6 @@ def test_markup_in_names_of_columns_is_literal(dahl):
 
 @pytest.fixture
 def storm(dahl) -> Path:
-    """A run of the fault storm, in the folder `run`."""
     with drawing(rendered=False):
         assert dahl("demo", "--scene", "fault-storm", "--seconds", 1, "-o", "run").returncode == 0
     return Path("run")
@@ -105,7 +103,6 @@ def test_an_output_may_be_a_link_or_a_device(storm, dahl):
 
 
 def shell(command: str, **environment: str) -> subprocess.CompletedProcess:
-    """Run a line of bash in which `dahl` is the command."""
     dahl = f'dahl() {{ {sys.executable} -m dahl "$@"; }}; '
     text = {"encoding": "utf-8", "errors": "replace", "capture_output": True, "timeout": 120}
     env = {**os.environ, **environment}

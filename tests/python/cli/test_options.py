@@ -72,21 +72,19 @@ def refusal_of(dahl, verb: str, *words: str) -> str:
     option = words[0].partition("=")[0]
     beside = [one for one in NEEDED.get(verb, []) if one.partition("=")[0] != option]
     if option == "--counts-per-turn" and verb == "plan":
-        beside.remove("--theta-per-count=0")  # one of both
+        beside.remove("--theta-per-count=0")
     code, line = complaint(dahl(verb, *beside, *words, "--no-such-option"))
     assert code == 2 and f"dahl {verb} --help" in line or "dahl --help" in line
     return line
 
 
 def samples(takes: Any) -> list[str]:
-    """Accepted values: both ends of a range."""
     if isinstance(takes, tuple):
         return [one if isinstance(one, str) else repr(one) for one in takes]
     return {TEXT: ["a=b"], NUMBER: ["7"]}[takes]
 
 
 def beyond(takes: Any) -> list[str]:
-    """Refused values: the next one on either side of a range."""
     if takes == NUMBER:
         return ["x", "1,5"]
     if isinstance(takes[0], str):
@@ -99,7 +97,6 @@ def beyond(takes: Any) -> list[str]:
 
 @pytest.mark.parametrize(("verb", "names"), EVERY)
 def test_an_option_accepts_its_range_and_nothing_beyond(dahl, verb, names):
-    """A refusal names the limits."""
     takes = OPTIONS[verb][names]
     if takes == FLAG:
         assert "--no-such-option" in refusal_of(dahl, verb, names)
@@ -124,7 +121,6 @@ MISSING = [(verb, word) for verb, words in NEEDED.items() for word in words]
 
 @pytest.mark.parametrize(("verb", "missing"), [*MISSING, ("record", "-c")])
 def test_a_missing_required_option_is_named(verb, missing, dahl):
-    """Before any file is written."""
     words = [word for word in NEEDED[verb] if word != missing]
     code, line = complaint(dahl(verb, *words, *["-c"] * (missing == "-c")))
     name = {"x": "RUN", "-ox": "-o"}.get(missing, missing.partition("=")[0])
@@ -141,7 +137,6 @@ def test_an_unknown_command_or_option_is_named(words, told, dahl):
 
 
 def test_bash_completes_commands_options_and_values(dahl, root):
-    """With the script of `dahl complete`. No option is missing in the table."""
     script = dahl("complete").stdout
     function = re.search(r"^complete .*-F (\w+) dahl$", script, re.MULTILINE)[1]
 

@@ -58,7 +58,6 @@ MAJOR_MINOR = __version__.rpartition(".")[0]
 
 @pytest.fixture
 def plan(capsys, monkeypatch, tmp_path):
-    """Call `dahl plan` in a folder of its own."""
     monkeypatch.chdir(tmp_path)
     return partial(caller(capsys), "plan")
 

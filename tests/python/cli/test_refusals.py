@@ -225,7 +225,6 @@ def expand(words: str) -> list[str]:
 
 @pytest.fixture
 def folder(dahl) -> Path:
-    """The working folder with all FILES in it."""
     for name, text in FILES.items():
         Path(name).write_text(text, encoding="utf-8", errors="surrogateescape")
     write_log(Path("shaft.csv"))
@@ -240,7 +239,6 @@ def contents() -> dict[Path, bytes | None]:
 
 
 def check(done: subprocess.CompletedProcess, code: int, facts: str) -> str:
-    """One line with these facts in this order."""
     found, line = complaint(done)
     in_order = ".*".join(re.escape(fact.strip()) for fact in facts.split("..."))
     assert found == code and re.search(in_order, line), line
@@ -288,7 +286,6 @@ NO_JSON += [b'{"scene_file": "x"', b'{"scene_file": 7}']
 
 @pytest.mark.parametrize("verb", ["report", "plot"])
 def test_each_number_of_a_summary_has_its_shape_or_is_null(dahl, verb):
-    """If the shape is right, the next missing file is named: there is no picture and no record."""
     Path("run.log").touch()
     for key, wrong in WRONG_SHAPES:
         Path("summary.json").write_text(json.dumps({**SUMMARY, key: wrong}))
@@ -305,7 +302,6 @@ def test_each_number_of_a_summary_has_its_shape_or_is_null(dahl, verb):
 
 @pytest.mark.parametrize("content", [*NO_JSON, None], ids=lambda each: str(each)[:20])
 def test_a_summary_must_be_json(dahl, content):
-    """`None` is a folder of this name."""
     Path("run.log").touch()
     path = Path("summary.json")
     path.mkdir() if content is None else path.write_bytes(content)
@@ -318,7 +314,6 @@ def test_a_summary_must_be_json(dahl, content):
 
 @pytest.fixture
 def finished_run(dahl) -> Path:
-    """A folder `run` with all that `dahl report` and `dahl plot` read."""
     (run := Path("run")).mkdir()
     words = [os.environ["DAHL_LOOP"], "--scene", SUMMARY["scene_file"], "--virtual"]
     subprocess.run([*words, "--seconds", "0.1", "--log", run / "run.log"], check=True, timeout=20)
@@ -357,7 +352,6 @@ OUTPUTS_OF_A_DEMO = (
 
 @pytest.mark.parametrize("name", OUTPUTS_OF_A_DEMO.split())
 def test_a_demo_does_not_overwrite_its_log(dahl, name):
-    """Neither the log of the command line nor the log of its scene."""
     Path(name).write_text("a\n1\n")
     Path("scene").write_text(f"[motion]\nkind = log\nfile = {name}\nangle = a\n")
     for words in ((name,), ("--scene", "scene")):

@@ -24,7 +24,6 @@ VERBS = ("demo", "identify", "excite", "plan", "node", "monitor", "record", "plo
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_each_example_of_the_help_is_a_command_line(dahl, verb):
-    """An unknown option at its end is the only word that the command refuses."""
     line = rf"^(?:  |example: )dahl ({verb}\b.*?)(?:   .*)?$"
     text = re.sub(r" \\\n +", " ", dahl(verb, "--help").stdout)
     examples = re.findall(line, text, re.MULTILINE)
@@ -52,7 +51,6 @@ FOLLOW = "identify --follow --dbc bus.dbc --angle Angle --torque Torque"
 @pytest.mark.parametrize("verb", ["monitor", "record -o x.log", NODE, FOLLOW])
 @pytest.mark.parametrize(("words", "settings"), OPTIONS)
 def test_each_option_of_a_bus_reaches_python_can(dahl, monkeypatch, verb, words, settings):
-    """The message about a bus that cannot be opened shows them."""
     asked: dict[str, object] = {}
 
     def refuse(**given: object) -> None:
@@ -102,7 +100,7 @@ def test_identify_writes_the_files_of_its_name(dahl, tmp_path):
     (shaft := tmp_path / "My shaft.csv").write_text("\n".join(rows) + "\n")
     words = ("identify", shaft, "--terms", "viscous", "--time")
     done = dahl(*words, "t", "--json", "-", "-o", "out")
-    numbers = json.loads(done.stdout)  # the only output
+    numbers = json.loads(done.stdout)
     assert (done.returncode, numbers["rows"]) == (0, 1000)
     assert json.loads(Path("out/my_shaft.json").read_text()) == numbers
     made = {"my_shaft.json", "my_shaft.png", "my_shaft.ini", "dahl_plan_my_shaft.h"}
@@ -129,7 +127,7 @@ def test_the_scene_of_excite_has_the_guess_and_the_encoder(dahl):
     motion = {key: scene["motion"][key] for key in ("kind", "file", "angle", "counts_per_unit")}
     assert [*motion.values()] == ["log", "a_b.csv", "counts", "1"]
     same = dahl("excite", *turns, "--noise", 0.05, "--within", 1, "--rate", 1000, "-o", "same")
-    assert same.returncode == 0  # the defaults of the help
+    assert same.returncode == 0
     assert Path("same/excite.csv").read_text() == Path("out/a_b.csv").read_text()
     Path("known.json").write_text(json.dumps({"sigma0": 3e4, "Fc": 2.7, "linear": True}))
     linear = ("--from", "known.json", "--mm", "--counts-per-turn", 10000)

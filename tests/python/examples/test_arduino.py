@@ -36,7 +36,6 @@ def run(*command: object, code: int = 0, **more: object) -> subprocess.Completed
 
 @pytest.fixture(scope="module")
 def packed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The library as a user copies it into Arduino's folder."""
     return Path(run(ARDUINO / "pack.sh", tmp_path_factory.mktemp("arduino")).stdout.strip())
 
 
@@ -58,7 +57,7 @@ def test_the_library_has_the_layout_of_arduino(packed: Path) -> None:
     assert {path.name for path in packed.glob("src/*.h")} == public - of_hosts
     assert (packed / "src/compensator/tick.c").exists()
     headers = "".join(path.read_text() for path in packed.glob("src/*.h*"))
-    for line in (packed / "keywords.txt").read_text().splitlines():  # what the editor highlights
+    for line in (packed / "keywords.txt").read_text().splitlines():
         word, kind = line.split("\t")
         assert re.search(rf"\b{word}\b", headers) and kind in ("KEYWORD1", "KEYWORD2", "LITERAL1")
     done = run(ARDUINO / "pack.sh", packed.parent, code=2)
@@ -126,7 +125,6 @@ def test_a_sketch_fits_an_uno(sketch: Callable[[str], Sketch], name: str) -> Non
 
 @pytest.mark.checks
 def test_a_sketch_prints_the_torques_of_the_model(sketch: Callable[[str], Sketch]) -> None:
-    """On an emulated Mega."""
     need("qemu-system-avr", "a sketch runs")
     image = sketch("mega").linked("Friction")
     words = ["-M", "mega2560", "-display", "none", "-monitor", "none", "-serial", "stdio"]

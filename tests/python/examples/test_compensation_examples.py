@@ -30,7 +30,6 @@ MOVES = np.rint(6 * np.sin(np.arange(1000) / 60)).astype(int)  # counts: at most
 
 
 def compiled(root: Path, folder: Path, *words: object) -> ctypes.CDLL:
-    """Compile sources with the library into a shared library."""
     flags = [*STRICT, "-shared", "-fPIC", f"-I{root}/lib/include", f"-I{folder}"]
     command = ["gcc", *flags, *words, *CORE, *COMPENSATOR, "-o", folder / "made.so"]
     subprocess.run([str(word) for word in command], check=True)
@@ -38,7 +37,6 @@ def compiled(root: Path, folder: Path, *words: object) -> ctypes.CDLL:
 
 
 def test_the_page_has_the_bits_of_python(root: Path, tmp_path: Path) -> None:
-    """The C of the page is compiled with bounds of `dahl identify`."""
     (code,) = re.findall(r"```c\n(.*?)```", (root / "docs/compensation.md").read_text(), re.S)
     (tmp_path / "page.c").write_text(code)
     bounds = plan_header.bounds("rig", FC_LOW, LENGTH_LONG, "N m", "rad")
@@ -225,7 +223,6 @@ def moteus_torque(message: can.Message) -> float:
 def test_a_host_feeds_newton_metres_forward(
     name: str, root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Forward, back, among other frames, and without angles, against a mock drive on one bus."""
     monkeypatch.syspath_prepend(root / "examples/odrive_moteus")
     module = importlib.import_module("feed_forward")
     monkeypatch.setattr(module, "TIMEOUT_S", 0.02)

@@ -26,7 +26,6 @@ from sources import CORE
 
 @pytest.fixture
 def node(dahl_loop, root):
-    """A simulated node that is stale, and its port."""
     command = [dahl_loop, "--scene", root / "host_sim/scenes/segments.ini", "--role", "node"]
     command += ["--bus", "socketcand:0", "--wait-clients", "1"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
@@ -52,7 +51,6 @@ def test_python_can_asks_a_node(node, root, tmp_path):
 
 
 def test_asyncio_asks_a_node(node, root):
-    """A sine of 500 counts, asked tick by tick: in each direction F/Fc grows up to 1."""
     command = [sys.executable, root / "examples/python_can/asyncio_node.py", node]
     done = subprocess.run(
         command, cwd=root, capture_output=True, text=True, timeout=60, check=False
@@ -66,7 +64,6 @@ def test_asyncio_asks_a_node(node, root):
 
 @pytest.fixture
 def shaft(root: Path, tmp_path: Path) -> ctypes.CDLL:
-    """The example of changing parameters as a shared library."""
     folder, made = root / "examples/change_parameters", tmp_path / "shaft.so"
     words = ["gcc", "-std=c11", "-shared", "-fPIC", f"-I{root}/lib/include", folder / "friction.c"]
     subprocess.run([*words, *CORE, "-o", made], check=True)
@@ -103,7 +100,6 @@ def test_the_next_tick_uses_new_parameters(shaft) -> None:
 
 @pytest.mark.usefixtures("library")
 def test_the_encoder_example_passes_the_wrap_of_its_timer(root, tmp_path) -> None:
-    """The index pulse does not change the torque."""
     flags = ["-G", "Ninja", "-DCMAKE_C_FLAGS=-Wall -Wextra -pedantic -Werror"]
     example = root / "examples/encoder_16bit_timer"
     for words in (["-S", example, "-B", tmp_path, *flags], ["--build", tmp_path]):
@@ -167,7 +163,6 @@ def test_an_example_without_a_node_ends_with_few_lines(root, tmp_path, words):
 
 @pytest.mark.checks
 def test_a_plain_makefile_builds_a_firmware_that_runs(root: Path, tmp_path: Path) -> None:
-    """Outside the tree and without a warning. Its torques are right."""
     need("arm-none-eabi-gcc", "a Makefile builds a firmware")
     need("make", "a Makefile builds a firmware")
     need("qemu-system-arm", "a firmware of a Makefile runs")
@@ -187,7 +182,6 @@ def test_a_plain_makefile_builds_a_firmware_that_runs(root: Path, tmp_path: Path
 
 
 def test_the_example_for_esp_idf_prints_torques_of_the_model(root: Path, tmp_path: Path) -> None:
-    """Its app_main() on this machine."""
     (main := tmp_path / "main.c").write_text(
         "void app_main(void);\nint main(void) { app_main(); }\n"
     )
@@ -201,7 +195,6 @@ def test_the_example_for_esp_idf_prints_torques_of_the_model(root: Path, tmp_pat
 
 @pytest.mark.checks
 def test_the_notebook_goes_from_a_log_to_the_bus(dahl_loop, root: Path, tmp_path: Path) -> None:
-    """Each cell runs. It finds the parameters of the log, and the node answers with them."""
     nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
     book = nbformat.read(root / "examples/notebook/log_to_bus.ipynb", 4)
     assert not any(cell.get("outputs") or cell.get("execution_count") for cell in book.cells)

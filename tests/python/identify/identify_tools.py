@@ -89,7 +89,6 @@ def synthetic(seed: int = 0, part: float = 0.05, shared: float = 0.0, **motion: 
 
 
 def shaft(seed: int = 3, noise: float = 0.02, rows: int = 2400, cycles: float = 8, **more) -> Log:
-    """A small log with nothing wrong."""
     return synthetic(seed, noise, rows=rows, cycles=cycles, **more)
 
 

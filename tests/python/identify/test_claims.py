@@ -95,7 +95,6 @@ def found(name: str) -> Result:
 
 @pytest.mark.parametrize("name", CASES)
 def test_what_is_claimed(name):
-    """Each claim is true and keeps to the rule; each refusal has its reason in the verdict."""
     result, (_, claimed, words) = found(name), CASES[name]
     for is_claimed, wanted in zip(result.claimed, claimed, strict=True):
         assert wanted is EITHER or is_claimed is wanted, result.verdict
@@ -115,7 +114,6 @@ def test_what_is_claimed(name):
 
 @pytest.mark.parametrize(("sigma0", "Fc"), [(1.3, 1.0), (1.0, 1.06)])
 def test_logs_of_two_machines(sigma0, Fc):  # noqa: N803
-    """A parameter that differs is not claimed, or its interval holds both values."""
     result = identify([machine(1), machine(2, sigma0, Fc), machine(3), machine(4, sigma0, Fc)])
     for parameter, one, part in ((result.sigma0, SIGMA0, sigma0), (result.Fc, FC, Fc)):
         holds = parameter.low <= 1.01 * one and 0.99 * part * one <= parameter.high

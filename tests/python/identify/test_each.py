@@ -57,7 +57,6 @@ def each(tmp_path, dahl_here):
 
 
 def test_a_folder_is_a_table_and_results_are_stored(folder, each, monkeypatch):
-    """A broken log is one line and code 2. An interval without an end is an empty cell."""
     jobs, parallel = [], joblib.Parallel
     monkeypatch.setattr(
         joblib, "Parallel", lambda n_jobs, **how: jobs.append(n_jobs) or parallel(n_jobs, **how)
@@ -104,7 +103,7 @@ def test_an_interrupted_run_is_resumed(folder, tmp_path, dahl_here, each, monkey
     with contextlib.suppress(KeyboardInterrupt):
         done = dahl_here("identify", "--each", folder, "-o", tmp_path / "out", "--jobs", "1")
         assert done.returncode not in (0, 2)
-    assert 2 <= each(folder, code=2)[1] < 5  # the broken one too
+    assert 2 <= each(folder, code=2)[1] < 5
 
 
 @pytest.fixture

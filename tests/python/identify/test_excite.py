@@ -26,7 +26,6 @@ LENGTH = FC / SIGMA0  # rad, of presliding
 
 @functools.cache
 def proposed(*words: object) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]:
-    """Return time, angle and counts of the motion, and the printed text."""
     with tempfile.TemporaryDirectory() as folder:
         done = run("excite", *KNOWN, *words, "-o", folder)
         assert done.returncode == 0, done.stderr
@@ -100,7 +99,6 @@ def test_the_scene_plays_the_table(tmp_path, dahl_loop):
 
 
 def test_linear_motion_is_in_metres_and_newtons(tmp_path):
-    """A JSON of the other kind of motion is refused."""
     words = ("--counts-per-turn", "10000", "-o", tmp_path)
     done = run("excite", "--sigma0", "3e4", "--fc", "2.7", "--mm", *words)
     assert done.returncode == 0 and re.search(r"strokes of \S+ to \S+ m to", done.stdout)
@@ -131,7 +129,6 @@ def test_a_guess_that_no_motion_can_serve_is_refused(words, parts, tmp_path):
 
 @pytest.mark.parametrize("end", ["csv", "ini"])
 def test_a_foreign_file_is_not_overwritten(tmp_path, end):
-    """--force overwrites it; a motion of dahl is always overwritten."""
     theirs, text = tmp_path / f"shaft.{end}", "time_s,theta,torque\n0,0,0\n"
     theirs.write_text(text)
     words = ("excite", *KNOWN, "-o", tmp_path, "--name", "shaft")

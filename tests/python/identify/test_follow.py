@@ -63,7 +63,7 @@ def test_following_a_running_loop(tmp_path, dahl_here):
     looks = [line.split(" rows: ", 1) for line in done.stderr.splitlines()]
     rows = [int(row) for row, _ in looks]
     assert rows[0] == 500 and rows[1:] == [int(row * 1.25) for row in rows[:-1]]
-    assert found["logs"] == ["bus"] and found["rows"] == rows[-1] < 30_000  # before its end
+    assert found["logs"] == ["bus"] and found["rows"] == rows[-1] < 30_000
     assert looks[-1][1].endswith(found["verdict"])
     widths = [float(width) for width in re.findall(r"within (\S+) %", looks[-1][1])][:2]
     for name, truth, width in zip(("sigma0", "Fc"), (SIGMA0 / FC, 1), widths, strict=True):

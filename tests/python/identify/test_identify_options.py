@@ -20,7 +20,6 @@ ROWS, LATE, OFFSET = 1600, 6, 0.2
 
 
 def table_of(rows: int = ROWS) -> tuple[np.ndarray, np.ndarray]:
-    """Return the angle in whole counts, and a late torque with an offset."""
     theta = sine(1, rows=rows + LATE, cycles=8)
     torque = dahl_torque(theta)[:rows] + OFFSET + 0.02 * FC * noise_of(1, rows)
     return np.floor(theta[LATE:] / COUNT) * COUNT, torque
@@ -81,7 +80,6 @@ def test_an_option_without_use_is_refused(kind):
 
 
 def test_bad_words_and_logs_given_twice_are_refused(rig):
-    """A log is recognised by any path, in the fit and in --check."""
     again = rig.parent / "." / ".." / rig.parent.name / rig.name
     for words, parts in (
         ("--terms viscus", ("viscus", "'viscous'")),
@@ -117,7 +115,6 @@ def test_swapped_columns_are_refused(rig):
 
 
 def test_a_broken_log_among_good_ones_is_a_line_and_code_2(rig, tmp_path):
-    """At any place among the logs; files are named after the first log and written."""
     (tmp_path / "empty.csv").touch()
     write_csv(tmp_path / "still.csv", np.ones(ROWS), table_of()[1])
     logs = (tmp_path / "still.csv", rig, tmp_path / "empty.csv")
@@ -138,7 +135,6 @@ def test_a_broken_log_among_good_ones_is_a_line_and_code_2(rig, tmp_path):
 
 @pytest.mark.parametrize("stem", ["$\\undefined$", "+"])
 def test_a_log_may_have_any_name(tmp_path, stem):
-    """Dollars are not a formula; a name without a character of C becomes "log"."""
     theta, torque = table_of()
     write_csv(tmp_path / f"{stem}.csv", theta, torque)
     done = run("identify", tmp_path / f"{stem}.csv", "-o", tmp_path / "out")
@@ -148,14 +144,13 @@ def test_a_log_may_have_any_name(tmp_path, stem):
 
 
 def test_a_foreign_file_is_not_overwritten(dahl, tmp_path, rig):
-    """Nor is a log that is read. Files of an earlier run are replaced."""
     text = rig.read_bytes()
     Path("rig.tsv").write_bytes(text)
     for theirs in ("rig.ini", "rig.csv"):
         Path(theirs).write_text("[scene]\ntitle = mine\n")
         code, line = complaint(dahl("identify", "rig.tsv", "-o", "."))
         assert code == 2 and line.startswith(f"{theirs}: ") and "--name" in line
-        assert read("rig.tsv").rows == ROWS  # --no-files does not care
+        assert read("rig.tsv").rows == ROWS
         assert sorted(path.name for path in tmp_path.iterdir()) == sorted([theirs, "rig.tsv"])
         Path(theirs).unlink()
     Path("rig.csv").write_bytes(text)

@@ -143,7 +143,6 @@ def test_json_has_the_cycles_and_the_hypotheses(rig):
 
 
 def cells_of(shown: str) -> dict[str, str]:
-    """Return the table of two columns; a cell may continue in the next line."""
     found: dict[str, str] = {}
     name = ""
     for line in shown.splitlines():
@@ -189,7 +188,6 @@ int main(void)
 
 
 def compile_c(main: Path, *words: object, includes: tuple[Path, Path]) -> None:
-    """Compile with a header of this folder and those of the library; a warning is an error."""
     folder, root = includes
     strict = "-std=c99 -Wall -Wextra -Werror -pedantic".split()
     headers = [f"-I{folder}", f"-I{root}/lib/include"]
@@ -197,7 +195,6 @@ def compile_c(main: Path, *words: object, includes: tuple[Path, Path]) -> None:
 
 
 def is_plan_of(folder: Path, root: Path, *params: float) -> bool:
-    """Whether dahl_plan_x.h equals dahl_prepare() of `params`."""
     (main := folder / "main.c").write_text(SAME % tuple(map(np.float32, params)))
     library = (built("lib", "libdahl.a"), "-lm", "-o", folder / "same")
     compile_c(main, *library, includes=(folder, root))
@@ -205,13 +202,11 @@ def is_plan_of(folder: Path, root: Path, *params: float) -> bool:
 
 
 def params_of(kept: dict) -> tuple[float, float, float]:
-    """Return sigma0, Fc and count of Dahl's law."""
     (one,) = (one for one in kept["models"] if one["name"] == "Dahl")
     return one["parts"][0]["sigma0"], one["parts"][0]["Fc"], kept["plan"]["theta_per_count"]
 
 
 def comment_of(header: Path) -> str:
-    """Return the first comment on one line."""
     text = header.read_text().partition("*/")[0]
     return " ".join(text.replace("*", " ").split())
 
@@ -253,7 +248,6 @@ def scene_of(path: Path) -> configparser.ConfigParser:
 
 
 def test_the_log_of_the_scene_is_the_first_one_without_its_timed_terms(rig):
-    """It starts at 0 and is shown in mm; the verdict stands in lines that a scene may have."""
     text = (rig.out / "x.ini").read_text().partition("[scene]")[0]
     assert rig.kept["verdict"] in " ".join(text.replace("\n;", " ").split())
     assert max(map(len, text.splitlines())) < 198  # the limit of a scene
@@ -292,14 +286,12 @@ def panels_of(figure) -> dict:
 
 
 def units_of(figure, panel: str) -> tuple[str, str]:
-    """Return the units in brackets of both axes."""
     axes = panels_of(figure)[panel]
     labels = axes.get_xlabel(), axes.get_ylabel()
     return tuple("".join(re.findall(r"\[(.*)\]", words)) for words in labels)
 
 
 def test_the_picture_shows_the_fit_over_the_measurement(rig):
-    """Both curves have the same angles; the residual of the other panels is that of the fit."""
     panels, way, force = panels_of(rig.figure), way_of(1), force_of(1)
     assert (rig.out / "x.png").read_bytes().startswith(b"\x89PNG")
     legend = [text.get_text() for text in panels["loop"].get_legend().get_texts()]
@@ -374,7 +366,6 @@ def test_a_shaft_is_in_newton_metres_and_its_sign_is_noted(shaft):
 
 @pytest.mark.parametrize(("counts", "turn"), [(4096, 2 * np.pi), (65536, 2 * np.pi), (20, 1e-3)])
 def test_the_plan_is_for_the_encoder_of_the_target(shaft, rig, counts, turn, root, tmp_path):
-    """In counts a turn, or counts a millimetre if the motion is linear."""
     log, one = (rig.logs[0], rig) if turn == 1e-3 else (shaft.out / "shaft.csv", shaft)
     words = ("--model", "dahl", "--target-counts-per-turn", counts, "-o", tmp_path, "--name", "x")
     words += ("--terms", ",".join(one.kept["extra"]) or "none", "--no-delay", "--force")
@@ -403,7 +394,6 @@ EXPORTED = {  # model of the scene: torque, chosen law, plan in the header
 
 @pytest.mark.parametrize("model", EXPORTED)
 def test_the_chosen_model_is_exported(model, tmp_path, root):
-    """To header, scene and JSON; the header compiles."""
     torque, law, plan = EXPORTED[model]
     log = log_of(MOTION, torque(), 0.01)
     path = write_csv(tmp_path / "x.csv", log.theta, log.torque)

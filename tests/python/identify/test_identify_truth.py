@@ -100,7 +100,6 @@ def outcome(group: str, kind: str, seed: int) -> Outcome:
 
 
 def counts(found: Iterable[Outcome], name: str) -> tuple[int, int, int]:
-    """Right claims, wrong claims, none."""
     told = [one.right[name] if one.claimed[name] else None for one in found]
     return told.count(True), told.count(False), told.count(None)
 

@@ -53,7 +53,6 @@ def by_model(name: str, moves: np.ndarray, pieces: models.Pieces | None = None) 
 
 
 def by_solver(slope: Slope, moves: np.ndarray) -> np.ndarray:
-    """w after each move, stroke by stroke."""
     w, drawn = 0.0, []
     for move in moves.tolist():
         side = float(np.sign(move))
@@ -86,7 +85,6 @@ PATHS = arrays(float, st.integers(2, 60), elements=st.floats(-0.02, 0.02))
 @settings(max_examples=25)
 @given(PATHS, st.integers(0, 99))
 def test_laws_whose_limit_changes_against_row_by_row(theta, seed):
-    """A limit, a load, and a direction of their own."""
     limits = 1 + 0.4 * np.random.default_rng(seed).uniform(-1, 1, len(theta))
     moves, whole = np.diff(theta, prepend=theta[:1]), [slice(0, len(theta))]
     stiffness = np.full(len(theta), A)

@@ -51,7 +51,6 @@ def truth(reference: float, more: float = MORE) -> dict[str, float]:
     [*((name, MORE) for name in COURSES), ("swings", 0.1999), ("swings", -MORE)],
 )
 def test_a_load_is_followed(course, more):
-    """Friction may grow with the load, fall with it, or vanish at the least load."""
     found = seen(loaded(course, 1, more))
     follows, true = found["load"], truth(found["load"]["reference"], more)
     assert found["Fc"] == pytest.approx(true["Fc"], rel=0.02)
@@ -76,7 +75,6 @@ def test_without_its_column_the_friction_drifts_and_no_claim_is_wrong():
 
 
 def test_each_of_several_logs_has_a_load_of_its_own():
-    """One log has low loads, the other one high loads. If one log lacks a load, none is used."""
     half = ROWS // 2
     low = replace(loaded("rises", 1).part(slice(half)), name="low")
     high = replace(loaded("rises", 2).part(slice(half, None)), name="high")
@@ -107,7 +105,6 @@ def test_another_log_is_predicted_with_its_own_load():
 
 @pytest.fixture(scope="module")
 def left(tmp_path_factory):
-    """The output of a run over a log with a column of the load."""
     folder, log = tmp_path_factory.mktemp("left"), loaded("swings", 0, noise=0.01)
     table = np.column_stack((log.time, np.degrees(log.theta), log.torque, log.load))
     names = "t_s,angle_deg,torque_Nm,clamp_N"

@@ -56,8 +56,6 @@ Identified = Callable[..., dict]
 
 @pytest.fixture
 def identified(capsys, measured_file) -> Identified:
-    """JSON of the command on a set."""
-
     def run(name: str, *more: object, files: list[str] | None = None) -> dict:
         folder, usual, words = SETS[name]
         paths = [measured_file(folder, file) for file in files or usual]

@@ -20,7 +20,6 @@ from identify_tools import COUNT, FC, dahl_torque, noise_of, shaft, sine, synthe
 
 
 def changed(**columns: float) -> Log:
-    """Return a log with a constant column."""
     log = shaft(rows=300, cycles=3)
     return replace(log, **{name: np.full(300, value) for name, value in columns.items()})
 
@@ -63,7 +62,6 @@ def in_other_unit(counts: float, linear: bool = False, to_deg: bool = True) -> L
 
 
 def short_pieces(rows: int) -> Log:
-    """Return ten pieces of this length between gaps of the clock."""
     log = synthetic(1, rows=10 * rows, cycles=4)
     return replace(log, time=log.time + 0.02 * (np.arange(10 * rows) // rows))
 
@@ -92,7 +90,6 @@ STAIRS = [0.0, 2, 4, 4, 4, 6, 3, 0, 0, 3, 6, 9]
 
 
 def stairs(times: int, size: float = 1.0) -> Log:
-    """Return an angle with a reading every four rows; some readings are equal."""
     theta = np.repeat(STAIRS * times, 4) * COUNT * size
     rows = np.arange(theta.size) * 1.0
     return Log("x", theta, rows, rows, resolution=COUNT)
@@ -146,7 +143,6 @@ REJECTED: dict[str, tuple[Callable[[], Log], str]] = {
 
 @pytest.mark.parametrize("name", REJECTED)
 def test_a_log_beyond_a_limit_is_rejected_and_one_within_passes(name):
-    """One line has value and limit; --trust-units accepts an unclear unit."""
     make, words = REJECTED[name]
     trusted = "readings" in name
     if not words:
@@ -181,7 +177,6 @@ def numbers(pieces: list[Log], word: str) -> list[float]:
 
 @pytest.mark.parametrize(("counts", "offset"), [(128, 0), (256, 0), (256, 60)])
 def test_a_counter_that_wraps_at_a_power_of_two(counts, offset):
-    """The given log stays as it is."""
     log = wrapping(counts, offset)
     before = log.theta.copy()
     (piece,) = preprocess(log)
@@ -217,7 +212,6 @@ def test_other_jumps_are_not_unwrapped(kind):
 
 
 def test_a_log_is_split_at_the_gaps_of_its_clock():
-    """Pieces that are short or at rest are left out."""
     log = with_gaps(shaft(), (300, 420), (1400, 1999))
     pieces = preprocess(log)
     assert [piece.rows for piece in pieces] == [300, 980, 401]
@@ -334,7 +328,6 @@ def test_rows_that_are_alike_for_other_reasons_stay(make):
 
 
 def spiked(spikes: int, size: float = 0.02) -> Log:
-    """Return a log with some single rows at another angle, rad."""
     log = shaft(4, rows=3000, cycles=6)
     log.theta[np.random.default_rng(0).choice(2998, spikes, replace=False) + 1] += size
     return log

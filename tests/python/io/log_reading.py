@@ -61,12 +61,10 @@ class RefusedError(Exception):
 
 
 def read(*words: object) -> Log:
-    """Return the log of `dahl identify WORDS`. Raises RefusedError with the line of the error."""
     return handed(*words).log
 
 
 def asked(*words: object) -> Options:
-    """Return the options of the fit of `dahl identify WORDS`."""
     return handed(*words).options
 
 
@@ -83,7 +81,6 @@ def handed(*words: object) -> Handed:
 
 
 def refused(*words: object) -> str:
-    """Return the error of `dahl identify WORDS`."""
     try:
         read(*words)
     except RefusedError as error:

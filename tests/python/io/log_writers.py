@@ -66,7 +66,6 @@ def parquet(path: Path, table: Table) -> None:
 
 
 def channels(path: Path, table: Table) -> None:
-    """Write an MF4 with measured channels."""
     from asammdf import MDF, Signal
 
     time = table.get("t", np.arange(len(next(iter(table.values()))), dtype=float))

@@ -53,7 +53,6 @@ def test_frames_are_read_as_they_were_sent(kind, tmp_path):
 
 @pytest.fixture
 def shaft(tmp_path):
-    """Return a log of 100 angles and torques."""
     log_writers.frames(tmp_path / "x.blf", TIME, np.arange(ROWS), wave())
     return tmp_path / "x.blf"
 
@@ -178,7 +177,6 @@ def test_loads_are_interpolated_at_the_times_of_the_angle_and_added(tmp_path):
 
 
 def shaft_on(channel: object, sign: int, late: float = 0.0, **kind: bool) -> Iterator[can.Message]:
-    """Yield 100 angles and torques; the angle rises or falls by a raw step."""
     for k in range(ROWS):
         for number, value, after in ((SHAFT, sign * k, 0.0), (LOAD, k % 9, 2e-4)):
             yield can.Message(
@@ -225,7 +223,6 @@ def test_an_id_of_29_bits_differs_from_one_of_11(tmp_path, late):
 
 
 def mf4_of(path: Path, *groups: Mapping[str, tuple[np.ndarray, str]], late: float = 0.0) -> Path:
-    """Write an MF4 of channels with units; the clock of each group is `late` s later."""
     from asammdf import MDF, Signal
 
     with MDF() as measured:
@@ -238,7 +235,6 @@ def mf4_of(path: Path, *groups: Mapping[str, tuple[np.ndarray, str]], late: floa
 
 
 def test_units_and_names_of_the_channels_of_an_mf4(tmp_path):
-    """Missing values, words and two channels of one name are errors."""
     theta = np.cumsum(wave()) / 100
     angle, torque = ("Angle", (theta, "rad")), ("Torque_Nm", (1e3 * wave(), "mNm"))
     log = read(mf4_of(tmp_path / "units.mf4", [angle, torque]))

@@ -155,7 +155,6 @@ def test_an_option_overrides_the_unit_of_a_name(tmp_path):
     ],
 )
 def test_a_unit_that_is_assumed_or_of_another_quantity_is_noted(header, words, noted, tmp_path):
-    """The note has the assumed unit, or the column and the quantity of its unit."""
     columns = [UP if name[0] in "ta" else WAVE + UP for name in header.split(",")]
     path = written_as(tmp_path, dict(zip(header.split(","), columns, strict=True)))
     log = read(path, *words.split(), "--trust-units")
@@ -212,7 +211,6 @@ def test_the_column_whose_name_fits_best_is_read(role, names, found, tmp_path):
 
 
 def test_a_column_is_named_by_name_or_number(tmp_path):
-    """A name counts before a number; columns that fit equally are noted."""
     path = written_as(
         tmp_path, {"a": UP, "b": WAVE, "2": 2 * UP, "angle_deg": 3 * UP, "c [rad]": UP}
     )
@@ -245,7 +243,6 @@ def test_an_error_lists_thirty_columns(count, tmp_path):
 
 
 def test_loads_are_added(tmp_path):
-    """The column of a load is not used as torque, even if its name fits."""
     path = written(tmp_path, angle_deg=UP, load_N=UP, force_N=WAVE, clamp_N=10 * UP)
     log = read(path, "--load", "load_N", "--load", "4")
     assert (log.load.tolist(), log.torque.tolist()) == ((11 * UP).tolist(), WAVE.tolist())
@@ -280,7 +277,6 @@ def test_dates_and_times_of_day_are_seconds_from_the_first(form, tmp_path):
 
 
 def test_a_column_that_rises_in_a_unit_of_time_is_the_clock(tmp_path):
-    """If no name of a column is that of a time."""
     columns = {"Dauer [s]": WAVE, "Tid [ms]": UP, "angle_rad": UP, "torque_Nm": WAVE}
     log = read(written_as(tmp_path, columns))
     assert log.time == pytest.approx(1e-3 * UP)

@@ -23,7 +23,6 @@ ROWS = np.arange(40)
 
 
 def sound(folder: Path, kind: str) -> tuple[bytes, tuple[object, ...]]:
-    """Write a file of one kind; return its bytes, and the options to read it."""
     path = folder / f"whole.{kind}"
     if kind in log_writers.FRAMES:
         log_writers.frames(path, 1000 + 0.01 * ROWS, 100 * ROWS, ROWS % 7)
@@ -47,7 +46,6 @@ def assert_read_or_refused(path: Path, *words: object, names: tuple[str, ...]) -
 @pytest.mark.parametrize("kind", KINDS)
 @modes(short=15, long=300)
 def test_a_damaged_file_is_a_log_or_one_line(tmp_path, kind, examples, caplog):
-    """Bytes are inserted, deleted or overwritten; the file is cut. asammdf logs no message."""
     logging.getLogger("asammdf").addHandler(caplog.handler)
     whole, words = sound(tmp_path, kind)
     path, places = tmp_path / f"damaged.{kind}", st.integers(0, len(whole))
@@ -69,7 +67,6 @@ def test_a_damaged_file_is_a_log_or_one_line(tmp_path, kind, examples, caplog):
 
 @modes(short=60, long=2000)
 def test_any_dbc_is_read_or_refused_in_one_line(tmp_path, examples, dahl_here):
-    """Also by `dahl monitor`, which reads it before it opens a bus."""
     path, log = tmp_path / "any.dbc", tmp_path / "whole.log"
     log_writers.frames(log, 1000 + 0.01 * ROWS, 100 * ROWS, ROWS % 7)
     lines = [*log_writers.DBC.encode().splitlines(), b"BO_", b"CM_ 1", b"SG_ x", b"\xff", b"\x81"]

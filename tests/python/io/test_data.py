@@ -23,7 +23,6 @@ CUT = "\n".join([HEADER, "8.6\t1\t2\t2", "8.605\t1\t2\t3", "128.995\t1\t2\t4", "
 
 
 def upstream(end: str = "\n") -> bytes:
-    """A small file in the format of the tribometer."""
     return end.join([HEADER, *(f"{t:g}\t1\t2\t{n}" for t, n in ROWS), ""]).encode()
 
 
@@ -75,7 +74,6 @@ def expected(monkeypatch, name: str, content: bytes) -> list[str]:
 
 
 def got(dahl, name: str) -> Path:
-    """The folder that `dahl data NAME` prints."""
     done = dahl("data", name)
     assert done.returncode == 0, done.stderr
     return Path(done.stdout.removesuffix("\n"))
@@ -117,7 +115,6 @@ def test_a_file_with_another_sum_is_refused(
 
 
 def test_each_file_of_a_set_is_checked(alone, server, dahl, monkeypatch):
-    """The last one too. Names may have blanks."""
     *others, last = expected(monkeypatch, "friction_damper", b"right")
     server |= {**dict.fromkeys(others, b"right"), last: b"wrong"}
     code, line = complaint(dahl("data", "friction_damper"))
@@ -137,7 +134,6 @@ def test_a_derived_set_cannot_be_downloaded(alone, dahl, monkeypatch):
 
 
 def test_dahl_data_is_searched_before_the_folder_of_the_project(alone, dahl, monkeypatch, tmp_path):
-    """The log of a scene is found there too."""
     given, beside = tmp_path / "mine" / "cycloidal", alone / "cycloidal"
     given.mkdir(parents=True)
     beside.mkdir(parents=True)
@@ -164,7 +160,7 @@ def test_files_in_reach_have_the_stated_sha256(measured_file, name):
 
 
 def test_the_list_and_the_json_have_the_source_of_each_set(alone, dahl, monkeypatch):
-    for name in ("servo_pendulum", "cycloidal"):  # to download, and not
+    for name in ("servo_pendulum", "cycloidal"):
         (alone / name).mkdir(parents=True)
     listed = dahl("data").stdout.split("\n")
     folders = {name: str(alone / name) for name in ("servo_pendulum", "cycloidal")}

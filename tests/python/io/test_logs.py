@@ -47,7 +47,6 @@ def own_table(*words: object) -> tuple[np.ndarray, str]:
     ],
 )
 def test_the_demo_reads_what_identify_reads(text, names):
-    """A column by its number, name, or name without unit; decimal commas; UTF-16."""
     Path("log.csv").write_text(text, encoding="utf-16" if "ü" in text else "utf-8")
     table, scene = own_table("log.csv", *names)
     assert table.tolist() == [[15, 2, 0], [-25, 3, 0.25], [35, -4.5, 0.5]]

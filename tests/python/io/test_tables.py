@@ -36,7 +36,6 @@ def table_of(seed: int, rows: int = ROWS, size: float = 1.0) -> log_writers.Tabl
 
 @pytest.mark.parametrize("kind", TABLES)
 def test_a_table_of_each_kind_comes_back_as_it_was_written(kind, tmp_path):
-    """Numbers of any size, columns by options or by names, endings in any case."""
     for seed, size in enumerate((1.0, 1 / 3e7, 7e7)):
         table = table_of(seed, rows=30 + 17 * seed, size=size)
         path = tmp_path / f"{seed}.{kind.upper() if seed else kind}"
@@ -104,7 +103,6 @@ def test_rows_and_columns_are_found_in_nested_json_and_matlab(tmp_path):
 
 
 def test_the_clock_of_a_table_of_pandas(tmp_path):
-    """The clock is a named index, or moments."""
     time, angle, torque = table_of(6).values()
     for clock in ("s", "datetime64[ns]", "timedelta64[ns]"):
         step = time if clock == "s" else (time * 1e9).astype(clock)
@@ -143,7 +141,6 @@ FORMS = st.fixed_dictionaries(
 
 
 def text_of(form: dict, columns: list[list[float]]) -> str:
-    """Return a table in one of the forms. Cells with a separator are quoted."""
     separator = form["separator"]
 
     def line(cells: list[str]) -> str:
@@ -301,7 +298,6 @@ def test_a_file_on_which_its_library_crashes_is_one_line(tmp_path):
 
 
 def test_a_path_that_is_not_a_log_is_named(tmp_path):
-    """A folder, a folder without logs, a table without rows."""
     line = refused(tmp_path)
     assert f"{tmp_path}: a folder" in line and f"--each {tmp_path}" in line
     (tmp_path / "notes.md").write_text("no log")

@@ -30,7 +30,6 @@ def run(*command: object) -> str:
 
 
 def foreign_and_writable(objects: Path) -> dict[str, set[str]]:
-    """Return the foreign and the writable symbols of each object file."""
     found: dict[str, set[str]] = {}
     name = objects.name
     for line in run("nm", objects).splitlines():
@@ -50,7 +49,6 @@ def test_the_library_has_no_foreign_and_no_writable_symbol() -> None:
 
 
 def parts(file: Path) -> dict[str, set[str]]:
-    """Return the functions of the library in a file, each with its part, if it has one."""
     names = re.findall(r" T dahl_(\w+)", run("nm", file))
     return {name: PARTS & {name.replace("part", "parallel").split("_")[0]} for name in names}
 

@@ -40,13 +40,11 @@ def run(*command: object, code: int = 0, **more: object) -> str:
 
 
 def project(folder: Path, way: str, own_headers: Path, *options: object, code: int = 0) -> str:
-    """Configure a project that gets the library in one way."""
     words = [f"-DWAY={way}", f"-DOWN_HEADERS={own_headers}", f"-DDAHL_ROOT={ROOT}", *options]
     return run("cmake", "-S", CONSUMER, "-B", folder, "-G", "Ninja", *words, code=code)
 
 
 def install(tmp: Path, *options: object, **more: object) -> Path:
-    """Install the library as a user does; return the folder."""
     build, prefix = tmp / "build", tmp / "prefix"
     place = f"-DCMAKE_INSTALL_PREFIX={prefix}"
     run("cmake", "-S", ROOT, "-B", build, "-G", "Ninja", place, *options, **more)
@@ -57,7 +55,6 @@ def install(tmp: Path, *options: object, **more: object) -> Path:
 
 @pytest.fixture(scope="module")
 def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the library and its components."""
     where = run("gcc", "-print-multiarch").strip()  # Debian's folder is one level deeper
     options = [*ASKED, f"-DCMAKE_INSTALL_LIBDIR=lib/{where}"]
     return install(tmp_path_factory.mktemp("installed"), *options)
@@ -199,7 +196,6 @@ def test_pkg_config_knows_each_component(prefix: Path) -> None:
 def test_the_wrapper_for_cpp_has_the_bits_of_c(
     compiler: str, standard: str, prefix: Path, tmp_path: Path
 ) -> None:
-    """Without warnings, exceptions, RTTI, and code that runs before main()."""
     need(compiler, "dahl.hpp compiles without a warning")
     (library,) = prefix.rglob("libdahl.a")
     flags = ["-Wall", "-Wextra", "-pedantic", "-Werror", "-Wconversion", "-Wshadow", "-O2"]
@@ -225,7 +221,6 @@ def test_installed_files_are_public_and_contain_no_path_of_this_machine(prefix: 
 
 
 def test_a_plain_build_needs_only_a_compiler_and_cmake(tmp_path: Path) -> None:
-    """Without git, pkg-config, other packages and libraries, and downloads."""
     path = tmp_path / "bin"
     path.mkdir()
     for tool in ("cmake", "ninja", "cc", "gcc", "ar", "ranlib", "ld", "as"):

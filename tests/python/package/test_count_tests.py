@@ -112,7 +112,6 @@ BROKEN = [
 @pytest.mark.parametrize("place", [0, 1])
 @pytest.mark.parametrize(("text", "code", "why"), BROKEN)
 def test_an_incomplete_run_has_failed(count, text, code, why, place):
-    """Before or after a complete one."""
     runs = [(TWO_WELL, 0)]
     runs.insert(place, (text, code))
     exit_code, output = count(*runs)

@@ -35,7 +35,6 @@ CALLED = {"can": "python-can", "jinja2": "jinja2"}  # other names, for pip
 
 
 def without(monkeypatch: pytest.MonkeyPatch, package: str) -> None:
-    """Hide a package and prevent its set-up."""
     monkeypatch.setitem(sys.modules, package, None)
     monkeypatch.setenv("DAHL_SETUP_TRIED", "1")
 

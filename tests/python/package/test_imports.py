@@ -30,7 +30,6 @@ FILES = {
 
 
 def imported(path: Path) -> set[str]:
-    """Return the full names that a module imports, also for types or inside a function."""
     names = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):

@@ -27,7 +27,6 @@ PUBLIC = {
 
 
 def of(folder: str, *kinds: str) -> set[str]:
-    """Return the files of a folder with these endings."""
     files = [path for kind in kinds for path in (ROOT / folder).rglob(f"*.{kind}")]
     assert files
     return {path.relative_to(ROOT).as_posix() for path in files}
@@ -156,7 +155,6 @@ PackagePacker(sys.argv[1]).pack(sys.argv[2])
 
 
 def packed(archive: Path) -> set[str]:
-    """Return the files of an archive of at most 100 kB."""
     assert archive.stat().st_size < 100_000
     with tarfile.open(archive) as tar:
         files = {member.name.removeprefix("./") for member in tar if member.isfile()}

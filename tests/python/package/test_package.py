@@ -43,8 +43,6 @@ def run(*command: object, code: int | None = 0, **more: object) -> subprocess.Co
 
 
 class Environment:
-    """A new environment with one wheel and copies of its dependencies, made without network."""
-
     def __init__(self, folder: Path, wheel: Path, packages: Sequence[str] = ()) -> None:
         run(sys.executable, "-m", "venv", "--without-pip", folder)
         self.folder, self.bin = folder, folder / "bin"
@@ -85,13 +83,11 @@ def only(folder: Path, pattern: str) -> Path:
 
 @pytest.fixture(scope="module")
 def core(dist: Path, tmp_path_factory: pytest.TempPathFactory) -> Environment:
-    """Install the wheel of the sdist with its dependencies and no extra."""
     return Environment(tmp_path_factory.mktemp("core"), only(dist, "*.whl"))
 
 
 @pytest.fixture(scope="module")
 def full(dist: Path, tmp_path_factory: pytest.TempPathFactory) -> Environment:
-    """Install the wheel of the tree with the packages of the extras."""
     here = [path for path in sys.path if path.endswith("-packages")]
     return Environment(tmp_path_factory.mktemp("full"), only(dist / "tree", "*.whl"), here)
 
@@ -221,11 +217,10 @@ def test_the_demo_runs_from_the_wheel(full: Environment) -> None:
     full.dahl("report", folder)
     full.dahl("plot", folder)
     done = full.dahl("demo", "--target", "m4f", "--output", full.folder / "m4f", code=1)
-    assert done.stderr.startswith("error: ") and "checkout" in done.stderr  # for its firmware
+    assert done.stderr.startswith("error: ") and "checkout" in done.stderr
 
 
 def test_the_test_of_the_readme_finds_its_fixtures(root: Path, full: Environment) -> None:
-    """The entry point of the plugin suffices."""
     readme = (root / "README.md").read_text()
     (example,) = re.findall(r"```python\n(from dahl.*?)```", readme, re.DOTALL)
     (full.folder / "test_readme.py").write_text(example)
@@ -237,7 +232,6 @@ def test_the_test_of_the_readme_finds_its_fixtures(root: Path, full: Environment
 def test_a_wheel_without_dahl_loop_names_the_missing_packages(
     root: Path, tmp_path: Path, full: Environment
 ) -> None:
-    """If the parsers of dahl-loop are missing during the build, the rest works."""
     nowhere = ["CMAKE_FIND_ROOT_PATH=/nowhere", "CMAKE_FIND_ROOT_PATH_MODE_LIBRARY=ONLY"]
     settings = [word for one in nowhere for word in ("-C", f"cmake.define.{one}")]
     words = ["--no-isolation", "--wheel", "--outdir", tmp_path, *settings, root]

@@ -12,8 +12,6 @@ SIGMA0, FC, THETA = 50.0, 0.5, 1e-4
 
 
 class Run:
-    """Frames of a run as a recorder writes them."""
-
     def __init__(self) -> None:
         self.bearing = Friction(Plan(SIGMA0, FC, THETA))
         self.frames: list[can.Message] = []
@@ -44,7 +42,6 @@ class Run:
         self.answer(counter, count, state, used)
 
     def write(self, path: Path) -> Path:
-        """A candump log of the frames."""
         with can.Logger(path) as log:
             for frame in self.frames:
                 log.on_message_received(frame)

@@ -26,7 +26,6 @@ MEASURED = "torque = torque\noffset = 0.25\nspring = 7\nangle_scale = 1000\nlabe
 
 
 def made(counts: np.ndarray, rows: np.ndarray | None = None) -> Run:
-    """A run with one tick for each count. `rows` numbers the ticks if some are missing."""
     run = Run()
     for row, count in zip(range(len(counts)) if rows is None else rows, counts, strict=True):
         run.tick(int(row), int(count), state=0 if run.frames else 6, used=bool(run.frames))
@@ -35,14 +34,11 @@ def made(counts: np.ndarray, rows: np.ndarray | None = None) -> Run:
 
 @pytest.fixture(scope="module")
 def steady(library) -> Run:
-    """A motion at constant speed."""
     return made(np.arange(100, 100 + TICKS))
 
 
 @pytest.fixture
 def picture(tmp_path):
-    """Draw the run in a folder by `dahl plot`."""
-
     def draw(
         run: Run,
         measured: str = "",
@@ -116,7 +112,6 @@ def test_without_a_clock_in_the_log_time_starts_with_the_run(steady, picture):
 
 
 def test_no_number_of_an_axis_is_cut_off(steady, picture):
-    """Also long numbers, such as a way in m."""
     figure = picture(steady, "angle_scale = 1000", theta=8e-7 / 1000)
     figure.draw_without_rendering()
     low, high = figure.axes[0].get_xlim()
@@ -160,7 +155,6 @@ def test_latencies_faults_and_tracking_error_have_panels(steady, picture, tmp_pa
 
 
 def test_a_compensated_loop_shows_its_gain_and_both_errors(steady, picture, tmp_path):
-    """The runs differ in colour, name and number."""
     errors = {"trace": (0.25, -0.5, 0.25), "uncompensated": (1, -2, 3)}
     for name, values in errors.items():
         rows = "".join(f"{k / 1000},{value},0\n" for k, value in enumerate(values))
@@ -180,7 +174,6 @@ def test_a_compensated_loop_shows_its_gain_and_both_errors(steady, picture, tmp_
 
 
 def test_a_force_is_in_newton_and_an_empty_panel_is_left_out(steady, picture):
-    """Without the trace of a rotor, and with latencies of virtual time."""
     still = {**TIMES, "latency_us": {**TIMES["latency_us"], "max": 0}}
     figure = picture(steady, "label_torque = force [N]", control={}, **still)
     words = figure.axes[0].get_title(loc="left")
@@ -190,7 +183,6 @@ def test_a_force_is_in_newton_and_an_empty_panel_is_left_out(steady, picture):
 
 @pytest.mark.parametrize("numbers", [{}, {"bus": "socketcand", **FAULTS}])
 def test_panels_and_labels_do_not_overlap(steady, picture, numbers):
-    """With titles, legends and labels, for few and for many panels."""
     name = "$\\undefined$ a"  # dollars are no formula
     figure = picture(steady, f"{MEASURED}\nlabel_torque = {name}", title=name, **numbers)
     assert figure.get_suptitle().replace("\\$", "$") == name
@@ -206,7 +198,6 @@ def test_panels_and_labels_do_not_overlap(steady, picture, numbers):
 
 
 def test_missing_answers_new_starts_and_restarts_are_marked(library, steady, picture):
-    """Except the new start of the first tick."""
     assert not any(axes.collections for axes in picture(steady).axes)
     run, lost = Run(), (30, 300)
     for row in range(400):
@@ -249,7 +240,6 @@ def test_the_last_panel_shows_where_the_torque_moves_most(library, picture, tick
     ],
 )
 def test_the_picture_says_whether_each_fault_was_counted(steady, picture, counted, wrong):
-    """Dollars in a name are no formula."""
     faults = {"injected": {"$a^$": 1234567}, "expected": {"crc": 4, "$lost^": 9}}
     axes = picture(steady, rendered=True, faults=faults, node=counted).axes[-1]
     title = axes.get_title(loc="left").replace("\\$", "$")
@@ -262,7 +252,6 @@ BEGINNINGS = {"p": b"\x89PNG", "p.PDF": b"%PDF"}
 
 
 def test_a_picture_replaces_the_old_one_when_it_is_whole(steady, picture, monkeypatch, tmp_path):
-    """In the format of its name. A failed one keeps the old picture."""
     picture(steady)
     for name, beginning in BEGINNINGS.items():
         path = tmp_path / name

@@ -35,7 +35,6 @@ MEASURED = "[measured]\ntorque = T\n"
 
 @pytest.fixture
 def figures():
-    """The figures that are drawn, saved as empty files."""
     with drawing(rendered=False) as drawn:
         yield drawn
 
@@ -94,7 +93,6 @@ def test_a_record_with_more_ticks_than_its_log_has_rows_is_refused(dahl, log, wa
 
 
 def test_the_log_of_a_run_is_found_by_its_summary(dahl, log, figures):
-    """It is found if it has moved, and is not used for another scene."""
     Path("there/other.ini").write_text(Path("there/mine.ini").read_text().replace("a.csv", "b.csv"))
     rows = Path("there/a.csv").read_text().splitlines()
     Path("there/b.csv").write_text("\n".join([rows[0], *(f"{row}000" for row in rows[1:])]))
@@ -131,7 +129,6 @@ def test_a_log_of_two_buses_needs_the_name_of_one(dahl, log):
 
 
 def test_a_broken_mf4_is_refused_in_one_line(run_dahl, tmp_path):
-    """The destructor of the reader prints no text."""
     whole, cut = tmp_path / "whole.mf4", tmp_path / "cut.mf4"
     with can.Logger(whole) as log:
         for n in range(50):

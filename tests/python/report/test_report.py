@@ -28,7 +28,6 @@ def summed(run: Run, scene: Scene = SCENE, recorded: Recorded | None = None, **l
 
 
 def ticks_of(run: Run) -> tuple[list[int], list[int]]:
-    """Row and count from the first one of each tick that is used."""
     trace = traces.trace_of(run.frames)
     return trace.row.tolist(), (trace.count - trace.count[0]).tolist()
 
@@ -56,7 +55,6 @@ START = [0, 20, 30]  # counts of it, from the first
 
 @pytest.mark.parametrize("state", [3, 5, 6], ids=["WrongSequence", "Stale", "Init"])
 def test_a_new_start_adds_no_travel(run, state):
-    """Neither in the node nor in the reference."""
     run.tick(3, 4000, state=state, used=False)
     run.tick(4, 4010)
     assert ticks_of(run)[1] == [*START, 4500, 4510] and error_of(run) <= BOUND

@@ -29,7 +29,6 @@ PROBE = """<script>window.onload = () => {
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory, dahl_loop, library):
-    """The page of a demo of the fault storm, with the probe."""
     folder = tmp_path_factory.mktemp("storm")
     words = ("--scene", "fault-storm", "--seconds", "2")
     assert command("demo", *words, "--output", folder).returncode == 0
@@ -40,7 +39,6 @@ def page(tmp_path_factory, dahl_loop, library):
 
 
 def shown(page, *options: str) -> dict:
-    """Results of the probe in a headless browser."""
     browser = shutil.which("google-chrome") or need("chromium", "the page fits a browser")
     words = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
     words += ["--virtual-time-budget=5000", f"--user-data-dir={page.parent}/profile", "--dump-dom"]
@@ -53,7 +51,6 @@ def shown(page, *options: str) -> dict:
 
 
 def test_the_page_is_complete_and_fits_narrow_windows_and_dark_themes(page):
-    """Only the picture is wider; it scrolls."""
     narrow = shown(page, "--window-size=400,800")
     assert narrow["wide"] > 1000
     assert narrow["sections"] == ["numbers", "faults", "states", "counters"]

@@ -40,7 +40,6 @@ class Stage:
         self.does(path.name, does)
 
     def does(self, name: str, script: str) -> None:
-        """Set the bash script that the stand-in of this name runs."""
         (self.folder / f"{name}.does").write_text(script + "\n")
 
     def write(self, file: str, *lines: str) -> None:
@@ -71,7 +70,6 @@ class Stage:
         return [line for line in lines if not programs or line.split()[0] in programs]
 
     def forget(self) -> None:
-        """Delete the record of calls."""
         (self.folder / "calls").unlink(missing_ok=True)
 
 
@@ -116,11 +114,9 @@ class Debian(Stage):
         self.does("python", PYTHON)
 
     def without(self, package: str) -> None:
-        """Make apt-get not know a package."""
         self.write("known", *(name for name in self.lines("known") if name != package))
 
     def set_up(self, needs: str, **variables: str) -> tuple[subprocess.CompletedProcess, list[str]]:
-        """Run setup.sh; return the result and the calls that install something."""
         self.forget()
         given = {"DAHL_UNITY_DIR": f"{self.folder}/unity", "DAHL_PYTHON": "", **variables}
         done = self.run("setup", *needs.split(), **given)
@@ -129,6 +125,5 @@ class Debian(Stage):
 
 
 def codename() -> str:
-    """Return the code name of this machine's Debian."""
     found = re.search(r"^VERSION_CODENAME=(.*)", Path("/etc/os-release").read_text(), re.M)
     return found[1] if found else "none"

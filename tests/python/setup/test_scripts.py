@@ -25,7 +25,6 @@ def scripts(tmp_path: Path) -> Stage:
 
 @pytest.fixture
 def stage(scripts: Stage) -> Stage:
-    """The scripts after a set-up."""
     for name in ("tools/setup.sh", "build/venv/bin/python", "build/venv/bin/dahl"):
         scripts.stand_in(name)
     return scripts
@@ -65,7 +64,6 @@ def test_unknown_words_are_an_error_before_anything_starts(scripts, words, named
     ],
 )
 def test_the_demo_sets_up_builds_and_runs(stage, words, need):
-    """It ends with the exit code of `dahl demo`. Another build may run during the demo only."""
     stage.does("cmake", f'{UNLOCKED} && touch "$STAGE/unlocked"; true')
     stage.does("dahl", f'printf "%s\\n" "$@" >"$STAGE/words"; {UNLOCKED} && exit 3')
     assert stage.run("demo", *words, CDPATH="elsewhere:.").returncode == 3
@@ -93,7 +91,6 @@ def test_a_failed_set_up_or_build_ends_it_and_shows_the_log(stage, script, step)
 
 
 def chosen_labels(call: str) -> set[str]:
-    """Return the labels of the tests that a call of ctest runs; "" is a test without a label."""
     words = call.split()
     excluded = words[words.index("--label-exclude") + 1] if "--label-exclude" in words else "^$a"
     included = words[words.index("--label-regex") + 1] if "--label-regex" in words else ""
@@ -111,7 +108,6 @@ def chosen_labels(call: str) -> set[str]:
     ],
 )
 def test_each_mode_runs_and_counts_its_tests(stage, mode, labels):
-    """All of them run although some fail. The exit code is that of the count."""
     stage.write("build/python.xml", "of an earlier run")
     stage.does("ctest", "exit 8")
     codes = "*tests/python*) exit 1 ;; *tests/proof*) exit 4 ;; *count_tests*) exit 7 ;;"

@@ -29,7 +29,6 @@ def bare(tmp_path: Path) -> Debian:
 
 
 def test_it_installs_missing_packages_once(bare):
-    """Python comes first, so that pip works while apt-get installs the other packages."""
     done, started = bare.set_up("demo")
     assert done.returncode == 0, done.stderr
     installed = bare.lines("installed")
@@ -42,7 +41,6 @@ def test_it_installs_missing_packages_once(bare):
 
 
 def test_each_need_includes_smaller_needs(bare):
-    """Debian packages and groups of Python packages."""
     has: dict[str, set[str]] = {}
     for need in ("demo", "firmware", "identify", "test", "docs", "vm", "bench", "checks"):
         bare.write("installed", "dpkg-dev")
@@ -130,7 +128,6 @@ def test_after_two_failures_it_uses_debians_own_sources_only(bare, failures):
 
 @pytest.mark.parametrize("is_required", [True, False])
 def test_it_names_silent_sources_and_what_needs_them(bare, is_required):
-    """An error if a package is required, a note if it is optional."""
     known = set(bare.lines("known")) - {"valgrind"}
     bare.write("installed", *(known - {"g++"} if is_required else known))
     (bare.folder / bare.in_release).unlink()

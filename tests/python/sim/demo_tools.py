@@ -40,7 +40,6 @@ def summary_of(folder: Path) -> dict[str, Any]:
 
 
 def scene_of(path: Path) -> configparser.ConfigParser:
-    """A scene file; keys as they are written."""
     parser = configparser.ConfigParser(inline_comment_prefixes=(";",), interpolation=None)
     parser.optionxform = str
     parser.read(path, encoding="utf-8")
@@ -62,10 +61,9 @@ def answered(log: Path, node: int = 0) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rows_of(table: str) -> dict[str, str]:
-    """Name and value of each row of a printed table."""
     rows, name = {}, ""
     for line in (line.split("│") for line in table.splitlines() if "│" in line):
-        name = line[1].strip() or name  # a long value continues in the next line
+        name = line[1].strip() or name
         rows[name] = f"{rows.get(name, '')} {line[2].strip()}".strip()
     return rows
 

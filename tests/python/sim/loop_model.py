@@ -151,8 +151,6 @@ class Answer:
 
 
 class Status(NamedTuple):
-    """One without its version."""
-
     time: float
     counter: int
     state: int
@@ -328,7 +326,6 @@ class Node:
         return DONE
 
     def value(self, number: int) -> int:
-        """Present value of a parameter, to the nearest step."""
         if number < len(UNITS):
             return min(2**32 - 1, math.floor(self.params[number] / UNITS[number] + 0.5))
         if number in SETTINGS:

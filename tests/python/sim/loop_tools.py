@@ -41,15 +41,12 @@ def setting(*texts: str) -> list[str]:
 
 
 def run_program(*words: object, **how: object) -> subprocess.CompletedProcess:
-    """Run dahl-loop with these words alone, to its end."""
     command = [program(), *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, timeout=20, check=False, **how)
 
 
 @dataclass
 class Run:
-    """A finished run."""
-
     code: int
     out: str
     err: str
@@ -80,7 +77,6 @@ def finished(folder: Path, process: subprocess.Popen, timeout: float = 60) -> Ru
 
 
 def run(folder: Path, scene: Path | str, *options: str, timeout: float = 60) -> Run:
-    """Run to the end."""
     return finished(folder, start(folder, scene, *options), timeout)
 
 
@@ -124,7 +120,6 @@ def client(port: int, opens: Callable[..., can.BusABC] = can.Bus) -> Iterator[ca
 
 
 def line_of(message: can.Message) -> str:
-    """A python-can message as dahl-loop logs it."""
     identifier = (
         f"{message.arbitration_id:08X}"
         if message.is_extended_id
@@ -150,8 +145,6 @@ def record(bus: can.BusABC, process: subprocess.Popen, silence: float = 0.5) -> 
 
 @dataclass
 class Logged:
-    """A line of a candump log."""
-
     time: float
     id: int
     data: bytes
@@ -160,7 +153,6 @@ class Logged:
 
 
 def read_log(path: Path) -> list[Logged]:
-    """Every line; each must be complete."""
     text = path.read_text(encoding="ascii")
     assert text == "" or text.endswith("\n")
     matches = [LINE.fullmatch(line) for line in text.splitlines()]
@@ -222,12 +214,10 @@ def check_node(result: Run, scene: Path, number: int = 0) -> list[tuple[int, byt
 
 
 def word(data: bytes, at: int) -> int:
-    """A signed number of 32 bits."""
     return int.from_bytes(data[at : at + 4], "little", signed=True)
 
 
 def counts_of(log: list[Logged], number: int = 0) -> list[int]:
-    """Counts that the encoder sent, in order."""
     return [word(frame.data, 2) for frame in log if frame.id == 0x100 + number]
 
 
@@ -263,7 +253,6 @@ def is_running(pid: int) -> bool:
 
 
 def wait_until(what, seconds: float = 10) -> None:
-    """Poll until what() is true."""
     end = time.monotonic() + seconds
     while not what():
         assert time.monotonic() < end, "waited in vain"

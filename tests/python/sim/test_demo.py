@@ -55,7 +55,6 @@ def own_log(tmp_path_factory, library) -> Path:
 
 @pytest.fixture(scope="module")
 def demo(own_log, tmp_path_factory, root) -> tuple[Path, str]:
-    """One run of a user's own log in a process: its folder, and what it printed."""
     folder = tmp_path_factory.mktemp("demo")
     command = [sys.executable, "-m", "dahl", "demo", own_log, *OWN, "--output", folder]
     how = {"capture_output": True, "text": True, "timeout": 120}
@@ -71,7 +70,6 @@ def measured(own_log: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def fit_of(truth: np.ndarray, model: np.ndarray) -> tuple[float, float]:
-    """RMS error and R²."""
     residual = truth - model
     r2 = 1 - np.sum(residual**2) / np.sum((truth - truth.mean()) ** 2)
     return float(np.sqrt(np.mean(residual**2))), float(r2)
@@ -81,7 +79,6 @@ def fit_of(truth: np.ndarray, model: np.ndarray) -> tuple[float, float]:
 
 
 def test_a_run_leaves_record_picture_and_summary(demo, own_log):
-    """The bits of the library on the bus, and their fit to the log."""
     folder, shown = demo
     numbers, (counts, ratios) = summary_of(folder), answered(folder / "run.log")
     bearing = dahl.Friction(dahl.Plan(SIGMA0, FC, 2 * math.pi / TURN))
@@ -123,7 +120,6 @@ def test_plot_draws_the_picture_of_a_demo_again(demo, dahl):
 
 
 def test_each_option_of_an_own_log_reaches_the_run(own_log, unpainted, dahl, tmp_path):
-    """--json prints the summary alone."""
     more = ["--angle-unit", "counts", "--time", "t", "--torque-scale", "-0.002", "--spring", 3]
     more += ["--offset", 0.07, "--seconds", 0.2, "--bus", "socketcand:0", "--json"]
     os.chdir(own_log.parent)
@@ -190,7 +186,6 @@ def test_the_fault_storm_is_counted_and_exact(dahl, unpainted, tmp_path):
 
 
 def test_a_closed_loop_reports_its_tracking_error(dahl, unpainted, tmp_path):
-    """It is larger without compensation. `plot` draws the same curves again."""
     done = dahl("demo", "--scene", "slow-reversal", "--seconds", 2, "--output", "out")
     assert done.returncode == 0, done.stderr
     assert dahl("plot", "out").returncode == 0
@@ -213,7 +208,6 @@ def test_a_closed_loop_reports_its_tracking_error(dahl, unpainted, tmp_path):
 
 @pytest.fixture
 def running(root, tmp_path):
-    """A demo of half a minute that records."""
     command = [sys.executable, "-m", "dahl", "demo", "--scene", "steering", "--output", tmp_path]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     process = subprocess.Popen([*map(str, command)], cwd=root, **pipes)
@@ -225,7 +219,6 @@ def running(root, tmp_path):
 
 
 def children(process: subprocess.Popen) -> list[int]:
-    """Its programs; it must still run."""
     found = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
     return [*map(int, found)]
 
@@ -292,7 +285,6 @@ def test_a_program_that_dies_is_named(running, which, name):
 
 
 def test_a_failed_run_removes_results_of_an_earlier_run(dahl, tmp_path, monkeypatch):
-    """Its frames would be drawn with the other scene."""
     for name in ("summary.json", "trace.csv"):
         (tmp_path / name).write_text("{}")
     script = "echo error: cut off >&2; exit 1"

@@ -57,7 +57,6 @@ COLUMNS = [  # column, unit by option or name, counts per unit, plotted unit, an
 def test_the_scene_of_an_own_log_is_in_its_units(
     dahl, column, given, unit, per_unit, plotted, scale
 ):
-    """The option sets the unit, else the name of the column."""
     Path("x.csv").write_text(f"{column},T\n0,1\n")
     words = (
         "--angle",
@@ -84,7 +83,6 @@ def test_the_scene_of_an_own_log_is_in_its_units(
 
 @pytest.mark.parametrize(("unit", "turn"), [("deg", 360), ("rad", math.tau), ("counts", 16384)])
 def test_an_angle_that_wraps_at_each_turn_is_unwrapped(dahl, unit, turn):
-    """A scene that replays the log itself is refused, as the shaft would turn back in one tick."""
     angle = np.arange(800) % 360 / 360 * turn
     Path("wraps.csv").write_text("a,T\n" + "".join(f"{one!r},0\n" for one in angle.tolist()))
     words = ("--angle", "a", "--angle-unit", unit, "--torque", "T", *OWN[4:10], "--bus", "canopy")
@@ -153,7 +151,6 @@ OF_ENCODER = ("--virtual", "--trace", "--seed", "--log-file", "--lockstep", "--s
 
 
 def options_by_role(loop_said: Path) -> dict[str, dict[str, str | None]]:
-    """Options with values, by the role of the program that was started with them."""
     started = {}
     for line in (line.split() for line in loop_said.read_text().splitlines()):
         following = [*line[1:], "--"]
@@ -166,7 +163,6 @@ def options_by_role(loop_said: Path) -> dict[str, dict[str, str | None]]:
 def test_each_demo_starts_the_programs_that_it_needs(
     dahl, monkeypatch, tmp_path, words, roles, chosen
 ):
-    """Results of an earlier run in the same folder are not used."""
     script = f'echo "$*" >>{tmp_path}/told\nexec "$LOOP" "$@"'
     monkeypatch.setenv("DAHL_LOOP", str(write_loop(tmp_path / "bin", script)))
     Path("own.ini").write_text(
@@ -181,7 +177,7 @@ def test_each_demo_starts_the_programs_that_it_needs(
     assert done.returncode == 0, done.stderr
     started = options_by_role(tmp_path / "told")
     assert set(started) == set(roles)
-    motion = started[roles[-1]]  # the program that moves
+    motion = started[roles[-1]]
     assert Path(motion["--scene"]).stem == Path(words[1]).stem
     wanted = chosen | {"--seconds": "0.2"}
     assert {key: motion[key] for key in OF_ENCODER if key in motion} == wanted
@@ -262,9 +258,6 @@ HANGING = {  # a demo that would wait for ever: scene, dahl-loop, fact of the me
 
 @pytest.mark.parametrize("name", HANGING)
 def test_a_demo_that_would_hang_ends_and_leaves_no_program(dahl, monkeypatch, tmp_path, name):
-    """A silent encoder, a node that ignores SIGINT or serves no bus, virtual time that stands
-    still.
-    """
     scene, script, fact = HANGING[name]
     loop = write_loop(tmp_path / "bin", script)
     monkeypatch.setenv("DAHL_LOOP", str(loop))
@@ -292,7 +285,6 @@ BUILDS = [
 def test_an_image_that_cannot_be_built_is_one_line(
     dahl, monkeypatch, tmp_path, root, script, words
 ):
-    """It is built in the checkout by the preset of its core."""
     if script:
         asked = f'echo "$PWD: $*" >>{tmp_path}/asked'
         (tmp_path / "cmake").write_text(f"#!/bin/sh\n{asked}\n{script}\n")

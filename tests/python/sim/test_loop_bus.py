@@ -38,7 +38,6 @@ LONG = pytest.param(60, marks=pytest.mark.long)
 @pytest.mark.timeout(120)
 @pytest.mark.parametrize("seconds", [1, LONG])
 def test_a_client_sees_every_frame_of_the_log_with_its_time(tmp_path, seconds):
-    """Time stamps are of the wall clock."""
     begun = time.time()
     options = ("--wait-clients", "1", *setting(f"motion.seconds={seconds}"))
     with serving(tmp_path, STEERING, *options) as (process, port):

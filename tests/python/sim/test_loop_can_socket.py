@@ -24,7 +24,6 @@ def planted(tmp_path_factory) -> Path:
 
 
 def answer_on(bus: socket.socket) -> bytes:
-    """Data of the next FrictionTorque."""
     while True:
         identifier, length, data = struct.unpack("=IB3x8s", bus.recv(100))
         if identifier == 0x110:
@@ -122,7 +121,6 @@ REFUSALS += [("CAN_NONE", str(n)) for n in (errno.EPERM, errno.EACCES, errno.EAF
 
 @pytest.mark.parametrize(("what", "number"), REFUSALS)
 def test_an_error_of_the_kernel_is_reported(tmp_path, planted, monkeypatch, what, number):
-    """No permission, no CAN, no filters."""
     monkeypatch.setenv(what, number)
     process, bus = joined(tmp_path, planted, "--seconds", "0.01", log=False)
     result = finished(tmp_path, process)

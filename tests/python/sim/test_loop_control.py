@@ -85,7 +85,6 @@ def solved(
     ],
 )
 def test_the_rotor_follows_an_ode_solver(traced, scene, viscous, inertia, ticks, angle_limit):
-    """From rest, with the motor torque of the trace."""
     trace, *_ = traced(scene, f"rotor.viscous={viscous}", f"rotor.inertia={inertia}")
     check_solved(trace, solved(trace["motor"][:ticks], viscous, inertia), angle_limit)
 
@@ -238,7 +237,6 @@ def test_compensation_divides_the_error_by_five_without_chatter(traced, scene):
 
 
 def test_overcompensation_runs_ahead_of_the_reference(traced):
-    """With a third too much, the sliding shaft leads."""
     behind, *_ = traced("slow-reversal")
     ahead, summary, _ = traced("over-compensation")
     at = slice(1000, 1600)

@@ -23,7 +23,6 @@ ABSENT = set.union(*PARTS.values())
 
 
 def instructions(folder: Path, scene: str, *options: str, seconds: str = "0.5") -> Counter:
-    """Instructions by source file, of a run in virtual time."""
     need("valgrind", "an absent part costs no instruction")
     folder.mkdir(exist_ok=True)
     out = folder / "callgrind.out"

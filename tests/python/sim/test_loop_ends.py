@@ -115,7 +115,6 @@ def test_a_process_that_is_not_the_parent_is_refused(tmp_path, user):
 
 
 def test_each_printed_example_is_a_command_line():
-    """With one more option, it is refused."""
     text = run_program("--help").stdout.replace("\\\n", " ")
     examples = re.findall(r"^  build/\S+ (.*?)(?: &.*)?$", text, re.MULTILINE)
     assert len(examples) == 2

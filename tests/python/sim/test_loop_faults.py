@@ -30,7 +30,6 @@ OFF_TICKS = 110  # of silence and bus_off, at a timeout of 100 ms
 
 
 def storm(folder: Path, *options: object, keys: tuple[str, ...] = (), **rates: float) -> Run:
-    """Run the scene in virtual time, with these rates instead of its own if any are given."""
     rates = dict.fromkeys(KINDS, 0) | rates if rates else {}
     folder.mkdir(exist_ok=True)
     sets = (*(f"faults.{kind}={rate}" for kind, rate in rates.items()), *keys)
@@ -71,7 +70,6 @@ def flips(frame: Logged, clean: bytes) -> int:
 
 
 def away(frame: Logged, clean: bytes) -> int:
-    """Counts between two angles."""
     return (word(frame.data, 2) - word(clean, 2) + 2**31) % 2**32 - 2**31
 
 
@@ -109,7 +107,6 @@ SIZES = {  # what must occur: a size of the frames of a tick, and its values
 
 
 def by_tick(log: list[Logged]) -> dict[int, list[Logged]]:
-    """All frames except those of the node."""
     ticks = defaultdict(list)
     for frame in log:
         if frame.id & ~15 not in (0x110, 0x120):
@@ -119,7 +116,6 @@ def by_tick(log: list[Logged]) -> dict[int, list[Logged]]:
 
 @pytest.fixture(scope="module")
 def angles(tmp_path_factory) -> list[bytes]:
-    """Data of each EncoderState of 12 s without faults."""
     none = storm(tmp_path_factory.mktemp("clean"), "--seconds", 12, drop=0)
     return [frame.data for frame in read_log(none.log) if frame.id == ENCODER]
 
@@ -222,7 +218,6 @@ def test_a_silence_is_reported_in_the_tick_after_the_timeout(tmp_path, ms):
 
 @pytest.mark.parametrize("kind", ["silence", "bus_off"])
 def test_counters_agree_whenever_the_run_ends(tmp_path, kind):
-    """In each tick of a silence: before, in and after the tick of the timeout."""
     seen = set()
     for ticks in range(OFF_TICKS - 20, OFF_TICKS + 20):
         node = storm(tmp_path, "--seconds", ticks / 1000, **{kind: 1}).summary["node"]
@@ -233,7 +228,6 @@ def test_counters_agree_whenever_the_run_ends(tmp_path, kind):
 
 @pytest.mark.parametrize("options", [("--nodes", 3), ("--bitrate", 500000), ("--bitrate", 10**6)])
 def test_each_node_has_its_own_faults(tmp_path, options):
-    """Three nodes from number 5 on, or one node on a bus that takes time."""
     rates = {"bus_off": 0.002, "restart": 0.002, "glitch": 0.002}
     rates |= {} if 3 in options else {"babble": 0.01}  # each node counts the babble of its number
     summary = storm(tmp_path, *options, "--seconds", 20, keys=("friction.node=5",), **rates).summary

@@ -43,7 +43,6 @@ SHAFT = (
 
 @pytest.fixture
 def scene(tmp_path):
-    """A scene of three ticks with all parts, and the log that it plays."""
     (tmp_path / "log.csv").write_text("angle\n1\n2\n3\n")
     (tmp_path / "scene.ini").write_text(REPLAY + SHAFT)
     return tmp_path / "scene.ini"
@@ -67,7 +66,7 @@ def test_no_output_destroys_an_input(tmp_path, scene, option, way, victim):
 
 
 def test_two_outputs_cannot_be_one_file(tmp_path, scene):
-    """Existing or new. /dev/null may be named twice."""
+    """Existing or new files. /dev/null may be named twice."""
     new = tmp_path / "new"
     for one, other in (("--log", "--summary"), ("--log", "--trace"), ("--trace", "--summary")):
         for again in (new, f"{tmp_path}/./new", "new"):
@@ -82,7 +81,6 @@ def test_two_outputs_cannot_be_one_file(tmp_path, scene):
 
 
 def test_outputs_replace_old_files(tmp_path, scene):
-    """A new file has the mode of the umask."""
     mask = os.umask(0o027)
     words = (tmp_path, scene, "--virtual", "--trace", tmp_path / "trace.csv")
     try:
@@ -168,7 +166,6 @@ def test_a_full_disk_leaves_whole_lines_and_counts_the_others(tmp_path, size, go
 
 
 def piped(folder, *options: str) -> tuple[subprocess.Popen, int]:
-    """Log into an open pipe that is not read: (program, reading end)."""
     reading, writing = os.pipe()
     words = command(folder, STEERING, *options)
     words[words.index("--log") + 1] = f"/dev/fd/{writing}"
@@ -180,7 +177,6 @@ def piped(folder, *options: str) -> tuple[subprocess.Popen, int]:
 
 
 def waiting_in(reading: int) -> int:
-    """Bytes that a pipe holds."""
     return struct.unpack("i", fcntl.ioctl(reading, termios.FIONREAD, b"\0" * 4))[0]
 
 

@@ -171,7 +171,6 @@ def test_frames_take_their_time_in_real_time(tmp_path):
 @pytest.mark.parametrize("seconds", [2, pytest.param(600, marks=pytest.mark.long)])
 @pytest.mark.timeout(700)
 def test_four_nodes_at_one_kilohertz_lose_nothing(tmp_path, seconds):
-    """In real time, on a served bus."""
     options = ("--bus", "socketcand:0", "--nodes", "4", *setting(f"motion.seconds={seconds}"))
     result = run(tmp_path, STEERING, *options, timeout=680)
     told = result.summary

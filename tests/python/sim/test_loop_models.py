@@ -69,7 +69,6 @@ def test_the_summary_of_a_demo_has_model_and_error(tmp_path, dahl_here, model, k
 
 
 def ask_and_end(channel: str, angles: list[Logged], answers: list[bytes]) -> None:
-    """Send these angles to a node after its first Status, collect its answers, then end it."""
     with can.Bus(interface="virtual", channel=channel) as bus:
         while bus.recv(20).arbitration_id != 0x120:
             pass
@@ -137,7 +136,6 @@ def test_friction_follows_a_load_of_the_log(tmp_path, dbc):
 
 
 def test_friction_follows_the_torque_of_the_motor(tmp_path, dbc):
-    """Also the friction of the shaft itself."""
     shaft = f"[rotor]\ninertia = 0.01\nsigma0 = 100\nFc = {FC[0]}\n"
     motor = "[motor]\namplitude = 2\nfrequency = 3\nseconds = 1\n"
     path = scene(tmp_path, "loaded", "[load]\nfull = 4\nrest = 0.25\n", shaft, motor)

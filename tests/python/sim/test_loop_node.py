@@ -32,7 +32,6 @@ SCENE = f"[friction]\nsigma0 = {PLAN.sigma0}\nFc = {PLAN.Fc}\ntheta_per_count = 
 def served(
     folder: Path, *sets: str, options: tuple[str, ...] = ()
 ) -> Iterator[tuple[can.BusABC, subprocess.Popen, list[Run]]]:
-    """A bus with the node, its program, and a list that gets the finished run."""
     (folder / "scene.ini").write_text(SCENE)
     ended: list[Run] = []
     words = ("--role", "node", *setting(*sets), *options)
@@ -48,7 +47,6 @@ def angle(counter: int, count: int, number: int = 0) -> can.Message:
 
 
 def next_frame(bus: can.BusABC, kind: type) -> codec.Frame:
-    """The next frame of this kind."""
     while (message := bus.recv(10)) is not None:
         if message.arbitration_id & ~15 == kind.base:
             return codec.unpack(message)
@@ -99,7 +97,6 @@ def test_a_silent_bus_makes_the_node_stale_after_its_timeout(tmp_path, ms):
 
 @pytest.mark.parametrize("ends", [False, True])
 def test_a_stalled_node_answers_all_frames_that_have_come(tmp_path, ends):
-    """In order, without a timeout, and also if it must end meanwhile."""
     with served(tmp_path) as (bus, process, ended):
         bus.send(angle(0, 0))
         next_frame(bus, codec.FrictionTorque)
@@ -133,7 +130,6 @@ def test_in_lockstep_the_clock_of_a_node_waits_2_s_for_the_next_angle(tmp_path):
 
 
 def test_a_loop_ignores_foreign_answers(tmp_path):
-    """Answers with a wrong CRC, and correct answers to no angle, for both nodes."""
     options = ("--wait-clients", "1", "--seconds", "1", "--nodes", "2")
     serves = serving(tmp_path, SCENES / "steering.ini", *options)
     with serves as (process, port), client(port) as bus:

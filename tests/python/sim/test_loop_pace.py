@@ -54,7 +54,6 @@ def clock(tmp_path_factory) -> Path:
 
 
 def timed(folder: Path, clock: Path, stall: float, *options: str) -> Run:
-    """Run with this clock, which jumps half a second after the start."""
     planted = {"LD_PRELOAD": str(clock), "STALL_AT": "500000000", "STALL": str(int(stall * 1e9))}
     folder.mkdir(exist_ok=True)
     process = subprocess.Popen(
@@ -85,7 +84,6 @@ def due_times(stall: float, ticks: int) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize(("stall", "seconds"), [(0, 3), (0.3, 3), (0.95, 6), (1.5, 2), (3, 2)])
 def test_ticks_keep_1_ms_and_catch_up_a_third_faster_after_a_stall(tmp_path, clock, stall, seconds):
-    """No tick is skipped."""
     result = timed(tmp_path, clock, stall, "--seconds", str(seconds))
     times = np.array([frame.time for frame in read_log(result.log) if frame.id == 0x100])
     summary = result.summary

@@ -37,7 +37,6 @@ NODE = ("--role", "node", "--set", "friction.timeout_ms=60000")
 
 
 def hear(peer: socket.socket, pattern: bytes) -> bytes:
-    """Read until something comes that matches."""
     text = b""
     while not re.search(pattern, text):
         part = peer.recv(1 << 16)
@@ -257,7 +256,6 @@ def test_virtual_time_waits_for_a_slow_client(tmp_path, pause, seconds):
 
 @pytest.mark.parametrize("clients", [0, 2])
 def test_ctrl_c_ends_the_wait_for_clients(tmp_path, clients):
-    """Before they have come, and in virtual time while they do not read."""
     options = ("--virtual", "--wait-clients", "2", "--nodes", "16")
     with serving(tmp_path, STEERING, *options) as (process, port):
         peers = [raw_client(port, receive_buffer=4096) for _ in range(clients)]

@@ -145,7 +145,6 @@ class Server(RuleBasedStateMachine):
     @precondition(lambda self: self.pick(0, "raw"))
     @rule(number=st.integers(0, 9), words=st.sampled_from(BAD_SENDS), piece=PIECES)
     def send_bad_frame(self, number: int, words: str, piece: int) -> None:
-        """It is counted and not answered."""
         client = self.pick(number, "raw")
         self.garbage += 1
         client.send(f"< {words} >", piece)
@@ -160,7 +159,6 @@ class Server(RuleBasedStateMachine):
         self.settle_all(begun)
 
     def put(self, client: Client, frame: tuple[str, bytes], piece: int = 1 << 16) -> None:
-        """Send a frame; every other client in raw mode must receive it."""
         identifier, data = frame
         client.send(f"< send {identifier} {len(data)} {data.hex(' ')} >", piece)
         shown = identifier.encode() + b"#" + data.hex().upper().encode()

@@ -56,7 +56,6 @@ PLAYED = [  # scene, keys of [motion], seed, counts
 def test_counts_follow_the_scene_and_the_answers_those_of_a_node(
     tmp_path, name, keys, seed, counts
 ):
-    """No frame is lost, on any machine."""
     path = scene_with(tmp_path, name, *(f"motion.{key}={value}" for key, value in keys.items()))
     result = run(tmp_path, path, "--virtual", "--seed", seed)
     assert (result.code, result.err) == (0, "")
@@ -91,7 +90,6 @@ def test_each_setting_of_a_scene_reaches_the_node(tmp_path, sets):
 
 @pytest.mark.parametrize("name", ["segments", "steering", "parking", "fault-storm"])
 def test_same_seed_same_bytes(tmp_path, name):
-    """Another seed gives another run, except for a motion without chance. The default is 1."""
     words = (SCENES / f"{name}.ini", "--virtual")
     seeds = ("--seed", 7), ("--seed", 7), ("--seed", 1), ()
     first, again, other, none = (run(tmp_path, *words, *s).log.read_bytes() for s in seeds)
@@ -142,9 +140,6 @@ ANGLE = "angle of the steering wheel, absolute [deg]"
 
 
 def random_table(rng: random.Random) -> tuple[bytes, list[float]]:
-    """A log of a spreadsheet and its angles: columns in any order, long or odd words, any line
-    ends.
-    """
     columns = rng.sample(["t [s]", "", ANGLE, 'a "note"'], 4)
     angles = [rng.randrange(-800, 800) / 8 for _ in range(rng.randrange(1, 400))]
     times = sorted(rng.choice(range(300)) / 1000 for _ in angles)
@@ -161,7 +156,6 @@ def random_table(rng: random.Random) -> tuple[bytes, list[float]]:
 
 
 def test_log_files_of_many_forms_are_read(tmp_path):
-    """As the csv module of Python writes them."""
     path = scene(tmp_path, FRICTION, REPLAY.format(ANGLE, 10), "time = t [s]\n")
     for seed in range(16):
         text, angles = random_table(random.Random(seed))
@@ -182,7 +176,6 @@ def test_log_files_of_many_forms_are_read(tmp_path):
     ],
 )
 def test_angles_go_to_the_nearest_count_from_the_first_row(tmp_path, rows, scale, counts):
-    """Up to the limit of a count; a larger angle is refused (test_scene_errors.py)."""
     (tmp_path / "log.csv").write_text("\n".join(["a,", *(f"{row},9" for row in rows.split())]))
     path = scene(tmp_path, FRICTION, REPLAY.format("a", scale))
     assert counts_of(read_log(run(tmp_path, path, "--virtual").log)) == counts
@@ -192,7 +185,6 @@ def test_angles_go_to_the_nearest_count_from_the_first_row(tmp_path, rows, scale
 
 
 def test_a_log_is_searched_next_to_the_scene_then_in_data(tmp_path, monkeypatch):
-    """An absolute path is used as it is. --log-file overrides the scene."""
     for end, name in enumerate(("beside", "data", "own")):
         (tmp_path / name).mkdir()
         (tmp_path / name / "log.csv").write_text(f"a\n0\n{end}\n")
@@ -217,7 +209,6 @@ def test_a_log_is_searched_next_to_the_scene_then_in_data(tmp_path, monkeypatch)
 
 @pytest.mark.parametrize(("seconds", "ticks"), [("0.001", 1), ("1.2346", 1235), ("0.0015", 2)])
 def test_seconds_are_rounded_to_ticks(tmp_path, seconds, ticks):
-    """A shorter motion ends the run earlier, with a note."""
     path = SCENES / "steering.ini"
     whole = run(tmp_path, path, "--virtual", "--seconds", seconds)
     assert (whole.summary["ticks"], whole.err) == (ticks, "")

@@ -35,7 +35,6 @@ def write(folder: Path, scene: str | bytes, table: str | bytes = TABLE) -> Path:
 
 
 def refused(place: str, facts: list[str], *options: object) -> str:
-    """Check the one line: it begins with the place and has these facts."""
     done = run_program(*options)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1), done
     assert done.stderr.startswith(f"error: {place}"), done.stderr
@@ -240,7 +239,6 @@ LEAST = {  # scenes: each with all parts that it can have
 
 @pytest.mark.parametrize("name", LEAST)
 def test_only_required_keys_are_required(tmp_path, name):
-    """A scene without a required key is refused, a scene without another key runs."""
     lines, section = LEAST[name].splitlines(), ""
     for number, line in enumerate(lines):
         section = line.strip("[]") if line.startswith("[") else section
@@ -254,7 +252,6 @@ def test_only_required_keys_are_required(tmp_path, name):
 
 
 def test_a_scene_may_come_from_any_editor(tmp_path):
-    """Line ends, a byte order mark, comments, keys for plots."""
     text, logs = scene_of(), set()
     measured = f"{text}\n[measured]\ntorque = Friction [uN]\nspring = none\n"
     for form in (text, f"\ufeff{text}", f"; a word\n\t{text}", measured.replace("\n", "\r\n")):
@@ -273,7 +270,6 @@ WORDS += [("--role", name) for name in ("both", "encoder", "node")]
 
 @pytest.mark.parametrize(("key", "name"), WORDS)
 def test_a_word_must_be_complete(key, name):
-    """No abbreviation, no suffix, no capitals."""
     parts = ["friction.model=parallel", "friction.sigma0=1 1", "friction.Fc=1 1"]
     more = setting(*parts) if key == "friction.kinds" else []
     for word in (name[:1], name[:-1], f"{name}s", name.upper()):
@@ -302,7 +298,6 @@ NUMBERS = [
 
 
 def scene_with_key(key: scene_keys.Key) -> Path:
-    """A shipped scene in which the key has a meaning."""
     is_of_segments = f"\n{key.name} = " in (SCENES / "segments.ini").read_text()
     other = "segments" if is_of_segments and key.section == "motion" else "steering"
     return SCENES / f"{PLACES.get(key.section, other)}.ini"
@@ -328,7 +323,6 @@ def test_each_number_is_accepted_up_to_its_limits(key):
 
 
 def beyond(value: float, side: int, whole: bool) -> float:
-    """The next value outside that a user could mean."""
     if whole:
         return int(value) + side
     return value + side * (1e-10 if value == 0 else abs(value) * 1e-6)
@@ -437,7 +431,6 @@ def test_a_role_needs_its_section(tmp_path, role, name, missing):
 
 
 def test_a_missing_file_is_refused(tmp_path):
-    """A folder is refused as well."""
     path = write(tmp_path, scene_of())
     words = ("--scene", path, "--log-file")
     refused(f"{tmp_path}/absent.csv: ", ["No such file"], *words, tmp_path / "absent.csv")

@@ -26,7 +26,6 @@ def test_dahl_loop_has_each_key(section, name):
 
 
 def test_keys_for_plots_are_those_that_are_read():
-    """With the same defaults."""
     rows, measured = scene_keys.plot_keys(), vars(scene.Measured())
     defaults = {name: type(value)(rows["measured", name]) for name, value in measured.items()}
     assert defaults == measured and len(rows) == len(measured)

@@ -24,7 +24,6 @@ START_UP = [PORT / f"{part}.c" for part in
 
 
 def run(*command: object, code: int | None = 0, seconds: float = 280, cwd: Path = ROOT) -> str:
-    """Return the output of a command that exits with `code`; None: any code."""
     words = [str(word) for word in command]
     done = subprocess.run(
         words, capture_output=True, text=True, check=False, cwd=cwd, timeout=seconds
@@ -52,7 +51,6 @@ def build(core: str, target: str) -> Path:
 
 
 def flags(folder: Path) -> list[str]:
-    """Return the flags of the compiler of a core."""
     cache = (folder / "CMakeCache.txt").read_text()
     return re.search(r"^CMAKE_C_FLAGS:\w+=(.*)$", cache, re.M)[1].split()
 
@@ -102,7 +100,6 @@ def test_no_double_load_overwrites_its_address_first() -> None:
 
 
 def link(core: str, board: str, main: Path, code: int = 0) -> str:
-    """Link an image for a board from one file."""
     words = [*flags(build(core, "dahl")), "-O1", f"-I{PORT}", f"-I{ROOT}/port", "-nostartfiles"]
     words += [f"-L{PORT}", f"-T{PORT}/{board}.ld", "-o", main.with_name("image"), main, *START_UP]
     return run(tool(core, "gcc"), *words, code=code)

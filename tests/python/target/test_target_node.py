@@ -126,8 +126,6 @@ def test_silence_makes_it_stale_while_status_goes_on(bus) -> None:
 
 
 class Serial:
-    """The serial line of the firmware as bytes; a thread reads it."""
-
     def __init__(self, port: int) -> None:
         self.link = socket.create_connection(("127.0.0.1", port))
         self.text = bytearray()
@@ -142,7 +140,6 @@ class Serial:
         self.link.sendall(b"".join(line + b"\r" for line in lines))
 
     def lines(self, head: bytes) -> list[bytes]:
-        """Return the complete lines with this head; BEL ends a line like CR."""
         whole = bytes(self.text).replace(b"\a", b"\r").rpartition(b"\r")[0]
         return [line for line in whole.split(b"\r") if line.startswith(head)]
 
@@ -178,7 +175,6 @@ def serial(tmp_path) -> Iterator:
 
 @pytest.mark.parametrize("core", firmware.boards())
 def test_a_trace_equals_that_of_the_host(core: str, serial, tmp_path) -> None:
-    """A steering manoeuvre with at most 20 angles unanswered."""
     seconds = 10 if core == "m4f" else 2
     scene = ROOT / "host_sim/scenes/steering.ini"
     log = run(tmp_path, scene, "--virtual", "--seconds", str(seconds)).log.read_text()
