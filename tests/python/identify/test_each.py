@@ -32,7 +32,7 @@ def folder(tmp_path):
         torque = (1 + seed) * (dahl_torque(theta) + 0.02 * FC * noise_of(seed, 1000))
         write_csv(place / f"run{seed}.csv", theta, torque)
     theta = sine(1, rows=1500, cycles=7)
-    write_csv(place / "sign.csv", theta, FC * np.sign(np.gradient(theta)))
+    write_csv(place / "sign.CSV", theta, FC * np.sign(np.gradient(theta)))
     (place / "broken.csv").write_text("t,angle_deg,torque_Nm\n0,1,2\n1,x,2\n")
     (place / "notes.md").write_text("no log")
     return place
@@ -64,9 +64,9 @@ def test_a_folder_is_a_table_and_results_are_stored(folder, each, monkeypatch):
     monkeypatch.setenv("COLUMNS", "2000")
     rows, earlier = each(folder, "--jobs", "2", code=2)
     assert jobs == [2]
-    names = ["broken.csv", "run0.csv", "run1.csv", "run2.csv", "sign.csv"]
+    names = ["broken.csv", "run0.csv", "run1.csv", "run2.csv", "sign.CSV"]
     assert sorted(rows) == names and earlier == 0
-    assert rows["sign.csv"]["sigma0_high"] == "" != rows["sign.csv"]["Fc_high"]
+    assert rows["sign.CSV"]["sigma0_high"] == "" != rows["sign.CSV"]["Fc_high"]
     errors = [line for line in each.done.stderr.splitlines() if line.startswith("error: ")]
     assert len(errors) == 1 and "broken.csv:3" in errors[0]
     assert "broken.csv:3" in rows["broken.csv"]["error"] and rows["broken.csv"]["Fc"] == ""

@@ -60,6 +60,18 @@ def force_of(seed: int) -> np.ndarray:
     return dahl_torque(way) + NOISE * FC * noise_of(seed, ROWS) + terms
 
 
+def coulomb_residual() -> float:
+    """Return the rms that least squares of a sign and the terms leaves over both logs."""
+    columns = []
+    for way in (way_of(1), way_of(2)):
+        speed = np.gradient(way, TIME)
+        terms = np.ones(ROWS), way, speed, np.gradient(speed, TIME)
+        columns.append(np.column_stack((np.sign(speed), *terms)))
+    force = np.concatenate([force_of(seed) for seed in (1, 2)])
+    _, (left,), *_ = np.linalg.lstsq(np.concatenate(columns), force, rcond=None)
+    return float(np.sqrt(left / len(force)))
+
+
 def write_log(folder: Path, seed: int) -> Path:
     path = folder / f"{seed} of the left rig in the second hall.csv"
     table = np.column_stack((TIME, 1e3 * way_of(seed), force_of(seed)))
@@ -116,6 +128,7 @@ def test_json_has_each_number_under_its_name(rig):
     for name, one in kept["held_out"].items():
         assert 1 - one["r2"] == pytest.approx(one["rmse"] ** 2 / force.var(), rel=0.15), name
     assert kept["r2_coulomb"] == kept["held_out"]["coulomb"]["r2"]
+    assert held[2] > 0.95 * coulomb_residual()  # a cycle left out is not fitted
     assert 0.7 * SIGMA0 < kept["bilinear_sigma0"] < 1.4 * SIGMA0
     turns = sum(np.count_nonzero(np.diff(np.sign(np.diff(way_of(seed))))) for seed in (1, 2))
     assert kept["reversals"] == turns and kept["cycles_scored"] == turns // 2
@@ -302,6 +315,8 @@ def test_the_picture_shows_the_fit_over_the_measurement(rig):
     assert measured[1] == pytest.approx(force, abs=1e-9)
     start = ROWS - fitted.shape[1]  # until the torque at the first row is forgotten
     assert 0 < start < ROWS // 4 and np.array_equal(fitted[0], measured[0][start:])
+    of_both = [line.get_xdata() for line in panels["loop"].lines[2:4]]  # of the second log
+    assert of_both[1].tolist() == of_both[0][-len(of_both[1]) :].tolist()
     left = (measured[1][start:] - fitted[1])[:-100]  # the last acceleration is a guess
     assert left.std() == pytest.approx(rig.kept["rmse"], rel=0.15)
     for name in ("by angle", "by speed"):

@@ -126,6 +126,12 @@ def test_a_log_of_two_buses_needs_the_name_of_one(dahl, log):
         done = dahl("plot", "two.log", *scene, "-c", bus)
         assert (done.returncode, done.stderr) == (0, "") and Path("loop.png").exists()
         assert f": {ticks} ticks, " in done.stdout
+    with can.LogReader("two.log") as frames, can.Logger("two.asc") as numbered:
+        for frame in frames:
+            frame.channel = int(frame.channel == "can1")
+            numbered.on_message_received(frame)
+    done = dahl("plot", "two.asc", *scene, "-c", "1")  # a number, no name
+    assert f": {ticks} ticks, " in done.stdout, done.stderr
 
 
 def test_a_broken_mf4_is_refused_in_one_line(run_dahl, tmp_path):

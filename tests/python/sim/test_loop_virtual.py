@@ -143,7 +143,7 @@ def random_table(rng: random.Random) -> tuple[bytes, list[float]]:
     columns = rng.sample(["t [s]", "", ANGLE, 'a "note"'], 4)
     angles = [rng.randrange(-800, 800) / 8 for _ in range(rng.randrange(1, 400))]
     times = sorted(rng.choice(range(300)) / 1000 for _ in angles)
-    words = ["x" * 60000, "", "a, b", '"', " two\nlines", "9"]
+    words = ["x" * 60000, "", "a, b; c", '"', " two\nlines", "9"]
     end, text = rng.choice(["\n", "\r\n"]), io.StringIO()
     quoting = rng.choice([csv.QUOTE_MINIMAL, csv.QUOTE_ALL])
     table = csv.writer(text, delimiter=rng.choice(",;\t"), lineterminator=end, quoting=quoting)
