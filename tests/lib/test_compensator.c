@@ -394,7 +394,7 @@ static double change_after(const slides_t *slides, int ticks)
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_adaptation_prepare(&plan, &params, (float)INERTIA));
     for (int t = 0; t < ticks; t++) {
         const int direction = direction_at(slides, t), sign = direction < 0 ? -1 : 1;
-        const double acceleration = (slides->to - slides->from) / SLIDE * 1e3;
+        const double acceleration = (slides->to - slides->from) / (double)SLIDE * 1e3;
         const double before = floor(angle);
         angle += sign * (slides->from + acceleration * (t % SLIDE) * 1e-3) * 1e-3 / (double)valid.friction.theta_per_count;
         compensator.move = (int32_t)(floor(angle) - before);

@@ -101,24 +101,67 @@ static void wait_on(void *context, uint32_t us)
     clock_ns += us * UINT64_C(1000);
 }
 
-/* By the standard's arbitration an id of 11 bits wins over one of 29 that begins with it. tests/python/sim/test_loop_load.py has
- * the times of a timed bus. */
-static void test_the_highest_priority_goes_first(void)
+static void open_timed(uint32_t bitrate)
 {
-    static const dahl_can_frame_t frames[] = {
+    loopback_open(&loopback, bitrate, (dahl_can_clock_t){.now_ns = now, .wait_us = wait_on});
+}
+
+typedef struct {
+    const dahl_can_frame_t *frames;
+    size_t count;
+    uint8_t order[6];  /* in which they are carried */
+    uint32_t pause_ns;    /* from one to the next that asks; a frame takes 45 us and more */
+} priority_case_t;
+
+/* By the standard's arbitration an id of 11 bits wins over one of 29 that begins with it. A frame on its way is not
+ * interrupted; equal ids go in the order of asking. */
+static void test_the_highest_priority_of_those_that_have_asked_goes_first(void)
+{
+    static const dahl_can_frame_t at_once[] = {
         {.id = 0x101}, {.id = 0x100u << 18, .flags = DAHL_CAN_FRAME_EXTENDED}, {.id = 0x100}, {.id = 0x7FF},
         {.id = (0x100u << 18) - 1, .flags = DAHL_CAN_FRAME_EXTENDED}, {.id = 0x0FF}};
-    static const uint8_t order[] = {5, 4, 2, 1, 0, 3};
+    static const dahl_can_frame_t later[] = {
+        {.id = 0x300}, {.id = 0x200, .length = 1, .data = {1}}, {.id = 0x200, .length = 1, .data = {2}}, {.id = 0x100}};
+    static const priority_case_t cases[] = {{at_once, 6, {5, 4, 2, 1, 0, 3}, 0},
+                                            {later, 4, {0, 3, 1, 2}, 10000}};
     dahl_can_frame_t out;
-    loopback_open(&loopback, 1000000, (dahl_can_clock_t){.now_ns = now, .wait_us = wait_on});
-    for (size_t i = 0; i < sizeof order; i++) {
-        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&loopback.bus, &frames[i]));
+    for (const priority_case_t *c = cases; c < cases + 2; c++) {
+        open_timed(1000000);
+        for (size_t i = 0; i < c->count; i++) {
+            TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&loopback.bus, &c->frames[i]));
+            clock_ns += c->pause_ns;
+        }
+        for (size_t i = 0; i < c->count; i++) {
+            TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&loopback.bus, &out, 1000));
+            TEST_ASSERT_EQUAL_HEX32(c->frames[c->order[i]].id, out.id);
+            TEST_ASSERT_EQUAL(c->frames[c->order[i]].data[0], out.data[0]);
+        }
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 0));
     }
-    for (size_t i = 0; i < sizeof order; i++) {
-        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&loopback.bus, &out, 1000));
-        TEST_ASSERT_EQUAL_HEX32(frames[order[i]].id, out.id);
+}
+
+/* A frame that ends after the time to wait stays; so much time has passed then, and no more where a frame comes before. */
+static void test_a_timed_bus_takes_its_time(void)
+{
+    const dahl_can_frame_t in = {.id = 0x555, .length = 0}; /* 44 bits and the pause of 3, nothing to stuff but in the CRC */
+    dahl_can_frame_t out;
+    open_timed(125000);
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 700));
+    TEST_ASSERT_EQUAL(705000, clock_ns);
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&loopback.bus, &in));
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 300));
+    TEST_ASSERT_EQUAL(1005000, clock_ns);
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&loopback.bus, &out, 300));
+    TEST_ASSERT_GREATER_OR_EQUAL(705000 + 47 * 8000, clock_ns);
+    TEST_ASSERT_LESS_OR_EQUAL(705000 + 50 * 8000, clock_ns);
+    TEST_ASSERT_EQUAL(clock_ns / 1000, out.time_us);
+    TEST_ASSERT_EQUAL(DAHL_CAN_FRAME_OWN, out.flags);
+    for (size_t i = 0; i < LOOPBACK_TIMED_ROOM; i++) {
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&loopback.bus, &in));
     }
-    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 0));
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_BUSY, dahl_can_bus_send(&loopback.bus, &in));
+    TEST_ASSERT_EQUAL(1, loopback.bus.counts.dropped);
+    TEST_ASSERT_EQUAL(0, loopback.bus.ops->peers(&loopback.bus));
 }
 
 /* By the standard's rules, counted outside this library: a remote frame has a length and no data. */
@@ -161,6 +204,24 @@ static void test_plain_frames_have_a_text_within_its_buffer(void)
     memset(text, '#', sizeof text);
     TEST_ASSERT_EQUAL(sizeof longest_send - 2, text_from_send(text, &frame));
     TEST_ASSERT_EQUAL_STRING_LEN(longest_send, text, sizeof longest_send - 1);
+}
+
+static void test_words_are_separated_by_blanks_and_must_fit(void)
+{
+    static const struct {
+        bool found;
+        const char *word; /* afterwards */
+    } wanted[] = {{true, "one"}, {true, "two"}, {false, "two"}, {true, "4"}, {false, "4"}}; /* "three" does not fit */
+    char word[4] = "old";
+    const char *cursor = "one  two three 4  ";
+    for (size_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++) {
+        TEST_ASSERT_EQUAL(wanted[i].found, text_word(&cursor, word, sizeof word));
+        TEST_ASSERT_EQUAL_STRING(wanted[i].word, word);
+    }
+    TEST_ASSERT_EQUAL('\0', *cursor);
+    cursor = "four 5"; /* does not fit with its terminator */
+    TEST_ASSERT_FALSE(text_word(&cursor, word, sizeof word));
+    TEST_ASSERT_EQUAL_STRING("4", word);
 }
 
 static dahl_can_frame_t taken;
