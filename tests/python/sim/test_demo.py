@@ -17,6 +17,7 @@ from pathlib import Path
 import dahl
 import numpy as np
 import pytest
+from dahl.binding.library import load
 from dahl.io import can_logs
 from dahl.report import traces
 from dahl.sim import scene
@@ -298,7 +299,10 @@ def test_a_failed_run_removes_results_of_an_earlier_run(dahl, tmp_path, monkeypa
 
 
 def test_without_a_measured_set_the_demo_runs_steering(dahl, unpainted, monkeypatch, tmp_path):
-    """Otherwise it plays the best set. The folder of the checkout is replaced."""
+    """Otherwise it plays the best set. The folder of the checkout is replaced, after the library is
+    loaded from it.
+    """
+    load()
     monkeypatch.setattr("dahl.paths.ROOT", tmp_path / "a" / "b")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setenv("DAHL_DATA_URL", "http://127.0.0.1:1/{path}")
