@@ -199,9 +199,9 @@ int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensa
  * @param compensator state
  * @param ratio_q30   [Q30 of Fc] torque of the element: result of its Q30 call
  * @return [Q30 of Fc] torque to add to the command, within the limit
- * @note Error: 2.3 x 2^-15 of ratio_q30 at most, from the fades. With gain 1, no fade and no limit
- *   in reach, it is ratio_q30. The opposite input from the opposite state gives the opposite torque
- *   within 2^-30. Cost: the other half.
+ * @note Error: 2.3 x 2^-15 of ratio_q30 at most, from the fades. It is ratio_q30 with gain 1, if
+ *   no fade, slew or limit is in reach. The opposite input from the opposite state gives the
+ *   opposite torque within 2^-30. Cost: the other half.
  */
 int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
                                 dahl_compensator_t *compensator, int32_t ratio_q30);
