@@ -8,9 +8,9 @@
 #   target   counts instructions, cycles, bytes and stack in QEMU, on all small cores or on those given (m4f rv32 ...); prints
 #            tables and writes build/bench/target.json. --quick leaves picolibc out. --mhz also prints microseconds at a clock:
 #            tools/bench.sh target --quick --mhz 48 m0
-#   host     measures errors against long double and speed on this machine, also for MuJoCo, Newton and SciPy (installed in
-#            build/bench/venv); writes build/bench/host.json. --quick runs shorter motions.
-#   report   reads these two files; writes build/bench/results.json, pareto.png, pareto.svg, growth.png, growth.svg
+#   host     measures errors against long double, speed on this machine and calls from Python, also for MuJoCo, Newton, SciPy,
+#            JAX and numba (installed in build/bench/venv); writes build/bench/host.json. --quick runs shorter motions.
+#   report   reads these two files; writes build/bench/results.json and the pictures speed, pareto and growth (.png, .svg)
 #   docs     runs report, then writes the tables and pictures of docs/
 set -euo pipefail
 # shellcheck source=tools/common.sh
@@ -25,14 +25,14 @@ esac
 
 python() { "$VENV/bin/python" "$ROOT/tools/bench/$1.py" "${@:2}"; }
 
-# If this fails, the bench continues: host.py reports which simulators are missing.
+# If this fails, the bench continues: host.py reports which rivals are missing.
 install_rivals() {
     local venv=$BUILD/bench/venv pins=$BUILD/bench/rivals.txt key
     mkdir -p "$BUILD/bench"
     locked_packages rivals >"$pins"
     key=$(sha256sum <"$pins")
     [ "$(cat "$venv/.complete" 2>/dev/null)" != "$key" ] || return 0
-    say "installing other simulators into build/bench/venv (group rivals of pyproject.toml)"
+    say "installing rivals into build/bench/venv (group rivals of pyproject.toml)"
     rm -rf "$venv"
     if "$VENV/bin/python" -m venv "$venv" >"$venv.log" 2>&1 && "$venv/bin/python" -m pip --disable-pip-version-check install \
         --quiet --progress-bar off --retries 2 --timeout 15 --no-deps --require-hashes -r "$pins" >>"$venv.log" 2>&1; then

@@ -120,23 +120,27 @@ def panel(
     axes.set_title(title, loc="left", fontsize=12, fontweight="bold")
 
 
-def pareto(target: dict[str, Any], host: dict[str, Any]) -> Figure:
-    cores = [core for core in CORES if core in target]
+def pareto(target: dict[str, Any], host: dict[str, Any], shown: tuple[str, ...] = CORES) -> Figure:
+    """Draw a panel for each core, and one for the host."""
+    cores = [core for core in shown if core in target]
     points = {core: core_points(target, host, core) for core in cores} | {"host": host_points(host)}
     titles = {point.title: point.ours for group in points.values() for point in group}
     titles = dict(sorted(titles.items(), key=lambda item: not item[1]))
     numbers = {title: number for number, title in enumerate(titles, 1)}
+    lines = (len(cores) + 2) // 2
     with plt.rc_context(STYLE):
-        figure, grid = plt.subplots(2, 2, figsize=(13, 13), layout="constrained")
+        figure, grid = plt.subplots(lines, 2, figsize=(13, 5.2 * lines + 2.6), layout="constrained")
         axes = list(grid.flat)
         for place, core in zip(axes, cores, strict=False):
             floor = min(ways["floor"] for ways in motions_of(target, core).values())
             panel(place, points[core], TITLES[core], floor, numbers)
             place.set_xlabel("instructions a tick, mean over the hard motions")
         copied = min(ways["copy"] for ways in host["speed"].values())
-        panel(axes[3], points["host"], f"host: {host['cpu']}", copied, numbers)
-        axes[3].set_xlabel("ns a tick, mean over the hard motions")
-        for place in (axes[0], axes[2]):
+        panel(axes[-1], points["host"], f"host: {host['cpu']}", copied, numbers)
+        axes[-1].set_xlabel("ns a tick, mean over the hard motions")
+        for place in axes[len(cores) : -1]:
+            place.set_visible(False)  # of a core that was not counted
+        for place in axes[::2]:
             place.set_ylabel("worst error of F/Fc (triangle: diverges)")
         key(figure, titles)
         figure.suptitle("Speed against error", fontsize=15, fontweight="bold", x=0.01, ha="left")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import platform
 import subprocess
 import sys
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+import outside
 from target import OUT, ROOT, BenchError, run
 from target import write as write_json
 
@@ -158,12 +160,12 @@ def outside_task(sizes: Sizes) -> dict[str, Any]:
 
 
 def measure_outside(sizes: Sizes) -> dict[str, dict[str, Any]]:
-    """Return errors and ns per tick of MuJoCo, Newton and SciPy, or why one is missing."""
-    say("rivals from outside: MuJoCo, Newton, SciPy")
+    """Return errors and ns per tick of each method of outside.py, or why one is missing."""
+    say(f"rivals from outside: {', '.join(outside.WAYS)}")
     python = VENV / "bin" / "python"
     if not (VENV / ".complete").exists():
         reason = "build/bench/venv could not be made; see build/bench/venv.log"
-        return {name: {"missing": reason} for name in ("mujoco", "newton", "scipy")}
+        return {name: {"missing": reason} for name in outside.WAYS}
     text = run(
         python,
         ROOT / "tools/bench/outside.py",
@@ -187,22 +189,32 @@ def best_time(work: Callable[[], object], rounds: int = 7) -> float:
     return min(times)
 
 
-def measure_python() -> dict[str, float]:
-    """Return ns per tick from Python: one call per tick, and one call for all ticks."""
+def measure_calls() -> dict[str, Any]:
+    """Return ns of single calls from Python, and of a call for a log of each length."""
     import dahl
 
-    moves = np.random.default_rng(1).integers(-8, 9, 1_000_000).astype(np.int32)
-    out = np.empty(len(moves), np.float32)
-    theta = TURN / 2**14
-    bearing = dahl.Friction(dahl.Plan(SIGMA0, FC, theta))
-    throughput = dahl.Throughput(SIGMA0, FC, theta)
-    few = moves[:20_000].tolist()
+    say("calls from Python, also of numba and JAX")
+    rivals = VENV / "bin" / "python"
+    python = rivals if (VENV / ".complete").exists() else sys.executable
+    script = ROOT / "tools/bench/python_calls.py"
+    path = {"PYTHONPATH": str(Path(dahl.__file__).parents[1])}  # the rivals' venv has no dahl
+    calls = {
+        "python": platform.python_version(),
+        "single": json.loads(run(sys.executable, script, "single")),
+        "logs": json.loads(run(python, script, "logs", env=os.environ | path)),
+    }
+    for name, reason in calls["logs"]["missing"].items():
+        say(f"not compared for logs: {name}: {reason}")
+    return calls
+
+
+def of_a_tick(calls: dict[str, Any]) -> dict[str, float]:
+    """Return ns per tick from Python: one call per tick, and one call for all ticks."""
+    longest, ns = calls["logs"]["ticks"][-1], calls["logs"]["ns"]
     return {
-        "step_ns": best_time(lambda: [bearing.step_counts(m) for m in few]) / len(few) * 1e9,
-        "batch_ns": best_time(lambda: bearing.run_counts(moves, out)) / len(moves) * 1e9,
-        "throughput_ns": best_time(lambda: throughput.run_counts(moves, out=out))
-        / len(moves)
-        * 1e9,
+        "step_ns": calls["single"]["step_counts"],
+        "batch_ns": ns["friction"][-1] / longest,
+        "throughput_ns": ns["throughput"][-1] / longest,
     }
 
 
@@ -255,6 +267,7 @@ def cpu() -> str:
 def measure(quick: bool) -> dict[str, Any]:
     sizes = QUICK if quick else WHOLE
     build()
+    calls = measure_calls()
     errors = measure_errors(sizes)
     return {
         "quick": quick,
@@ -265,7 +278,8 @@ def measure(quick: bool) -> dict[str, Any]:
         "parts": measure_parts(sizes, list(errors)),
         "rates": measure_rates(),
         "speed": measure_speed(sizes),
-        "python": measure_python(),
+        "python": of_a_tick(calls),
+        "calls": calls,
         "threads": measure_threads(sizes.threads),
         "mixes": measure_mixes(),
         "outside": measure_outside(sizes),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Write results.json and the pictures pareto and growth from target.json and host.json.
+"""Write results.json and the pictures speed, pareto and growth from target.json and host.json.
 
 With `--docs`, also write the tables and pictures of docs/.
 """
@@ -22,10 +22,22 @@ from results import CORES
 from target import OUT, ROOT, BenchError
 
 RESULT = OUT / "results.json"
-PICTURES = ("pareto.png", "growth.png")  # for docs/speed.md; the .svg files stay in build/bench
+PICTURES = (
+    "speed.png",
+    "pareto.png",
+    "growth.png",
+)  # for docs/speed.md; the .svg files stay in build/bench
 DOCS = ROOT / "docs"
 WAYS_MARKS = ("<!-- bench:ways -->", "<!-- /bench:ways -->")
 HOST_MARKS = ("<!-- bench:host -->", "<!-- /bench:host -->")
+PYTHON_MARKS = ("<!-- bench:python -->", "<!-- /bench:python -->")
+LOG_CALLS = {
+    "friction": "**`Friction.run_counts(moves, out)`**",
+    "throughput": "**`Throughput.run_counts(moves, out=out)`**",
+    "numpy": "NumPy, one ufunc: `np.negative(angles, out)`",
+    "numba": "numba, the textbook loop in double",
+    "jax_double": "JAX, `associative_scan` in double",
+}
 
 
 def load(path: Path, command: str) -> dict[str, Any]:
@@ -87,9 +99,22 @@ def plain_lines(x: dict[str, float]) -> list[str]:
         f" ({x['throughput_channels16_x_least']:.1f}), of different stiffness"
         f" {x['throughput_channels16_apart_x']:.1f}"
         f" ({x['throughput_channels16_apart_x_least']:.1f})",
-        f"- a plain copy of the arrays: {x['copy_x']:.0f} times as fast as"
-        f" `dahl_throughput_counts`, {x['copy_channels16_x']:.0f} times as fast as its 16 channels",
+        f"- a plain copy of the arrays: {x['copy_x']:.1f} times as fast as"
+        f" `dahl_throughput_counts`, {x['copy_channels16_x']:.1f} times as fast as its 16 channels",
     ]
+
+
+def host_table(result: dict[str, Any]) -> list[str]:
+    """Return the table of time and error on the host: ours, the plain loops, and other packages."""
+    titles = {way.key: f"**{way.title}**" if way.ours else way.title for way in results.WAYS}
+    titles |= results.OUTSIDE
+    keys = ("throughput_counts", "batch_counts", "expm1f", "double_state", *results.OUTSIDE)
+    lines = ["| on this host | ns a tick | worst error of F/Fc |", "|---|---:|---:|"]
+    for key in keys:
+        if point := result["points"]["host"].get(key):
+            cost = f"{point['cost']:,.{0 if point['cost'] >= 10 else 2}f}"
+            lines.append(f"| {titles[key]} | {cost} | {format_error(point['worst'])} |")
+    return lines
 
 
 def host_block(result: dict[str, Any]) -> str:
@@ -118,7 +143,45 @@ def host_block(result: dict[str, Any]) -> str:
     lines += [f"- not compared here: {name} ({why})" for name, why in result["missing"].items()]
     note = f"{result['machine']['cpu']}, {result['machine']['compiler']}; ratios within one run,"
     note += " geometric mean over the hard motions, in brackets the least."
-    return "\n".join([HOST_MARKS[0], *lines, "", note, HOST_MARKS[1]])
+    return "\n".join([HOST_MARKS[0], *host_table(result), "", *lines, "", note, HOST_MARKS[1]])
+
+
+def single_lines(calls: dict[str, Any]) -> list[str]:
+    """List what single calls from Python cost."""
+    single = calls["single"]
+    pairs = (
+        ("`Friction.step_counts`", "step_counts", "float", '`float("1.5")`'),
+        ("`Node.receive`", "receive", "message", "`can.Message(...)`"),
+        ("`Node.receive` with `now`", "receive_now", "message", "`can.Message(...)`"),
+    )
+    return [
+        f"- {title}: {single[ours] / 1000:.2f} us, {single[ours] / single[other]:.1f} times {than}"
+        for title, ours, other, than in pairs
+    ]
+
+
+def log_rows(calls: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
+    """Return the head and the rows of the table of calls for logs."""
+    logs = calls["logs"]
+    head = ["us a call, by ticks of the log", *(f"{n:,}" for n in logs["ticks"])]
+    rows = [
+        [title, *(f"{ns / 1000:,.{0 if ns >= 1e5 else 1}f}" for ns in logs["ns"][name])]
+        for name, title in LOG_CALLS.items()
+        if name in logs["ns"]
+    ]
+    return head, rows
+
+
+def python_block(result: dict[str, Any]) -> str:
+    """Return the block of docs/speed.md about calls from Python."""
+    calls = result["calls"]
+    head, rows = log_rows(calls)
+    lines = ["| " + " | ".join(row) + " |" for row in (head, *rows)]
+    lines.insert(1, "|---|" + "---:|" * (len(head) - 1))
+    missing = [f"- not compared here: {k} ({why})" for k, why in calls["logs"]["missing"].items()]
+    note = f"{result['machine']['cpu']}, Python {calls['python']}; least of many calls in turns."
+    lines = [*lines, "", *single_lines(calls), *missing, "", note]
+    return "\n".join([PYTHON_MARKS[0], *lines, PYTHON_MARKS[1]])
 
 
 def show(result: dict[str, Any]) -> None:
@@ -137,6 +200,13 @@ def show(result: dict[str, Any]) -> None:
             worst = format_error(point["worst"])
             printed.add_row(key, f"{point['cost']:.4g}", worst, style=style)
         console.print(printed)
+    head, rows = log_rows(result["calls"])
+    printed = Table(*head)
+    for row in rows:
+        printed.add_row(*(cell.replace("**", "").replace("`", "") for cell in row))
+    console.print(printed)
+    for line in single_lines(result["calls"]):
+        console.print(line.replace("`", ""), markup=False)
     for key, value in result["host"].items():
         console.print(f"{key:32} {value:10.2f}")
     for entry in result["dominated"]:
@@ -159,6 +229,7 @@ def write_block(page: Path, marks: tuple[str, str], block: str) -> None:
 
 def draw(target: dict[str, Any], host: dict[str, Any]) -> None:
     for name, figure in (
+        ("speed", figures.pareto(target, host, ("m4f",))),
         ("pareto", figures.pareto(target, host)),
         ("growth", figures.growth(target, host)),
     ):
@@ -180,7 +251,9 @@ def write_docs(target: dict[str, Any], host: dict[str, Any]) -> None:
     write_block(DOCS / "microcontroller.md", table.WORST_MARKS, table.worst_block(target))
     write_block(DOCS / "speed.md", table.SPEED_MARKS, table.speed_block(target))
     write_block(DOCS / "speed.md", WAYS_MARKS, ways_table(target, host))
-    write_block(DOCS / "speed.md", HOST_MARKS, host_block(results.combine(target, host)))
+    result = results.combine(target, host)
+    write_block(DOCS / "speed.md", HOST_MARKS, host_block(result))
+    write_block(DOCS / "speed.md", PYTHON_MARKS, python_block(result))
     for name in PICTURES:
         target_bench.put(DOCS / "pictures" / name, (OUT / name).read_bytes())
     write_measured(target)
@@ -210,7 +283,7 @@ def main(arguments: list[str]) -> int:
     draw(target, host)
     target_bench.write(RESULT, result)
     show(result)
-    print("bench: build/bench/results.json, pareto.png, pareto.svg, growth.png, growth.svg written")
+    print("bench: build/bench/results.json and the pictures speed, pareto and growth written")
     if options.docs:
         write_docs(target, host)
     return 0

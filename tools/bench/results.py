@@ -144,6 +144,9 @@ OUTSIDE = {
     "mujoco": "MuJoCo `dcmotor`",
     "newton": "Newton's Dahl axis",
     "scipy": "SciPy `solve_ivp`",
+    "numba": "numba loop, state in double",
+    "jax_float": "JAX `associative_scan`, float",
+    "jax_double": "JAX `associative_scan`, double",
 }
 
 
@@ -212,5 +215,6 @@ def combine(target: dict[str, Any], host: dict[str, Any]) -> dict[str, Any]:
         "missing": {k: e["missing"] for k, e in host["outside"].items() if "missing" in e},
         "points": listed,
         "python": host["python"],
+        "calls": host["calls"],
         "machine": {key: host[key] for key in ("cpu", "compiler", "quick", "ticks")},
     }

@@ -173,6 +173,16 @@ MADE_HERE = {
     "compiler": "a compiler",
     "ticks": {"threads": 7000},
     "python": {"throughput_ns": 2.0, "batch_ns": 3.0, "step_ns": 500.0},
+    "calls": {
+        "python": "3.99",
+        "single": {"float": 50, "message": 400, "step_counts": 250, "receive": 1640}
+        | {"receive_now": 2120},
+        "logs": {
+            "ticks": [1, 10, 100, 1000000],
+            "ns": {"friction": [3000.0, 3100.0, 3210.0, 2.7e6]},
+            "missing": {"numba": "no numba"},
+        },
+    },
     "outside": {
         "mujoco": {"scenarios": {"walk_20": [1e-4, 1e-5]}, "ns": 6000.0},
         "newton": {"missing": "not here"},

@@ -92,6 +92,13 @@ def test_ours_is_within_its_bound_on_every_motion(errors) -> None:
             assert ways[way][0] <= 0.52 * ulp, (motion, way)
 
 
+def test_calls_from_python_are_measured_without_numba_and_jax(bench) -> None:
+    calls = bench.get("host")["calls"]
+    costs = [calls["single"].values(), *calls["logs"]["ns"].values()]
+    assert min(map(min, costs)) > 0 and len(calls["logs"]["ns"]["friction"]) == 4
+    assert calls["logs"]["missing"].keys() == {"numba", "jax_double"}
+
+
 def test_the_pages_show_what_is_counted_now(bench, cores) -> None:
     """Compare counts exactly, if the compilers are those of the page, and errors within the digits
     that libm may change. After a change, run tools/bench.sh.

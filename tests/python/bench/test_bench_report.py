@@ -124,10 +124,11 @@ def test_the_ratios_are_over_the_plain_loop(docs):
             throughput_angle throughput_counts_16 throughput_counts_16_apart""".split():
         over = [ways["expm1f"] / ways[way] for ways in speed.values()]
         wanted += [np.prod(over) ** 0.25, min(over)]
-    printed = re.findall(r"\d+\.\d", block.partition("plain copy")[0])
+    of_batches = block.partition("- `dahl_batch")[2].partition("plain copy")[0]
+    printed = re.findall(r"\d+\.\d", of_batches)
     assert [float(x) for x in printed] == pytest.approx(wanted, abs=0.056)
     for words in (
-        r"plain copy\D+{:.0f} times\D+{:.0f} times".format(
+        r"plain copy\D+{:.1f} times\D+{:.1f} times".format(
             *(np.mean([w[f"throughput_{n}"] / w["copy"] for w in speed.values()])
               for n in ("counts", "counts_16"))
         ),
@@ -138,6 +139,24 @@ def test_the_ratios_are_over_the_plain_loop(docs):
         r"^a processor, a compiler; ",
     ):  # fmt: skip
         assert re.search(words, block, re.M), words
+
+
+def test_the_host_table_has_ours_and_each_package_that_ran(docs):
+    head, rows = rows_of(docs.block("docs/speed.md", "host"))
+    assert head == ["ns a tick", "worst error of F/Fc"] and len(rows) == 5
+    assert rows["MuJoCo `dcmotor`"] == ["6,000", "1e-04"]
+    slow = [ways["batch_counts"] for name, ways in made_host()["speed"].items() if name != JUMPS]
+    assert rows["**`dahl_batch_counts`**"][0] == f"{np.mean(slow):,.0f}"
+
+
+def test_calls_from_python_are_next_to_those_of_other_packages(docs):
+    block = docs.block("docs/speed.md", "python")
+    head, rows = rows_of(block)
+    assert head == ["1", "10", "100", "1,000,000"]
+    assert rows == {"**`Friction.run_counts(moves, out)`**": ["3.0", "3.1", "3.2", "2,700"]}
+    assert "numba (no numba)" in block
+    printed = re.findall(r": (\S+) us, (\S+) times", block)
+    assert printed == [("0.25", "5.0"), ("1.64", "4.1"), ("2.12", "5.3")]
 
 
 def test_a_cheaper_and_better_method_is_reported(bench):
@@ -158,7 +177,7 @@ def test_a_cheaper_and_better_method_is_reported(bench):
 @pytest.mark.checks
 def test_the_pictures_are_drawn_and_copied_to_the_docs(bench):
     assert bench.run("report", "--docs", draw=True).code == 0
-    for name in ("pareto", "growth"):
+    for name in ("speed", "pareto", "growth"):
         assert (bench.folder / f"docs/pictures/{name}.png").read_bytes()[:4] == b"\x89PNG"
         drawing = (bench.folder / f"build/bench/{name}.svg").read_text()
         assert "<svg" in drawing and "<dc:date>" not in drawing  # equal runs give equal files

@@ -9,12 +9,14 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 from functools import partial
+from itertools import pairwise
+from typing import Any
 
 import dahl
 import numpy as np
 import pytest
 from dahl.binding import models
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from model_examples import BRISTLES, made, whole
 from strategies import as_float
@@ -69,6 +71,29 @@ def test_a_log_with_loads_has_the_bits_of_single_moves(is_fixed):
     assert many.load == round(LOADS[-1] * 2**30) / 2**30
     bearing = getattr(dahl.Friction(PLAN), run)(path)
     assert (getattr(steady, run)(path, np.ones(MOVES.size)) == bearing).all()
+
+
+STREAMS = MADE | {
+    "dahl": lambda: dahl.Friction(PLAN),
+    "by angle": lambda: dahl.Friction(PLAN),
+    "load": lambda: dahl.Loaded(PLAN),
+}
+
+
+def run_chunk(one: Any, name: str, part: slice) -> np.ndarray:
+    if name == "by angle":
+        return one.run(MOVES[part] * THETA)
+    return one.run_counts(MOVES[part], *([LOADS[part]] if name == "load" else []))
+
+
+@pytest.mark.parametrize("name", STREAMS)
+@settings(max_examples=20)
+@given(st.lists(st.integers(0, MOVES.size), max_size=5))
+def test_a_log_in_chunks_of_any_size_has_the_bits_of_the_whole(name, cuts):
+    at_once, in_chunks = STREAMS[name](), STREAMS[name]()
+    edges = [0, *sorted(cuts), MOVES.size]
+    torques = [run_chunk(in_chunks, name, slice(*pair)) for pair in pairwise(edges)]
+    assert np.concatenate(torques).tobytes() == run_chunk(at_once, name, slice(None)).tobytes()
 
 
 @pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64])

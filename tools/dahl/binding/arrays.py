@@ -72,11 +72,15 @@ def moves(values: ArrayLike, dtype: type, channels: int | None = None) -> np.nda
 
 def _for_c(array: np.ndarray, dtype: type) -> np.ndarray:
     """Return a contiguous array with aligned values."""
+    if array.dtype == dtype and array.flags.carray:  # quick: np.require() costs as much as the call
+        return array
     return np.require(array, dtype, ("C_CONTIGUOUS", "ALIGNED"))
 
 
 def _array(name: str, values: ArrayLike) -> np.ndarray:
     """Return the values as an array. Raises dahl.Error for masked values and for no numbers."""
+    if type(values) is np.ndarray:
+        return values
     many = values if isinstance(values, (list, tuple)) else [values]
     if any(isinstance(each, np.ma.MaskedArray) and np.ma.is_masked(each) for each in many):
         raise Error(
