@@ -99,7 +99,7 @@ double friction_position(const friction_t *f, double angle)
 
 double friction_move(friction_t *f, double move, double load)
 {
-    const double counts = fmax(fmin(move, INT32_MAX), INT32_MIN), load_q30 = fmax(fmin(load, 1.0), 0.0) * ONE_Q30;
+    const double counts = fmax(fmin(move, INT32_MAX), INT32_MIN), load_q30 = rint(fmax(fmin(load, 1.0), 0.0) * ONE_Q30);
     if (f->node.model != NULL) {
         f->node.model->load_q30 = (uint32_t)load_q30;
         return f->node.model->step_q30(f->node.model, (int32_t)counts) / ONE_Q30 * f->Fc;
