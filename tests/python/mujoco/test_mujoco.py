@@ -114,7 +114,7 @@ def test_the_force_has_the_bits_of_the_library(mujoco, name, integrator) -> None
     reference = Reference(name)
     model, data = made(mujoco, {"of a": reference.config()}, integrator)
     mujoco.mj_forward(model, data)
-    data.qpos[0], load, seen = 0.3, REST, []
+    data.qpos[0], data.qvel[0], load, seen = 0.3, 2, REST, []
     for torque in torques(1) * reference.whole:
         before, data.ctrl[0] = data.qpos[0], torque[0]
         mujoco.mj_step(model, data)
@@ -125,6 +125,13 @@ def test_the_force_has_the_bits_of_the_library(mujoco, name, integrator) -> None
     got, expected = np.transpose(seen)
     assert np.abs(got - expected).max() <= (5e-9 if name == "parallel" else 0)
     assert np.ptp(got) > 0.5 * reference.whole
+
+
+def test_a_count_without_theta_per_count_is_2e_20_of_the_least_presliding_length(mujoco) -> None:
+    keys = {"joint": "a", "model": "slip", "sigma0": "16 64", "Fc": ".5 .25"}
+    more: list[dict[str, Any]] = [{}, {"theta_per_count": 2.0**-28}]
+    states = {push(mujoco, *made(mujoco, {"of a": keys | each})) for each in more}
+    assert len(states) == 1
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
