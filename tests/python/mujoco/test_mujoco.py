@@ -11,6 +11,7 @@ import re
 import shutil
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,10 @@ from conftest import ROOT
 from dahl.binding import models
 from dahl.sim import mujoco_plugin
 
-pytestmark = pytest.mark.checks
+MISSING = "unproven: dahl.friction in MuJoCo: the package mujoco is not installed"
+pytest.importorskip("mujoco.rollout", reason=MISSING)  # `mujoco` alone would find this folder
+import_module("dahl.mujoco")  # registers the plugin
+mujoco: Any = import_module("mujoco")
 
 INTEGRATORS = ["Euler", "implicitfast", "RK4"]
 MECHANISM = """<worldbody>
@@ -41,18 +45,7 @@ SEVERAL = {
 REST, FULL = 0.25, 0.5  # of the load [1], [N m]
 
 
-@pytest.fixture(scope="module")
-def mujoco() -> Any:
-    """Return MuJoCo with the plugin."""
-    reason = "unproven: dahl.friction in MuJoCo: the package mujoco is not installed"
-    pytest.importorskip("mujoco.rollout", reason=reason)  # `mujoco` would find this folder
-    import dahl.mujoco  # noqa: F401
-    import mujoco
-
-    return mujoco
-
-
-def made(mujoco: Any, instances: dict[str, dict[str, Any]], integrator: str = "Euler") -> Any:
+def made(instances: dict[str, dict[str, Any]], integrator: str = "Euler") -> Any:
     """Return a model with these instances, and its data."""
     words = ""
     for name, keys in instances.items():
@@ -70,7 +63,7 @@ def torques(columns: int) -> np.ndarray:
     return np.repeat(np.random.default_rng(2).uniform(-2, 2, (20, columns)), 20, axis=0)
 
 
-def push(mujoco: Any, model: Any, data: Any) -> bytes:
+def push(model: Any, data: Any) -> bytes:
     """Step with random torques and return the bits of the state."""
     for data.ctrl[:] in torques(model.nu):
         mujoco.mj_step(model, data)
@@ -109,10 +102,10 @@ class Reference:
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("name", [*models.table(), "by angle"])
-def test_the_force_has_the_bits_of_the_library(mujoco, name, integrator) -> None:
+def test_the_force_has_the_bits_of_the_library(name, integrator) -> None:
     """It starts where the user puts the joint. A node rounds its sum of parallel elements."""
     reference = Reference(name)
-    model, data = made(mujoco, {"of a": reference.config()}, integrator)
+    model, data = made({"of a": reference.config()}, integrator)
     mujoco.mj_forward(model, data)
     data.qpos[0], data.qvel[0], load, seen = 0.3, 2, REST, []
     for torque in torques(1) * reference.whole:
@@ -127,17 +120,17 @@ def test_the_force_has_the_bits_of_the_library(mujoco, name, integrator) -> None
     assert np.ptp(got) > 0.5 * reference.whole
 
 
-def test_a_count_without_theta_per_count_is_2e_20_of_the_least_presliding_length(mujoco) -> None:
+def test_a_count_without_theta_per_count_is_2e_20_of_the_least_presliding_length() -> None:
     keys = {"joint": "a", "model": "slip", "sigma0": "16 64", "Fc": ".5 .25"}
     more: list[dict[str, Any]] = [{}, {"theta_per_count": 2.0**-28}]
-    states = {push(mujoco, *made(mujoco, {"of a": keys | each})) for each in more}
+    states = {push(*made({"of a": keys | each})) for each in more}
     assert len(states) == 1
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-def test_each_joint_and_tendon_has_its_own_friction(mujoco, integrator) -> None:
+def test_each_joint_and_tendon_has_its_own_friction(integrator) -> None:
     """The force of a tendon reaches the joints by its Jacobian."""
-    model, data = made(mujoco, SEVERAL, integrator)
+    model, data = made(SEVERAL, integrator)
     bearings = [dahl.Friction(dahl.Plan(*pair)) for pair in PARAMETERS.values()]
     mujoco.mj_forward(model, data)
     before, jacobian = np.array([*data.qpos[:2], *data.ten_length]), np.eye(4, model.nv)
@@ -154,9 +147,9 @@ def test_each_joint_and_tendon_has_its_own_friction(mujoco, integrator) -> None:
     assert np.abs(forces).min() > 0.01
 
 
-def test_a_trial_position_and_any_numbers_in_the_state_are_safe(mujoco) -> None:
-    model, data = made(mujoco, SEVERAL | {"mix": Reference("parallel").config()})
-    push(mujoco, model, data)
+def test_a_trial_position_and_any_numbers_in_the_state_are_safe() -> None:
+    model, data = made(SEVERAL | {"mix": Reference("parallel").config()})
+    push(model, data)
     state, place, forces = data.plugin_state.copy(), data.qpos[0], []
     for angle in (place, place - 0.01, place):
         data.qpos[0] = angle
@@ -170,19 +163,19 @@ def test_a_trial_position_and_any_numbers_in_the_state_are_safe(mujoco) -> None:
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-def test_a_copy_a_rollback_and_a_reset_go_on_with_the_same_bits(mujoco, integrator) -> None:
+def test_a_copy_a_rollback_and_a_reset_go_on_with_the_same_bits(integrator) -> None:
     more = {name: Reference(name).config() for name in ("loaded", "parallel")}
-    model, data = made(mujoco, SEVERAL | more, integrator)
-    middle = push(mujoco, model, data)
+    model, data = made(SEVERAL | more, integrator)
+    middle = push(model, data)
     other = copy.copy(data)
-    end = push(mujoco, model, data)
-    assert push(mujoco, model, other) == end != middle
+    end = push(model, data)
+    assert push(model, other) == end != middle
     for used in (mujoco.MjData(model), other):
         kind = mujoco.mjtState.mjSTATE_INTEGRATION
         mujoco.mj_setState(model, used, np.frombuffer(middle), kind)
-        assert push(mujoco, model, used) == end
+        assert push(model, used) == end
     mujoco.mj_resetData(model, data)
-    assert not data.plugin_state.any() and push(mujoco, model, data) == middle
+    assert not data.plugin_state.any() and push(model, data) == middle
     mujoco.mj_resetDataKeyframe(model, data, 0)  # relaxed, at any place until the first step
     for data.qpos[:2] in (0.5, 0.7, 0.9):
         mujoco.mj_forward(model, data)
@@ -192,7 +185,7 @@ def test_a_copy_a_rollback_and_a_reset_go_on_with_the_same_bits(mujoco, integrat
     assert not data.qfrc_passive.any()
 
 
-def test_the_hinge_holds_under_half_of_Fc_and_threads_change_no_bit(mujoco) -> None:
+def test_the_hinge_holds_under_half_of_Fc_and_threads_change_no_bit() -> None:
     command = [sys.executable, "-m", "dahl.mujoco"]
     printed = subprocess.check_output(command, text=True)
     rows = re.findall(r"^ *([\d.]+) +([\d.]+) +([\d.]+) +([\d.]+) .* ([\d.]+) ", printed, re.M)
@@ -223,9 +216,9 @@ BAD: list[tuple[dict[str, Any], str]] = [  # keys of an instance, words of the e
 
 
 @pytest.mark.parametrize(("keys", "words"), BAD, ids=[words for _, words in BAD])
-def test_a_bad_attribute_is_an_error_of_the_model(mujoco, keys, words) -> None:
+def test_a_bad_attribute_is_an_error_of_the_model(keys, words) -> None:
     with pytest.raises(ValueError, match=f"dahl.friction 'bad one': .*{re.escape(words)}"):
-        made(mujoco, {"of a": SEVERAL["of a"], "bad one": SEVERAL["of a"] | keys})
+        made({"of a": SEVERAL["of a"], "bad one": SEVERAL["of a"] | keys})
 
 
 @pytest.mark.parametrize(
@@ -241,7 +234,7 @@ def test_without_mujoco_4_one_line_names_the_packages(stand_in: str, words: str)
     assert re.search(r"pip install \S*mujoco.*, or pip install '.\[mujoco\]'", done.stderr)
 
 
-def test_without_a_compiler_one_line_says_so(mujoco, monkeypatch, tmp_path) -> None:
+def test_without_a_compiler_one_line_says_so(monkeypatch, tmp_path) -> None:
     monkeypatch.setattr(mujoco_plugin.paths, "ROOT", tmp_path)
     monkeypatch.setenv("CC", "no-such-cc")
     with pytest.raises(dahl.RunError, match="cannot start no-such-cc .*install a C compiler"):
@@ -256,7 +249,7 @@ mujoco.MjModel.from_xml_path(sys.argv[2])"""
 
 
 @pytest.mark.parametrize("version", [0, 1], ids=["this version", "another version"])
-def test_the_library_of_a_c_program_is_registered_in_its_version(mujoco, tmp_path, version) -> None:
+def test_the_library_of_a_c_program_is_registered_in_its_version(tmp_path, version) -> None:
     package = Path(mujoco.__file__).parent
     shutil.copytree(package / "include", tmp_path / "include")
     (tmp_path / "lib").mkdir()
