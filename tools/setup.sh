@@ -9,7 +9,7 @@
 #   test      identify, Unity and pytest: for tools/test.sh without options
 #   docs      test, Doxygen and pdoc: for tools/docs.sh
 #   vm        demo, an emulator, can-utils, and a kernel with CAN if this one lacks it: for tools/vm.sh
-#   checks    test, firmware, vm, docs, other compilers, small cores, fuzzers, provers, a browser, CBMC: for tools/test.sh --checks
+#   checks    test, firmware, vm, docs, other compilers, small cores, fuzzers, provers, a browser, CBMC, MuJoCo: for tools/test.sh --checks
 #   bench     identify, firmware and the other cores of tools/bench.sh
 #   all       everything
 # apt-get installs Debian packages, as root or with sudo. Everything else is under build/: the Python packages of

@@ -45,6 +45,7 @@ function(dahl_install_wheel)
     install(FILES lib/node/dahl.dbc DESTINATION dahl/share COMPONENT python)
     install(FILES host_sim/scene_keys.def host_sim/timing.h DESTINATION dahl/share COMPONENT python)
     install(DIRECTORY host_sim/scenes DESTINATION dahl/share COMPONENT python)
+    install(DIRECTORY port/mujoco DESTINATION dahl/share COMPONENT python) # compiled when Python imports dahl.mujoco
     if(TARGET dahl-loop)
         install(TARGETS dahl-loop RUNTIME DESTINATION dahl/bin COMPONENT python)
     else()

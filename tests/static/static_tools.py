@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import subprocess
 from pathlib import Path
 
@@ -14,11 +15,15 @@ CODEC = [p for p in sources.NODE if p.stem == "frames"] + [ROOT / "port/slcan/sl
 NODE = [p for p in sources.NODE if p.stem == "node"]
 FIRMWARE = LIB + CODEC + NODE  # linked into firmware, without start-up code
 START_UP = sorted(p for core in ("cortex_m", "riscv", "avr") for p in ROOT.glob(f"port/{core}/*.c"))
-DESK = sorted({*ROOT.glob("port/**/*.c"), *ROOT.glob("host_sim/*.c")} - {*FIRMWARE, *START_UP})
+FOUND = importlib.util.find_spec("mujoco")
+MUJOCO = Path(FOUND.origin).parent if FOUND and FOUND.origin else None  # None: not installed
+NOT_READ = [*START_UP, *([] if MUJOCO else ROOT.glob("port/mujoco/*.c"))]
+DESK = sorted({*ROOT.glob("port/**/*.c"), *ROOT.glob("host_sim/*.c")} - {*FIRMWARE, *NOT_READ})
 HEADERS = sorted(p for part in ("lib", "port", "host_sim") for p in ROOT.glob(f"{part}/**/*.h"))
 
 INCLUDES = sources.INCLUDES
 PLAIN = ["-std=c99", "-D_POSIX_C_SOURCE=200809L", *INCLUDES]
+PLAIN += ["-isystem", str(MUJOCO / "include")] if MUJOCO else []
 
 # Warnings for all C of the product. -Wswitch-enum is off because -Wswitch-default requires a
 # branch for all other cases.

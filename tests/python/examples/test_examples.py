@@ -207,3 +207,14 @@ def test_the_notebook_goes_from_a_log_to_the_bus(dahl_loop, root: Path, tmp_path
     assert run["ticks"] == 8000 and run["max_error_ulp_Fc"] < 0.6 and run["r2_measured"] > 0.99
     shown = [out for cell in done.cells for out in cell.get("outputs", []) if "data" in out]
     assert sum("image/png" in out["data"] for out in shown) == 3
+
+
+@pytest.mark.checks
+@pytest.mark.usefixtures("library")
+def test_the_hinge_in_mujoco_is_held_and_drawn(root, tmp_path) -> None:
+    pytest.importorskip("mujoco.rollout", reason="unproven: examples/mujoco: mujoco is missing")
+    command = [sys.executable, root / "examples/mujoco/hold.py", tmp_path / "hold.png"]
+    printed = subprocess.check_output(command, text=True)
+    native, own = map(float, re.findall(r"([\d.]+) rad", printed))
+    assert native > 3 and own == pytest.approx(0.1235, rel=2e-2)
+    assert (tmp_path / "hold.png").stat().st_size > 10000

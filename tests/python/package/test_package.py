@@ -98,7 +98,7 @@ def listed(*folders: object) -> set[Path]:
 
 SHARED = {f"dahl/share/{name}" for name in ("dahl.dbc", "include/dahl.h", "scenes/steering.ini")}
 SHARED |= {"dahl/share/scene_keys.def", "dahl/share/timing.h"}
-SHARED |= {"dahl/py.typed", "dahl/commands/demo.py"}
+SHARED |= {"dahl/py.typed", "dahl/commands/demo.py", "dahl/share/mujoco/plugin.c"}
 
 
 def test_both_wheels_have_the_same_files_and_twine_accepts_them(dist: Path) -> None:
@@ -218,6 +218,13 @@ def test_the_demo_runs_from_the_wheel(full: Environment) -> None:
     full.dahl("plot", folder)
     done = full.dahl("demo", "--target", "m4f", "--output", full.folder / "m4f", code=1)
     assert done.stderr.startswith("error: ") and "checkout" in done.stderr
+
+
+def test_the_plugin_of_mujoco_is_compiled_from_the_wheel(full: Environment, tmp_path: Path) -> None:
+    pytest.importorskip("mujoco.rollout", reason="unproven: the plugin in a wheel: no mujoco")
+    cache = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    full.python("-c", "import dahl.mujoco", env=cache)
+    assert only(tmp_path, "dahl/mujoco/*.so").stat().st_size > 1000
 
 
 def test_the_test_of_the_readme_finds_its_fixtures(root: Path, full: Environment) -> None:

@@ -17,7 +17,11 @@ BLOCKS = [
     for number, block in enumerate(re.findall(r"```c\n(.*?)```", path.read_text(), re.DOTALL), 1)
 ]
 SCRIPTS = [  # test_pytest_plugin.py runs those of pytest
-    pytest.param(block, id=f"{path.stem}-{number}")
+    pytest.param(
+        block,
+        id=f"{path.stem}-{number}",
+        marks=pytest.mark.checks if "import mujoco" in block else (),  # only checks install it
+    )
     for path in PAGES
     for number, block in enumerate(
         re.findall(r"```python\n(.*?)```", path.read_text(), re.DOTALL), 1

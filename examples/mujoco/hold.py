@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: MIT
+"""Push two hinges with half of Fc for 10 s and draw their angles. MuJoCo's LuGre friction lets the
+hinge creep. dahl.friction holds it, as the exact solution does.
+
+Usage: python examples/mujoco/hold.py [PICTURE], after pip install '.[mujoco,plot]'
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import dahl.mujoco  # noqa: F401  (registers dahl.friction)
+import matplotlib.pyplot as plt
+import mujoco
+import numpy as np
+
+SECONDS = 10.0
+TORQUE = 0.9  # [N m] half of Fc
+EXACT = 0.12354  # [rad] at the end, by SciPy's DOP853 (python -m dahl.mujoco)
+
+model = mujoco.MjModel.from_xml_path(str(Path(__file__).with_name("hinge.xml")))
+data = mujoco.MjData(model)
+data.ctrl[:2] = TORQUE
+angles = []
+for _ in range(round(SECONDS / model.opt.timestep)):
+    mujoco.mj_step(model, data)
+    angles.append(data.qpos.copy())
+time = np.arange(1, len(angles) + 1) * model.opt.timestep
+native, own = np.transpose(angles)
+print(f"after {SECONDS:g} s: MuJoCo LuGre {native[-1]:.3f} rad, dahl.friction {own[-1]:.3f} rad")
+
+figure, (both, close) = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
+figure.suptitle("A hinge under half of Fc, time step 2 ms", fontsize=11)
+both.plot(time, native, color="tab:orange", label="MuJoCo LuGre, set to Dahl's model")
+both.plot(time, own, color="tab:blue", label="dahl.friction")
+close.plot(time, own, color="tab:blue", linewidth=0.8, label="dahl.friction")
+close.plot(SECONDS, EXACT, "ko", fillstyle="none", label="exact solution at 10 s")
+for axes in (both, close):
+    axes.set(xlabel="time [s]", ylabel="angle [rad]")
+    axes.legend(frameon=False)
+figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "hold.png", dpi=110)

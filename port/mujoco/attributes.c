@@ -1,0 +1,176 @@
+/* SPDX-License-Identifier: MIT */
+/* attributes: see attributes.h. */
+#include "attributes.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define WORD_SIZE 64 /* [byte] longest word of a list, with its final 0 */
+
+/* A number, or a list of them. */
+typedef struct {
+    const char *key;
+    const char *model; /* that alone has it; NULL: any model */
+    bool is_needed;
+    uint32_t most;    /* number of values */
+    double low, high; /* both allowed */
+    size_t offset;    /* of a float or an array, in instance_t */
+} range_t;
+
+enum { SIGMA0, FC, THETA, BREAKAWAY, FULL, REST, RANGES };
+#define MEMBER(name) offsetof(instance_t, name)
+static const range_t ranges[RANGES] = {
+    [SIGMA0] = {"sigma0", NULL, true, DAHL_SLIP_MAX, 0x1p-64, 0x1.fffffep63, MEMBER(friction.params.sigma0)},
+    [FC] = {"Fc", NULL, true, DAHL_SLIP_MAX, 0x1p-64, 0x1.fffffep63, MEMBER(friction.params.Fc)},
+    [THETA] = {"theta_per_count", NULL, false, 1, 0x1p-64, 0x1.fffffep63, MEMBER(friction.params.theta_per_count)},
+    [BREAKAWAY] = {"breakaway", "elastoplastic", true, 1, 1e-37, 0x1.fffffep-1, MEMBER(friction.breakaway)},
+    [FULL] = {"full", "loaded", true, 1, 1e-9, 1e12, MEMBER(full)},
+    [REST] = {"rest", "loaded", false, 1, 0.0, 1.0, MEMBER(rest)},
+};
+
+typedef struct {
+    const mjModel *m;
+    int instance;
+} config_t;
+
+/* mju_error() does not return: it jumps to the compiler of models or to Python, or it ends the program. */
+mjPRINTFLIKE(2, 3) static void fail(const config_t *c, const char *format, ...)
+{
+    char text[500];
+    const char *name = mj_id2name(c->m, mjOBJ_PLUGIN, c->instance);
+    va_list arguments;
+    va_start(arguments, format);
+    (void)vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    mju_error("dahl.friction '%s': %s", name != NULL ? name : "", text);
+}
+
+/* Return the text of an attribute, "" if it is absent. */
+static const char *text_of(const config_t *c, const char *key)
+{
+    return mj_getPluginConfig(c->m, c->instance, key);
+}
+
+/* Copy the next word and advance the text behind it. Return false at the end. */
+static bool next_word(const char **text, char word[WORD_SIZE])
+{
+    int length = 0;
+    if (sscanf(*text, "%63s%n", word, &length) != 1) {
+        return false;
+    }
+    *text += length;
+    return true;
+}
+
+/* Return the number of values. */
+static uint32_t read_numbers(const config_t *c, const range_t *range, float *to)
+{
+    const char *text = text_of(c, range->key);
+    char word[WORD_SIZE], *end;
+    uint32_t count = 0;
+    while (next_word(&text, word)) {
+        const double value = strtod(word, &end);
+        if (*end != '\0' || !(value >= range->low && value <= range->high)) {
+            fail(c, "%s = %s is outside %g .. %g", range->key, word, range->low, range->high);
+        }
+        if (count == range->most) {
+            fail(c, "%s = %s has more than %u values", range->key, text_of(c, range->key), range->most);
+            return 0;
+        }
+        to[count++] = (float)value;
+    }
+    return count;
+}
+
+static void check_owner(const config_t *c, const friction_model_t *model, const char *key, const char *owner, bool is_needed)
+{
+    const bool is_owner = owner == NULL || strcmp(owner, model->name) == 0, is_given = *text_of(c, key) != '\0';
+    if (is_given && !is_owner) {
+        fail(c, "%s = %s is for model = %s, not for %s", key, text_of(c, key), owner, model->name);
+    }
+    if (is_needed && is_owner && !is_given) {
+        fail(c, "model = %s needs %s", model->name, key);
+    }
+}
+
+/* Return the number of words of `kinds`, and set the bit of each slip element. */
+static uint32_t read_kinds(const config_t *c, friction_t *f)
+{
+    const char *text = text_of(c, "kinds");
+    char word[WORD_SIZE];
+    uint32_t count = 0;
+    for (; next_word(&text, word) && count < DAHL_SLIP_MAX; count++) {
+        const bool is_slip = strcmp(word, "slip") == 0;
+        if (!is_slip && strcmp(word, "dahl") != 0) {
+            fail(c, "kinds = %s: %s is neither dahl nor slip", text_of(c, "kinds"), word);
+        }
+        f->slips |= (uint32_t)is_slip << count;
+    }
+    return count;
+}
+
+static void read_friction(const config_t *c, instance_t *self)
+{
+    friction_t *f = &self->friction;
+    uint32_t counts[RANGES];
+    for (int i = 0; i < RANGES; i++) {
+        check_owner(c, f->model, ranges[i].key, ranges[i].model, ranges[i].is_needed);
+        counts[i] = read_numbers(c, &ranges[i], (float *)(void *)((char *)self + ranges[i].offset));
+    }
+    check_owner(c, f->model, "kinds", "parallel", true);
+    const uint32_t kinds = read_kinds(c, f), Fcs = f->model->Fcs != 0 ? f->model->Fcs : counts[FC];
+    const uint32_t sigma0s = f->model->sigma0s != 0 ? f->model->sigma0s : Fcs;
+    if (counts[SIGMA0] != sigma0s || counts[FC] != Fcs || (kinds != 0 && kinds != Fcs)) {
+        fail(c, "model = %s with %u kinds does not fit %u sigma0 and %u Fc", f->model->name, kinds, counts[SIGMA0], counts[FC]);
+    }
+    f->sigma0s = sigma0s;
+    f->params.elements = Fcs;
+    if (friction_prepare(f) != DAHL_OK) {
+        fail(c, "theta_per_count = %g is outside 2^-30 .. 2^20 of Fc/sigma0", (double)f->params.theta_per_count);
+    }
+}
+
+/* Return the id of the joint or tendon that an attribute names; -1 if the attribute is absent. */
+static int find_object(const config_t *c, int type, const char *key)
+{
+    const char *name = text_of(c, key);
+    const int id = mj_name2id(c->m, type, name);
+    if (*name != '\0' && id < 0) {
+        fail(c, "%s = %s is not in the model", key, name);
+    }
+    return id;
+}
+
+static void read_object(const config_t *c, instance_t *self)
+{
+    self->joint = find_object(c, mjOBJ_JOINT, "joint");
+    self->tendon = find_object(c, mjOBJ_TENDON, "tendon");
+    if ((self->joint < 0) == (self->tendon < 0)) {
+        fail(c, "needs either joint or tendon");
+    }
+    if (self->joint >= 0 && c->m->jnt_type[self->joint] != mjJNT_HINGE && c->m->jnt_type[self->joint] != mjJNT_SLIDE) {
+        fail(c, "joint = %s is neither a hinge nor a slide", text_of(c, "joint"));
+    }
+    if (self->tendon >= 0 && strcmp(self->friction.model->name, "loaded") == 0) {
+        fail(c, "tendon = %s: model = loaded needs a joint", text_of(c, "tendon"));
+    }
+}
+
+#define NAME(name, ...) " " #name
+
+instance_t *attributes_read(const mjModel *m, int instance)
+{
+    const config_t c = {m, instance};
+    const char *name = *text_of(&c, "model") != '\0' ? text_of(&c, "model") : "dahl";
+    instance_t *self = mju_malloc(sizeof *self);
+    *self = (instance_t){.friction.model = friction_find(name)};
+    if (self->friction.model == NULL) {
+        fail(&c, "model = %s is none of" DAHL_FRAMES_MODELS(NAME), name);
+        return self;
+    }
+    read_object(&c, self);
+    read_friction(&c, self);
+    return self;
+}

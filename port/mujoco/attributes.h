@@ -1,0 +1,22 @@
+/* SPDX-License-Identifier: MIT */
+/* attributes: the parameters of an instance of dahl.friction, from its config elements in the model. */
+#ifndef ATTRIBUTES_H
+#define ATTRIBUTES_H
+
+#include <mujoco/mujoco.h>
+
+#include "friction.h"
+
+#define ATTRIBUTES {"joint", "tendon", "model", "kinds", "sigma0", "Fc", "theta_per_count", "breakaway", "full", "rest"}
+
+typedef struct {
+    friction_t friction;
+    int joint, tendon; /* id; -1: none */
+    float full, rest;  /* of loaded: the load is rest + |torque of the actuators|/full */
+} instance_t;
+
+/* Read and check all attributes, and prepare the friction. Free the result by mju_free(). A bad attribute calls mju_error() with
+ * the name of the instance, the attribute, its value and its limit; MuJoCo makes an error of the model of it. */
+instance_t *attributes_read(const mjModel *m, int instance);
+
+#endif

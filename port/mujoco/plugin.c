@@ -1,0 +1,137 @@
+/* SPDX-License-Identifier: MIT */
+/* dahl.friction: the friction of one joint or tendon as a passive force of MuJoCo. docs/simulators.md is its manual.
+ *
+ * The force depends on travel. MuJoCo may call compute() several times in a step, at trial positions: each call starts from the
+ * state in plugin_state. advance() commits a new state, once, at the end of the step. plugin_data has the prepared model. */
+#include <math.h>
+#include <stdint.h>
+
+#include "attributes.h"
+
+#ifdef mjUSESINGLE
+#error "mjtNum must be double, so that plugin_state can hold whole numbers of 32 bits"
+#endif
+
+/* The state of an instance: these numbers, then the words of its friction. All zeros: no position yet. */
+enum { PHASE, TIME, POSITION, LOAD, HEADER };
+#define PLACED 1.0 /* PHASE: relaxed at POSITION since TIME, in the first step */
+#define MOVING 2.0 /* PHASE: a step has ended */
+
+static instance_t *instance_of(const mjData *d, int instance)
+{
+    return (instance_t *)d->plugin_data[instance];
+}
+
+static double position_of(const mjModel *m, const mjData *d, const instance_t *self)
+{
+    const double angle = self->joint >= 0 ? d->qpos[m->jnt_qposadr[self->joint]] : d->ten_length[self->tendon];
+    return friction_position(&self->friction, angle);
+}
+
+static void place(const mjData *d, const instance_t *self, mjtNum *state, double position)
+{
+    state[PHASE] = PLACED;
+    state[TIME] = d->time;
+    state[POSITION] = position;
+    state[LOAD] = (double)self->rest;
+}
+
+/* Move the friction from the committed state and return F. */
+static double move_from(instance_t *self, const mjtNum *state, double position)
+{
+    friction_restore(&self->friction, state + HEADER);
+    return friction_move(&self->friction, position - state[POSITION], state[LOAD]);
+}
+
+/* A reset does not know the positions of a keyframe, and a user may set qpos after it. Therefore each call moves the start until
+ * the first step ends. Later stages of RK4 do not: their time is later. */
+static void compute(const mjModel *m, mjData *d, int instance, int capability)
+{
+    instance_t *self = instance_of(d, instance);
+    mjtNum *state = d->plugin_state + m->plugin_stateadr[instance];
+    const double position = position_of(m, d, self);
+    (void)capability;
+    if (state[PHASE] < PLACED || (state[PHASE] < MOVING && d->time <= state[TIME])) {
+        place(d, self, state, position);
+    }
+    const double F = move_from(self, state, position);
+    if (self->joint >= 0) {
+        d->qfrc_passive[m->jnt_dofadr[self->joint]] -= F;
+        return;
+    }
+    const int first = m->ten_J_rowadr[self->tendon];
+    for (int at = first; at < first + m->ten_J_rownnz[self->tendon]; at++) {
+        d->qfrc_passive[m->ten_J_colind[at]] -= d->ten_J[at] * F;
+    }
+}
+
+/* Commit. qpos is that of the new time. The length of a tendon is that of the last compute(): the start of the step or, in RK4, a
+ * trial position. */
+static void advance(const mjModel *m, mjData *d, int instance)
+{
+    instance_t *self = instance_of(d, instance);
+    mjtNum *state = d->plugin_state + m->plugin_stateadr[instance];
+    if (self->tendon >= 0 && m->opt.integrator == mjINT_RK4) {
+        mj_kinematics(m, d);
+        mj_tendon(m, d);
+    }
+    const double position = position_of(m, d, self);
+    if (state[PHASE] < PLACED) { /* compute() was not called: passive forces are disabled */
+        place(d, self, state, position);
+    }
+    (void)move_from(self, state, position);
+    friction_save(&self->friction, state + HEADER);
+    state[PHASE] = MOVING;
+    state[POSITION] = position;
+    if (self->full > 0.0f) {
+        state[LOAD] = (double)self->rest + fabs(d->qfrc_actuator[m->jnt_dofadr[self->joint]]) / (double)self->full;
+    }
+}
+
+static int nstate(const mjModel *m, int instance)
+{
+    instance_t *self = attributes_read(m, instance);
+    const int count = HEADER + friction_words(&self->friction);
+    mju_free(self);
+    return count;
+}
+
+static int init(const mjModel *m, mjData *d, int instance)
+{
+    instance_t *self = attributes_read(m, instance);
+    d->plugin_data[instance] = (uintptr_t)self;
+    return 0;
+}
+
+static void destroy(mjData *d, int instance)
+{
+    mju_free(instance_of(d, instance));
+}
+
+static void reset(const mjModel *m, mjtNum *state, void *data, int instance)
+{
+    (void)data;
+    mju_zero(state, m->plugin_statenum[instance]);
+}
+
+mjPLUGIN_LIB_INIT(dahl_friction)
+{
+    static const char *const keys[] = ATTRIBUTES;
+    mjpPlugin plugin;
+    if (mj_version() != mjVERSION_HEADER) { /* the members of mjModel and mjData may have moved */
+        mju_warning("dahl.friction is not registered: compiled for MuJoCo %d, but this is %d", mjVERSION_HEADER, mj_version());
+        return;
+    }
+    mjp_defaultPlugin(&plugin);
+    plugin.name = "dahl.friction";
+    plugin.nattribute = sizeof keys / sizeof keys[0];
+    plugin.attributes = keys;
+    plugin.capabilityflags = mjPLUGIN_PASSIVE;
+    plugin.nstate = nstate;
+    plugin.init = init;
+    plugin.destroy = destroy;
+    plugin.reset = reset;
+    plugin.compute = compute;
+    plugin.advance = advance;
+    mjp_registerPlugin(&plugin);
+}

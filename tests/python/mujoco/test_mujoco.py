@@ -1,0 +1,266 @@
+# SPDX-License-Identifier: MIT
+"""dahl.friction in MuJoCo: the bits of the library for each model and integrator, on joints and
+tendons; states that can be copied, reset and rolled back; the hinge under half of Fc.
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+import re
+import shutil
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import dahl
+import model_examples
+import numpy as np
+import pytest
+from conftest import ROOT
+from dahl.binding import models
+from dahl.sim import mujoco_plugin
+
+MISSING = "unproven: dahl.friction in MuJoCo: the package mujoco is not installed"
+pytest.importorskip("mujoco.rollout", reason=MISSING)  # `mujoco` alone would find this folder
+import_module("dahl.mujoco")  # registers the plugin
+mujoco: Any = import_module("mujoco")
+
+INTEGRATORS = ["Euler", "implicitfast", "RK4"]
+MECHANISM = """<worldbody>
+    <body><joint name="a"/><geom size=".1"/><site name="a" pos=".3 0 0"/></body>
+    <body pos="0 1 0"><joint name="b" type="slide"/><geom size=".1"/><site name="b"/></body>
+    <body pos="0 3 0"><freejoint name="free"/><geom size=".1"/></body></worldbody>
+    <tendon><spatial name="s"><site site="a"/><site site="b"/></spatial>
+    <fixed name="t"><joint joint="a" coef="1"/><joint joint="b" coef="-.5"/></fixed></tendon>
+    <actuator><motor joint="a"/><motor joint="b"/></actuator>
+    <keyframe><key name="away" time="7" qpos=".5 -.3 0 3 0 1 0 0 0"/></keyframe>"""
+PARAMETERS = {"a": (60, 0.3), "b": (20, 0.2), "s": (30, 0.2), "t": (50, 0.1)}  # sigma0, Fc
+SEVERAL = {
+    f"of {name}": {"joint" if name in "ab" else "tendon": name, "sigma0": sigma0, "Fc": Fc}
+    for name, (sigma0, Fc) in PARAMETERS.items()
+}
+REST, FULL = 0.25, 0.5  # of the load [1], [N m]
+
+
+def made(instances: dict[str, dict[str, Any]], integrator: str = "Euler") -> Any:
+    """Return a model with these instances, and its data."""
+    words = ""
+    for name, keys in instances.items():
+        configs = "".join(f'<config key="{key}" value="{keys[key]}"/>' for key in keys)
+        words += f'<instance name="{name}">{configs}</instance>'
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep=".001" gravity="0 0 0" integrator="{integrator}"/><extension>
+        <plugin plugin="dahl.friction">{words}</plugin></extension>{MECHANISM}</mujoco>"""
+    )
+    return model, mujoco.MjData(model)
+
+
+def torques(columns: int) -> np.ndarray:
+    """Return random torques for 400 steps that change every 20 steps."""
+    return np.repeat(np.random.default_rng(2).uniform(-2, 2, (20, columns)), 20, axis=0)
+
+
+def push(model: Any, data: Any) -> bytes:
+    """Step with random torques and return the bits of the state."""
+    for data.ctrl[:] in torques(model.nu):
+        mujoco.mj_step(model, data)
+    kind = mujoco.mjtState.mjSTATE_INTEGRATION
+    state = np.empty(mujoco.mj_stateSize(model, kind))
+    mujoco.mj_getState(model, data, state, kind)
+    return state.tobytes()
+
+
+class Reference:
+    """A model of the package, moved by angles."""
+
+    def __init__(self, name: str) -> None:
+        self.model = models.table()["dahl" if name == "by angle" else name]
+        made = model_examples.made(self.model)
+        self.friction = dahl.Friction(made) if isinstance(made, dahl.Plan) else made
+        self.theta = 0.0 if name == "by angle" else float(np.float32(model_examples.THETA))
+        Fc = np.float32(model_examples.numbers(self.model)[1]).astype(float)
+        self.whole = Fc.max() if self.model.has_directions else Fc.sum()
+
+    def config(self) -> dict[str, Any]:
+        keys = dict(line.split(" = ") for line in model_examples.keys(self.model).splitlines())
+        keys |= {"theta_per_count": model_examples.THETA} if self.theta else {}
+        keys |= {"full": FULL, "rest": REST} if self.model.name == "loaded" else {}
+        return keys | {"joint": "a"}
+
+    def move(self, before: float, after: float, load: float) -> float:
+        if not self.theta:
+            return self.friction.step(np.float32(after - before))
+        counts = round(after / self.theta) - round(before / self.theta)
+        if self.model.name == "dahl":
+            return self.friction.step_counts(counts)
+        loads = (load,) if self.model.name == "loaded" else ()
+        return self.friction.step_counts_q30(counts, *loads) / 2**30 * self.whole
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("name", [*models.table(), "by angle"])
+def test_the_force_has_the_bits_of_the_library(name, integrator) -> None:
+    """It starts where the user puts the joint. A node rounds its sum of parallel elements."""
+    reference = Reference(name)
+    model, data = made({"of a": reference.config()}, integrator)
+    mujoco.mj_forward(model, data)
+    data.qpos[0], data.qvel[0], load, seen = 0.3, 2, REST, []
+    for torque in torques(1) * reference.whole:
+        before, data.ctrl[0] = data.qpos[0], torque[0]
+        mujoco.mj_step(model, data)
+        reference.move(before, data.qpos[0], load)
+        load = min(1.0, REST + abs(torque[0]) / FULL)
+        mujoco.mj_forward(model, data)
+        seen.append((-data.qfrc_passive[0], copy.deepcopy(reference).move(0, 0, load)))
+    got, expected = np.transpose(seen)
+    assert np.abs(got - expected).max() <= (5e-9 if name == "parallel" else 0)
+    assert np.ptp(got) > 0.5 * reference.whole
+
+
+def test_a_count_without_theta_per_count_is_2e_20_of_the_least_presliding_length() -> None:
+    keys = {"joint": "a", "model": "slip", "sigma0": "16 64", "Fc": ".5 .25"}
+    more: list[dict[str, Any]] = [{}, {"theta_per_count": 2.0**-28}]
+    states = {push(*made({"of a": keys | each})) for each in more}
+    assert len(states) == 1
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_each_joint_and_tendon_has_its_own_friction(integrator) -> None:
+    """The force of a tendon reaches the joints by its Jacobian."""
+    model, data = made(SEVERAL, integrator)
+    bearings = [dahl.Friction(dahl.Plan(*pair)) for pair in PARAMETERS.values()]
+    mujoco.mj_forward(model, data)
+    before, jacobian = np.array([*data.qpos[:2], *data.ten_length]), np.eye(4, model.nv)
+    for data.ctrl[:] in torques(2):
+        mujoco.mj_step(model, data)
+        mujoco.mj_forward(model, data)
+        after = np.array([*data.qpos[:2], *data.ten_length])
+        moves = np.float32(after - before)
+        forces = [bearing.step(move) for bearing, move in zip(bearings, moves, strict=True)]
+        places = model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
+        mujoco.mju_sparse2dense(jacobian[2:], data.ten_J, *places)
+        assert data.qfrc_passive == pytest.approx(-(forces @ jacobian), abs=1e-12)
+        before = after
+    assert np.abs(forces).min() > 0.01
+
+
+def test_a_trial_position_and_any_numbers_in_the_state_are_safe() -> None:
+    model, data = made(SEVERAL | {"mix": Reference("parallel").config()})
+    push(model, data)
+    state, place, forces = data.plugin_state.copy(), data.qpos[0], []
+    for angle in (place, place - 0.01, place):
+        data.qpos[0] = angle
+        mujoco.mj_forward(model, data)
+        forces.append(data.qfrc_passive.copy())
+    assert (forces[0] == forces[2]).all() and forces[1][0] > forces[0][0]
+    assert (data.plugin_state == state).all()
+    for data.plugin_state[:] in (-1.0, np.nan, np.inf, 1e300, 0.5):
+        mujoco.mj_forward(model, data)
+        assert (np.abs(data.qfrc_passive) < 3).all()
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_a_copy_a_rollback_and_a_reset_go_on_with_the_same_bits(integrator) -> None:
+    more = {name: Reference(name).config() for name in ("loaded", "parallel")}
+    model, data = made(SEVERAL | more, integrator)
+    middle = push(model, data)
+    other = copy.copy(data)
+    end = push(model, data)
+    assert push(model, other) == end != middle
+    for used in (mujoco.MjData(model), other):
+        kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        mujoco.mj_setState(model, used, np.frombuffer(middle), kind)
+        assert push(model, used) == end
+    mujoco.mj_resetData(model, data)
+    assert not data.plugin_state.any() and push(model, data) == middle
+    mujoco.mj_resetDataKeyframe(model, data, 0)  # relaxed, at any place until the first step
+    for data.qpos[:2] in (0.5, 0.7, 0.9):
+        mujoco.mj_forward(model, data)
+        assert not data.qfrc_passive.any()
+    mujoco.mj_step(model, data)
+    mujoco.mj_forward(model, data)
+    assert not data.qfrc_passive.any()
+
+
+def test_the_hinge_holds_under_half_of_Fc_and_threads_change_no_bit() -> None:
+    command = [sys.executable, "-m", "dahl.mujoco"]
+    printed = subprocess.check_output(command, text=True)
+    rows = re.findall(r"^ *([\d.]+) +([\d.]+) +([\d.]+) +([\d.]+) .* ([\d.]+) ", printed, re.M)
+    assert len(rows) == 8 and {float(step) for _, step, *_ in rows} == {0.05, 0.5, 1, 2}
+    for damping, _, exact, native, own in (map(float, row) for row in rows):
+        error = abs(own / exact - 1)
+        assert error < (0.03 if damping else 0.002) and error < abs(native / exact - 1) / 3
+    assert "1000 rollouts on 4 threads: the same bits as on one thread" in printed
+
+
+BAD: list[tuple[dict[str, Any], str]] = [  # keys of an instance, words of the error
+    ({"Fc": -1}, "Fc = -1 is outside 5.42101e-20 .. 1.84467e+19"),
+    ({"sigma0": "1e3x"}, "sigma0 = 1e3x is outside"),
+    ({"sigma0": ""}, "model = dahl needs sigma0"),
+    ({"Fc": "1 1 1 1 1 1 1 1 1"}, "Fc = 1 1 1 1 1 1 1 1 1 has more than 8 values"),
+    ({"Fc": "1 2"}, "model = dahl with 0 kinds does not fit 1 sigma0 and 2 Fc"),
+    ({"theta_per_count": 1e-15}, "theta_per_count = 1e-15 is outside 2^-30 .. 2^20 of Fc/sigma0"),
+    ({"model": "lugre"}, "model = lugre is none of dahl slip parallel"),
+    ({"model": "elastoplastic", "breakaway": 1}, "breakaway = 1 is outside 1e-37 .. 1"),
+    ({"breakaway": 0.5}, "breakaway = 0.5 is for model = elastoplastic, not for dahl"),
+    ({"model": "parallel", "kinds": "dahl dahl"}, "with 2 kinds does not fit 1 sigma0 and 1 Fc"),
+    ({"model": "parallel", "kinds": "soft"}, "kinds = soft: soft is neither dahl nor slip"),
+    ({"joint": "", "tendon": "t", "model": "loaded", "full": 1}, "model = loaded needs a joint"),
+    ({"joint": "x"}, "joint = x is not in the model"),
+    ({"joint": "free"}, "joint = free is neither a hinge nor a slide"),
+    ({"tendon": "t"}, "needs either joint or tendon"),
+]
+
+
+@pytest.mark.parametrize(("keys", "words"), BAD, ids=[words for _, words in BAD])
+def test_a_bad_attribute_is_an_error_of_the_model(keys, words) -> None:
+    with pytest.raises(ValueError, match=f"dahl.friction 'bad one': .*{re.escape(words)}"):
+        made({"of a": SEVERAL["of a"], "bad one": SEVERAL["of a"] | keys})
+
+
+@pytest.mark.parametrize(
+    ("stand_in", "words"),
+    [("None", "cannot import mujoco"), ("types.SimpleNamespace(__version__='3.9')", "this is 3.9")],
+)
+def test_without_mujoco_4_one_line_names_the_packages(stand_in: str, words: str) -> None:
+    code = f"import runpy, sys, types; sys.modules['mujoco'] = {stand_in};"
+    code += "runpy.run_module('dahl.mujoco', run_name='__main__')"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
+    assert done.stderr.startswith("error: dahl.mujoco ") and words in done.stderr
+    assert re.search(r"pip install \S*mujoco.*, or pip install '.\[mujoco\]'", done.stderr)
+
+
+def test_without_a_compiler_one_line_says_so(monkeypatch, tmp_path) -> None:
+    monkeypatch.setattr(mujoco_plugin.paths, "ROOT", tmp_path)
+    monkeypatch.setenv("CC", "no-such-cc")
+    with pytest.raises(dahl.RunError, match="cannot start no-such-cc .*install a C compiler"):
+        mujoco_plugin.load()
+
+
+PAGE = (ROOT / "docs/simulators.md").read_text()
+HINGE = ROOT / "examples/mujoco/hinge.xml"
+LOAD = """import sys, mujoco
+mujoco.mj_loadPluginLibrary(sys.argv[1])
+mujoco.MjModel.from_xml_path(sys.argv[2])"""
+
+
+@pytest.mark.parametrize("version", [0, 1], ids=["this version", "another version"])
+def test_the_library_of_a_c_program_is_registered_in_its_version(tmp_path, version) -> None:
+    package = Path(mujoco.__file__).parent
+    shutil.copytree(package / "include", tmp_path / "include")
+    (tmp_path / "lib").mkdir()
+    (tmp_path / "lib/libmujoco.so").symlink_to(*package.glob("libmujoco.so*"))
+    header = tmp_path / "include/mujoco/mujoco.h"
+    macro = "#define mjVERSION_HEADER "
+    header.write_text(header.read_text().replace(macro, f"{macro}{version} + "))
+    command = re.search(r"```sh\n(cc .*?)```", PAGE, re.S)[1].replace("-o ", f"-o {tmp_path}/")
+    environment = {**os.environ, "MUJOCO": str(tmp_path)}
+    subprocess.run(["bash", "-c", command], check=True, env=environment, cwd=ROOT)
+    words = [sys.executable, "-c", LOAD, tmp_path / "libdahl_friction.so", HINGE]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert (done.returncode == 0) == (version == 0)
+    assert ("compiled for MuJoCo" in done.stderr + done.stdout) == (version == 1)

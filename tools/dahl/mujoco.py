@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: MIT
+"""Friction in MuJoCo: importing this module registers the plugin `dahl.friction`.
+
+An instance in the model gives one joint or tendon its friction; docs/simulators.md has all keys:
+
+    <extension>
+      <plugin plugin="dahl.friction">
+        <instance name="hip friction">
+          <config key="joint" value="hip"/>
+          <config key="sigma0" value="120"/>
+          <config key="Fc" value="1.8"/>
+        </instance>
+      </plugin>
+    </extension>
+
+`python -m dahl.mujoco` compares it with MuJoCo's own LuGre friction.
+"""
+
+from __future__ import annotations
+
+import sys
+
+from dahl.errors import Error
+from dahl.sim import mujoco_plugin
+
+
+def main() -> int:
+    """Print the comparison and return the exit code."""
+    try:
+        mujoco_plugin.load()
+        from dahl.sim import mujoco_hinge
+
+        mujoco_hinge.print_comparison()
+    except Error as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
+mujoco_plugin.load()

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: MIT
+"""A hinge that must hold under half of Fc: dahl.friction beside MuJoCo's LuGre friction, both with
+Dahl's model, and the solution of the differential equation.
+
+It moves into presliding and swings there; without other damping it never stands still. The drift is
+the error of an integration by time steps.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+
+from dahl import dependencies
+from dahl.errors import RunError
+
+INERTIA = 1 / 150  # [kg m2] of the box below: 1 kg, 0.2 m x 0.2 m
+SIGMA0, FC = 120.0, 1.8  # [N m/rad], [N m]
+TORQUE = FC / 2  # [N m]
+SECONDS = 10.0
+STEPS_S = (5e-5, 5e-4, 1e-3, 2e-3)
+DAMPINGS = (0.0, 0.5)  # [N m s/rad]
+ROLLOUTS, THREADS = 1000, 4
+HINGE = """<body><joint name="{name}" axis="0 0 1" damping="{damping}"/>
+    <geom type="box" size=".1 .1 .01" mass="1" contype="0" conaffinity="0"/></body>"""
+NATIVE = f"""<dcmotor joint="native" input="none" motorconst="0" resistance="1"
+    lugre="{SIGMA0} 0 {FC} {FC} 1"/>"""
+DAHL = f"""<plugin plugin="dahl.friction"><instance name="hinge"><config key="joint" value="dahl"/>
+    <config key="sigma0" value="{SIGMA0}"/><config key="Fc" value="{FC}"/></instance></plugin>"""
+
+
+def model(step: float, damping: float = 0.0, hinges: tuple[str, ...] = ("native", "dahl")) -> Any:
+    """Return the model with one or both hinges; a motor at each of them."""
+    bodies = "".join(HINGE.format(name=name, damping=damping) for name in hinges)
+    motors = "".join(f'<motor joint="{name}"/>' for name in hinges)
+    return mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{step}" integrator="implicitfast"/>
+        <extension>{DAHL if "dahl" in hinges else ""}</extension><worldbody>{bodies}</worldbody>
+        <actuator>{motors}{NATIVE if "native" in hinges else ""}</actuator></mujoco>"""
+    )
+
+
+def angles(step: float, damping: float) -> tuple[float, float]:
+    """Return the angle [rad] of the native hinge and of that with dahl.friction at the end."""
+    both = model(step, damping)
+    data = mujoco.MjData(both)
+    data.ctrl[:2] = TORQUE
+    mujoco.mj_step(both, data, round(SECONDS / step))
+    return float(data.qpos[0]), float(data.qpos[1])
+
+
+def exact_angle(damping: float) -> float:
+    """Return the angle [rad] at the end by SciPy's DOP853, of theta, speed and F."""
+    try:
+        from scipy.integrate import solve_ivp
+    except ImportError:
+        hint = dependencies.hint(["scipy"], "mujoco")
+        raise RunError(f"the reference needs scipy; {hint}") from None
+
+    def slope(_: float, state: Any) -> list[float]:
+        _, speed, force = state
+        bristle = SIGMA0 * (speed - force / FC * abs(speed))
+        return [speed, (TORQUE - force - damping * speed) / INERTIA, bristle]
+
+    solved = solve_ivp(slope, (0, SECONDS), [0, 0, 0], method="DOP853", rtol=1e-10, atol=1e-12)
+    return float(solved.y[0, -1])
+
+
+def step_cost(hinge: str, steps: int = 20000) -> Callable[[], float]:
+    """Return a function that measures the time of one step [us] of a model with one hinge."""
+    one = model(0.002, 0.5, (hinge,))
+    data = mujoco.MjData(one)
+    data.ctrl[0] = TORQUE
+
+    def measure() -> float:
+        start = time.perf_counter()
+        mujoco.mj_step(one, data, steps)
+        return (time.perf_counter() - start) / steps * 1e6
+
+    return measure
+
+
+def step_costs(rounds: int = 15) -> tuple[float, float]:
+    """Return the least time of a step [us], native and dahl.friction, measured in turn."""
+    native, own = step_cost("native"), step_cost("dahl")
+    times = np.array([(native(), own()) for _ in range(rounds)])
+    return float(times[:, 0].min()), float(times[:, 1].min())
+
+
+def rollouts(count: int, threads: int, steps: int = 200) -> np.ndarray:
+    """Return the states of rollouts with different random torques, shape (count, steps, size)."""
+    hinge = model(0.002, 0.0, ("dahl",))
+    data = [mujoco.MjData(hinge) for _ in range(max(1, threads))]
+    full = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    start = np.zeros((count, mujoco.mj_stateSize(hinge, full)))
+    torques = np.random.default_rng(1).uniform(-2 * FC, 2 * FC, (count, steps, 1))
+    states, _ = rollout.rollout(hinge, data, start, torques)
+    return np.asarray(states)
+
+
+def print_comparison() -> None:
+    """Print the table of the hinge, the cost of a step, and whether threads change bits."""
+    print(f"angle of a hinge after {SECONDS:g} s under half of Fc, and its relative error")
+    print(f"sigma0 = {SIGMA0:g} N m/rad, Fc = {FC:g} N m, inertia = {INERTIA:.5f} kg m2\n")
+    print("damping  step [ms]  DOP853 [rad]   MuJoCo LuGre [rad]   dahl.friction [rad]")
+    for damping in DAMPINGS:
+        exact = exact_angle(damping)
+        for step in STEPS_S:
+            native, own = (f"{each:.5f} {each / exact - 1:+9.2%}" for each in angles(step, damping))
+            print(f"{damping:7g} {step * 1e3:10g} {exact:13.5f} {native:>20} {own:>21}")
+    native_us, own_us = step_costs()
+    print(
+        f"\none step: MuJoCo LuGre {native_us:.2f} us, dahl.friction {own_us:.2f} us:"
+        f" {own_us / native_us:.2f} times as long"
+    )
+    is_same = np.array_equal(rollouts(ROLLOUTS, THREADS), rollouts(ROLLOUTS, 1))
+    same = "the same bits as" if is_same else "OTHER BITS than"
+    print(f"{ROLLOUTS} rollouts on {THREADS} threads: {same} on one thread")

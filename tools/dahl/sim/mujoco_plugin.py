@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: MIT
+"""Compile the plugin for the installed MuJoCo and load it.
+
+The layout of MuJoCo's structures changes with its version. The plugin is therefore compiled on this
+machine, once for each version, with the headers of the package mujoco.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shlex
+import subprocess
+import tempfile
+from pathlib import Path
+
+from dahl import dependencies, paths
+from dahl.binding import library
+from dahl.errors import RunError
+
+OLDEST = 4  # first major version whose tendon Jacobians are always sparse
+SOURCES = paths.SHARE / "mujoco" if paths.INSTALLED else paths.ROOT / "port" / "mujoco"
+FLAGS = "-std=c99 -O2 -fPIC -shared -ffp-contract=off".split()
+
+
+def load() -> None:
+    """Register dahl.friction. Raises dahl.RunError if MuJoCo 4 or a C compiler is missing."""
+    try:
+        import mujoco
+    except ImportError as error:
+        reason = f"dahl.mujoco cannot import mujoco ({error})"
+        raise RunError(f"{reason}; {dependencies.hint(['mujoco'], 'mujoco')}") from None
+    if int(mujoco.__version__.split(".")[0]) < OLDEST:
+        reason = f"dahl.mujoco needs MuJoCo {OLDEST} or later; this is {mujoco.__version__}"
+        raise RunError(f"{reason}; {dependencies.hint(['mujoco'], 'mujoco')}")
+    library.load()  # the plugin finds the functions of libdahl.so in this process
+    mujoco.mj_loadPluginLibrary(str(compiled(Path(mujoco.__file__).parent, mujoco.__version__)))
+
+
+def compiled(package: Path, version: str) -> Path:
+    """Return the plugin for this MuJoCo; compile it if sources and version are new."""
+    files = [*SOURCES.glob("*.[ch]"), *paths.INCLUDE.glob("*.h")]
+    content = b"".join(path.read_bytes() for path in sorted(files))
+    folder = paths.ROOT / "build"
+    if paths.INSTALLED:
+        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "dahl"
+    name = f"dahl_friction-{version}-{hashlib.sha256(content).hexdigest()[:16]}.so"
+    target = folder / "mujoco" / name
+    if not target.exists():
+        _compile(package, target)
+    return target
+
+
+def _compile(package: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    words = [*shlex.split(os.environ.get("CC") or "cc"), *FLAGS]
+    words += [f"-I{paths.INCLUDE}", f"-I{package / 'include'}"]
+    words += map(str, [*SOURCES.glob("*.c"), *package.glob("libmujoco.so*")])
+    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+        part = Path(folder) / target.name  # another process may compile the same plugin
+        try:
+            done = subprocess.run(
+                [*words, "-lm", "-o", str(part)], capture_output=True, text=True, check=False
+            )
+        except OSError as error:
+            raise RunError(
+                f"dahl.mujoco compiles its plugin at its first import, but cannot start {words[0]}"
+                f" ({error.strerror}); install a C compiler, or set CC"
+            ) from None
+        if done.returncode != 0:
+            raise RunError(f"{shlex.join(words)} failed: {done.stderr.strip()}")
+        part.replace(target)
