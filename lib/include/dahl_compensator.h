@@ -147,10 +147,11 @@ typedef struct {
     uint32_t fall_q30;      /**< [Q30] decrease of the fade in a bad tick */
     uint32_t jump;          /**< [count] longest move of a tick */
     int32_t play;           /**< [count] width of the play */
-    uint32_t speed_unit;    /**< [Q20] speed of one count per tick over fade_speed */
     uint8_t speed_shift;    /**< the mean of the speed covers 2^speed_shift ticks */
     uint8_t pull_shift;     /**< a pull closes 2^-pull_shift of the gap; 0: no pull */
     uint8_t law;            /**< dahl_compensator_law_t */
+    uint32_t speed_mask;    /**< 2^speed_shift - 1 */
+    uint32_t speed_unit;    /**< [Q20] speed of one count per tick over fade_speed */
 } dahl_compensator_plan_t;
 
 /** State and telemetry of one compensator, 40 bytes. All zeros: relaxed, faded out. */
