@@ -9,7 +9,7 @@
 #define PULL_SHIFT_MAX 30 /* bits of a ratio */
 #define SQRT2_Q31 3037000500u
 #define TWO_PI 6.2831855f
-#define COARSE_SPEED_Q20 64 /* from 2^14 counts per tick at fade_speed on */
+#define COARSE_SPEED_Q20 ((UINT32_C(1) << 20) / DAHL_COMPENSATOR_FINE_COUNTS)
 #define ONE_Q16 (UINT32_C(1) << 16)
 #define LIMIT_MAX INT32_MAX
 

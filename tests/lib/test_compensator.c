@@ -117,6 +117,23 @@ static void test_wrong_counts_are_refused_with_a_code(void)
     }
 }
 
+/* Of 0.01 to 10^7 counts of a tick at fade_speed. The header promises a little less than 1024 times these counts. */
+static void test_the_longest_jump_follows_the_fade_speed(void)
+{
+    uint64_t seed = 10;
+    for (int k = 0; k < 2000; k++) {
+        dahl_compensator_params_t params = valid;
+        dahl_compensator_plan_t plan;
+        const double counts = 0.01 * exp(random_u32(&seed) * 0x1p-32 * log(1e9));
+        const double factor = DAHL_COMPENSATOR_JUMP_SPEEDS / (counts > DAHL_COMPENSATOR_FINE_COUNTS ? 2.0 : 1.0);
+        params.fade_speed = (float)(counts * (double)params.friction.theta_per_count / 1e-3);
+        params.jump = (uint32_t)fmin(DAHL_COMPENSATOR_JUMP_MAX - 1, fmax(1, floor(factor * counts * 0.999)));
+        TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_compensator_prepare(&plan, &params));
+        params.jump = (uint32_t)fmin(DAHL_COMPENSATOR_JUMP_MAX + 1, ceil(1100 * counts));
+        TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_RANGE, dahl_compensator_prepare(&plan, &params));
+    }
+}
+
 static void test_the_reference_law_needs_no_bounds_but_keeps_given_ones(void)
 {
     dahl_compensator_params_t params = valid;
