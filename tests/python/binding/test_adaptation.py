@@ -31,12 +31,13 @@ int main(void)
     dahl_plan_t element; dahl_state_t bristle = {0};
     dahl_compensator_plan_t plan; dahl_compensator_t compensator = {0};
     dahl_adaptation_plan_t adaptation_plan; dahl_adaptation_t adaptation = {0};
-    int32_t moved, wanted, is_good, motor;
+    int32_t d, wanted, good, motor;
     if (dahl_prepare(&element, &params.friction) || dahl_compensator_prepare(&plan, &params)
         || dahl_adaptation_prepare(&adaptation_plan, &params, 0.002f)) { return 1; }
-    while (scanf("%" SCNd32 "%" SCNd32 "%" SCNd32 "%" SCNd32, &moved, &wanted, &is_good, &motor) == 4) {
-        (void)dahl_compensator_move(&plan, &compensator, moved, is_good);
-        int32_t w = dahl_adaptation_apply(&adaptation, dahl_step_counts_q30(&element, &bristle, wanted));
+    while (scanf("%" SCNd32 "%" SCNd32 "%" SCNd32 "%" SCNd32, &d, &wanted, &good, &motor) == 4) {
+        (void)dahl_compensator_move(&plan, &compensator, d, good);
+        int32_t w = dahl_step_counts_q30(&element, &bristle, wanted);
+        w = dahl_adaptation_apply(&adaptation, w);
         int32_t y = dahl_compensator_torque(&plan, &compensator, w);
         dahl_adaptation_step(&adaptation_plan, &adaptation, &compensator, motor);
         printf("%" PRId32 " %" PRId32 "\n", y, adaptation.Fc_change_q16);
@@ -86,7 +87,8 @@ def test_it_has_the_bits_of_a_c_program(tmp_path: Path) -> None:
     subprocess.run([str(word) for word in words], check=True)
     rows = slides(20_000, noise=2, seed=5)
     text = "\n".join(" ".join(map(str, row)) for row in rows.tolist())
-    done = subprocess.run([tmp_path / "run"], input=text, capture_output=True, text=True, check=True)
+    program = tmp_path / "run"
+    done = subprocess.run([program], input=text, capture_output=True, text=True, check=True)
     due = [tuple(map(int, line.split())) for line in done.stdout.splitlines()]
     assert run(rows, adaptation()) == due
     assert due[-1][1] > 0.1 * 2**16 and len({change for _, change in due}) > 5

@@ -88,7 +88,8 @@ class Adaptation(Copied):
     @property
     def Fc_estimate(self) -> float:  # noqa: N802 (the field's name)
         """N m, 0.5 to 1.5 times Fc; Fc at first."""
-        return self.Fc * (1 + self._state.Fc_change_q16 * 2.0**-16)
+        change = float(self._state.Fc_change_q16) * 2.0**-16
+        return self.Fc * (1 + change)
 
     @property
     def terms(self) -> dict[str, float]:
