@@ -43,7 +43,7 @@
  * converts it. Each term can be read in dahl_compensator_t.
  *
  * @par Guarantee (measured law)
- * The law injects no energy into a free axis, whatever its inertia, if
+ * A free axis comes to rest, whatever its inertia, if
  * - Fc_low is at most the true Fc, at all speeds below twice fade_speed,
  * - length_long is at least the true presliding length: the breakaway torque over sigma0,
  * - the true friction is Dahl- or LuGre-like,
@@ -51,18 +51,24 @@
  * - play is at least 2 noise + 2, or 1 without noise,
  * - the torque acts at most 3 ticks after the reading.
  *
- * With 12 to 20 bits, a simulated axis then comes to rest after a kick, at most 0.02 rad/s. The
- * prepare function enforces gain Fc <= Fc_low, Fc/sigma0 >= length_long, and play >= 2 noise.
- * Closed form behind it: a loop of amplitude A has the area 4 Fc (A - tanh(a A)/a), a = sigma0/Fc.
- * If slip elements make the presliding, give three times the measured length.
+ * With 12 to 20 bits, a simulated axis then moves by at most 0.02 rad/s after a kick. The prepare
+ * function enforces gain Fc <= Fc_low, Fc/sigma0 >= length_long, and play >= 2 noise. Closed form
+ * behind it: a loop of amplitude A has the area 4 Fc (A - tanh(a A)/a), a = sigma0/Fc. If slip
+ * elements make the presliding, give three times the measured length.
  *
  * A play of 2 noise makes small motions lighter, but is outside the guarantee. If the noise is
  * added before the rounding, the axis can keep moving at 0.08 rad/s, with fewer than 14 bits at
  * 0.15 rad/s. If it is of whole counts, at 0.42 rad/s.
  *
+ * @par Energy (measured law)
+ * Led by an external force, strokes longer than the play and the presliding length get no energy
+ * from the law. A shorter stroke hides in the play: the torque stays while the friction relaxes.
+ * Such a stroke and the way back get at most 2 gain Fc play, in J with the play in rad.
+ *
  * @par Not promised
- * A benefit with 12 bits or fewer, passivity of the reference law, and faults that the caller does
- * not report: an encoder that repeats its last count looks like rest.
+ * A benefit with 12 bits or fewer, passivity of the reference law, and rest on a machine that
+ * shakes: a vibration within the play lets the shaft creep in the direction of its last motion. Nor
+ * faults that the caller does not report: an encoder that repeats its last count looks like rest.
  *
  * @par Properties
  * As in dahl.h: integers only, equal bits everywhere, no heap, no global variable, no libm, no

@@ -5,11 +5,26 @@
 #define AXIS_H
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 #include <unity.h>
 
 #include "../random.h"
 #include "dahl_compensator.h"
+
+static inline void at_most(double limit, double value)
+{
+    char message[64];
+    snprintf(message, sizeof message, "%g is above %g", value, limit);
+    TEST_ASSERT_TRUE_MESSAGE(value <= limit, message);
+}
+
+static inline void at_least(double limit, double value)
+{
+    char message[64];
+    snprintf(message, sizeof message, "%g is below %g", value, limit);
+    TEST_ASSERT_TRUE_MESSAGE(value >= limit, message);
+}
 
 #define TWO_PI 6.283185307179586
 #define TRUE_FC 0.5       /* N m */
