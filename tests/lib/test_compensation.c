@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Closed loops with the compensator: the limits that make it safe to switch on, and naive builds that must miss them. */
+/* Closed loops with the compensator: the limits that make it safe to switch on, and naive builds that must miss them. The energy
+ * of adversarial paths is in test_compensation_energy.c. */
 #include "axis.h"
 
 static const double rates[] = {1000, 8000};
