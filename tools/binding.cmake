@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 # The declarations that Python reads of the C library, from the public headers: see docs/decisions.
-#   dahl_declarations.h  the headers after the preprocessor; needs the C compiler alone
+#   dahl_declarations.h  the headers after the preprocessor, with their #defines; needs the C compiler alone
 #   _dahl.abi3.so        a module of cffi whose calls cost half; needs cffi and Python.h, and is left out without them
 # Both lie next to libdahl.so. tools/dahl/binding/library.py loads them.
 set(headers dahl.h dahl_encoder.h dahl_parts.h dahl_compensator.h dahl_float.h dahl_batch.h dahl_can_bus.h dahl_frames.h dahl_node.h)
@@ -16,7 +16,7 @@ foreach(name stdint stdbool stddef) # empty: cffi knows their types
 endforeach()
 list(TRANSFORM headers PREPEND "${include}/" OUTPUT_VARIABLE header_files)
 add_custom_command(OUTPUT ${declarations}
-    COMMAND ${CMAKE_C_COMPILER} -E -P -nostdinc -U__GNUC__ -I${work}/std -I${include} ${work}/all.h -o ${declarations}
+    COMMAND ${CMAKE_C_COMPILER} -E -P -dD -nostdinc -U__GNUC__ -I${work}/std -I${include} ${work}/all.h -o ${declarations}
     DEPENDS ${header_files} ${work}/all.h VERBATIM)
 set(binding_files ${declarations})
 

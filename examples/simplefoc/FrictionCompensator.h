@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: MIT
-// Friction compensation for SimpleFOC (Arduino-FOC), written against version 2.4. Copy this file into your sketch, and pack
-// the library by port/arduino/pack.sh. The motor needs a torque controller by current, since the torque is added to
-// feed_forward_current.q [A], which SimpleFOC does not limit: `limit` of the parameters does.
+// Friction compensation for SimpleFOC (Arduino-FOC) 2.4.0, the first version with feed_forward_current. Copy this file into
+// your sketch, and pack the library by port/arduino/pack.sh. The motor needs a torque controller by current, since the torque
+// is added to feed_forward_current.q [A], which SimpleFOC does not limit: `limit` of the parameters does.
+// Checked against the source of 2.4.0 (FOCMotor.h, Sensor.h, loopFOC):
+// - It does not initialize feed_forward_current. A global motor starts at 0; for any other, assign {0, 0} before init().
+// - loopFOC() adds feed_forward_current to current_sp in place. If it ran twice without move(), it would add twice: keep
+//   motion_downsample at 0.
 //
 //   FrictionCompensator compensator(motor, 0.05f, 16384);                     // N m/A, counts of the sensor in a turn
 //   setup():  after initFOC(): if (compensator.init(params) != 0) motor.disable();

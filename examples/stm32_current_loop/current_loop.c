@@ -28,7 +28,7 @@ static const dahl_compensator_params_t params = {
     .law = DAHL_COMPENSATOR_MEASURED, .Fc_low = FC_LOW, .length_long = LENGTH_LONG,
     .gain = 0.9f, .limit = 0.06f, .slew = 5.0f, .period = PERIOD_S, /* N m, N m/s, s */
     .rise = 0.5f, .fall = 0.02f, .fade_speed = 20.0f,               /* s, s, rad/s */
-    .noise = 1, .play = 2, .jump = 100};                            /* counts */
+    .noise = 1, .play = 4, .jump = 100};                            /* counts */
 static dahl_plan_t friction;
 static dahl_state_t bristle;
 static dahl_compensator_plan_t plan;

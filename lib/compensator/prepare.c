@@ -6,10 +6,10 @@
 
 #define SPEED_MEAN_S 0.012f /* 2 to 3 counts of a 12-bit encoder at 1 rad/s */
 #define SPEED_SHIFT_MAX 12
-#define PULL_SHIFT_MAX 40
+#define PULL_SHIFT_MAX 30 /* bits of a ratio */
 #define SQRT2_Q31 3037000500u
 #define TWO_PI 6.2831855f
-#define COARSE_SPEED_Q20 64 /* from 2^14 counts per tick at fade_speed on */
+#define COARSE_SPEED_Q20 ((UINT32_C(1) << 20) / DAHL_COMPENSATOR_FINE_COUNTS)
 #define ONE_Q16 (UINT32_C(1) << 16)
 #define LIMIT_MAX INT32_MAX
 
@@ -134,6 +134,7 @@ static DAHL_COLD void write_plan(dahl_compensator_plan_t *plan, const dahl_compe
     plan->play = (int32_t)params->play;
     plan->speed_unit = speed_unit(params);
     plan->speed_shift = dahl_real_doublings(SPEED_MEAN_S, period, SPEED_SHIFT_MAX);
+    plan->speed_mask = (UINT32_C(1) << plan->speed_shift) - 1;
     plan->pull_shift = pull_shift(params, period);
 }
 

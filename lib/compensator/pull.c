@@ -1,18 +1,20 @@
 /* SPDX-License-Identifier: MIT */
 /** Pull of the reference law: a first-order low-pass between two states of one element. */
-#include "../parts/shift.h"
 #include "dahl_compensator.h"
 
-/** The unsigned gap between any two states has 64 bits. */
+/** Return the upper word of a state: Q30. */
+static inline int32_t ratio_of(const dahl_state_t *state)
+{
+    return (int32_t)(state->w >> 32);
+}
+
+/** Only the upper words matter for a low-pass. Each is shifted before the difference, which then fits 32 bits for any
+ * state. The lower word stays. */
 void dahl_compensator_pull(const dahl_compensator_plan_t *plan, dahl_state_t *state, const dahl_state_t *measured)
 {
-    const uint64_t from = (uint64_t)state->w, to = (uint64_t)measured->w;
-    if (plan->pull_shift == 0) {
-        return;
-    }
-    if (measured->w > state->w) {
-        state->w = (int64_t)(from + dahl_shift_right(to - from, plan->pull_shift));
-    } else {
-        state->w = (int64_t)(from - dahl_shift_right(from - to, plan->pull_shift));
+    const uint8_t shift = plan->pull_shift;
+    if (shift != 0) {
+        uint32_t ratio = (uint32_t)ratio_of(state) + (uint32_t)((ratio_of(measured) >> shift) - (ratio_of(state) >> shift));
+        state->w = (int64_t)((uint64_t)ratio << 32 | (uint32_t)state->w);
     }
 }

@@ -33,17 +33,26 @@ static int32_t apply_play(const dahl_compensator_plan_t *plan, dahl_compensator_
     return (int32_t)((uint32_t)position - (uint32_t)end);
 }
 
-/** Prepare bounds the product: a longer move is a jump. */
+/** Round the change of the mean towards 0, so that opposite motions have opposite speeds. Prepare bounds the product: a
+ * longer move is a jump. */
 static void update_speed(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t move)
 {
-    uint32_t speed = (uint32_t)compensator->speed_q20, now = (uint32_t)move * plan->speed_unit;
-    compensator->speed_q20 = (int32_t)(speed + (uint32_t)((int32_t)(now - speed) >> plan->speed_shift));
+    uint32_t speed = (uint32_t)compensator->speed_q20, gap = (uint32_t)move * plan->speed_unit - speed;
+    uint32_t is_negative = (uint32_t)((int32_t)gap >> 31); /* 0, or all bits */
+    gap += is_negative & plan->speed_mask;
+    compensator->speed_q20 = (int32_t)(speed + (uint32_t)((int32_t)gap >> plan->speed_shift));
+}
+
+/** Prepare bounds the jump to 2^30. The unsigned sum wraps for a longer move of either sign. */
+static int is_jump(int32_t dcounts, uint32_t jump)
+{
+    return (uint32_t)dcounts + jump > 2 * jump;
 }
 
 int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t dcounts,
                               int is_good)
 {
-    if (!is_good || dahl_magnitude(dcounts) > plan->jump) {
+    if (!is_good || is_jump(dcounts, plan->jump)) {
         return reject(plan, compensator);
     }
     int32_t move = apply_play(plan, compensator, dcounts);

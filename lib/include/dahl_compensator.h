@@ -43,23 +43,32 @@
  * converts it. Each term can be read in dahl_compensator_t.
  *
  * @par Guarantee (measured law)
- * The law injects no energy into a free axis, whatever its inertia, if
- * - Fc_low is at most the true Fc and length_long at least the true presliding length Fc/sigma0,
- * - the true friction is Dahl- or LuGre-like over all speeds below twice fade_speed,
+ * A free axis comes to rest, whatever its inertia, if
+ * - Fc_low is at most the true Fc, at all speeds below twice fade_speed,
+ * - length_long is at least the true presliding length: the breakaway torque over sigma0,
+ * - the true friction is Dahl- or LuGre-like,
  * - the noise of the encoder is at most `noise`,
  * - play is at least 2 noise + 2, or 1 without noise,
  * - the torque acts at most 3 ticks after the reading.
  *
- * With 12 to 20 bits, a simulated axis then comes to rest after a kick, at most 0.02 rad/s. With
- * play = 2 noise it can keep moving, at most 0.05 rad/s with 14 bits or more if the noise is added
- * before the rounding, up to 0.4 rad/s otherwise. The prepare function enforces gain Fc <= Fc_low,
- * Fc/sigma0 >= length_long, and play >= 2 noise. Closed form behind it: a loop of amplitude A has
- * the area 4 Fc (A - tanh(a A)/a), a = sigma0/Fc. If slip elements make the presliding, give three
- * times the measured length.
+ * With 12 to 20 bits, a simulated axis then moves by at most 0.02 rad/s after a kick. The prepare
+ * function enforces gain Fc <= Fc_low, Fc/sigma0 >= length_long, and play >= 2 noise. Closed form
+ * behind it: a loop of amplitude A has the area 4 Fc (A - tanh(a A)/a), a = sigma0/Fc. If slip
+ * elements make the presliding, give three times the measured length.
+ *
+ * A play of 2 noise makes small motions lighter, but is outside the guarantee. If the noise is
+ * added before the rounding, the axis can keep moving at 0.08 rad/s, with fewer than 14 bits at
+ * 0.15 rad/s. If it is of whole counts, at 0.42 rad/s.
+ *
+ * @par Energy (measured law)
+ * Led by an external force, strokes longer than the play and the presliding length get no energy
+ * from the law. A shorter stroke hides in the play: the torque stays while the friction relaxes.
+ * Such a stroke and the way back get at most 2 gain Fc play, in J with the play in rad.
  *
  * @par Not promised
- * A benefit with 12 bits or fewer, passivity of the reference law, and faults that the caller does
- * not report: an encoder that repeats its last count looks like rest.
+ * A benefit with 12 bits or fewer, passivity of the reference law, and rest on a machine that
+ * shakes: a vibration within the play lets the shaft creep in the direction of its last motion. Nor
+ * faults that the caller does not report: an encoder that repeats its last count looks like rest.
  *
  * @par Properties
  * As in dahl.h: integers only, equal bits everywhere, no heap, no global variable, no libm, no
@@ -67,7 +76,9 @@
  * is relaxed and fades in. Any bits are a safe state: the torque stays within the limit.
  *
  * @par Cost
- * On top of the tick of the element, worst case: 96 instructions, 109 on Cortex-M0.
+ * On top of the tick of the element, worst case: 96 instructions, 111 on Cortex-M0. This includes
+ * 11 of the function that makes both calls. A pull adds 12, or 13 on M0, and one more element. The
+ * three calls alone then execute 97, or 113 on M0.
  */
 #ifndef DAHL_COMPENSATOR_H
 #define DAHL_COMPENSATOR_H
@@ -84,6 +95,10 @@ extern "C" {
 #define DAHL_COMPENSATOR_PLAY_MAX 16777216u
 /** [count] Largest jump. */
 #define DAHL_COMPENSATOR_JUMP_MAX 1073741824u
+/** [1] Largest jump over the counts of a tick at fade_speed. */
+#define DAHL_COMPENSATOR_JUMP_SPEEDS 1000u
+/** [count] Counts of a tick at fade_speed above which half of that factor applies. */
+#define DAHL_COMPENSATOR_FINE_COUNTS 16384u
 
 /** Result of dahl_compensator_prepare() and dahl_adaptation_prepare(). */
 typedef enum {
@@ -112,7 +127,8 @@ typedef struct {
     dahl_compensator_law_t law; /**< move that steps the element */
     float Fc_low;               /**< [N m] lower bound of the true Fc. With the reference law, 0
                                      skips the check. */
-    float length_long;          /**< [rad] upper bound of the true presliding length Fc/sigma0.
+    float length_long;          /**< [rad] upper bound of the true presliding length: Fc/sigma0, or
+                                     the breakaway torque over sigma0 if that is larger than Fc.
                                      With the reference law, 0 skips the check. */
     float gain;                 /**< [1] 0 .. 1: share of the friction to cancel */
     float limit;                /**< [N m] largest torque; above 2 Fc counts as 2 Fc */
@@ -121,20 +137,21 @@ typedef struct {
     float rise;                 /**< [s] time to fade in at start and after a fault; 0: at once */
     float fall;                 /**< [s] time to fade out while the encoder is bad; 0: at once */
     float fade_speed;           /**< [rad/s] the torque falls from all of it at this speed to 0 at
-                                     twice this speed; 0: no fade over speed. With more than 2^14
-                                     counts per tick at this speed, the fade may start earlier. */
+                                     twice this speed; 0: no fade over speed. With more than
+                                     #DAHL_COMPENSATOR_FINE_COUNTS per tick at this speed, the fade
+                                     may start earlier. */
     float pull;                 /**< [Hz] corner frequency of dahl_compensator_pull(), within a
                                      factor of 1.5 below 0.17/period; 0: no pull */
     uint32_t noise;             /**< [count] the noise is within +-noise, added before or after the
                                      angle is rounded to counts; half the flicker at rest, rounded
                                      up */
     uint32_t play;              /**< [count] width of the dead zone that follows the counts: 2 noise
-                                     + 2 is safe; at least 2 noise and 1, at most
-                                     #DAHL_COMPENSATOR_PLAY_MAX */
+                                     + 2 for the guarantee, or 1 without noise. At least 2 noise
+                                     and 1, at most #DAHL_COMPENSATOR_PLAY_MAX */
     uint32_t jump;              /**< [count] longer moves of a tick are rejected: at least 1, at
                                      most #DAHL_COMPENSATOR_JUMP_MAX. With a fade_speed, below that
-                                     and below 1000 times the counts of a tick at fade_speed, or
-                                     500 times if these exceed 2^14. */
+                                     and below #DAHL_COMPENSATOR_JUMP_SPEEDS times the counts of a
+                                     tick at fade_speed. */
 } dahl_compensator_params_t;
 
 /** Values that dahl_compensator_prepare() derives from the parameters. Integers only; may be
@@ -147,10 +164,11 @@ typedef struct {
     uint32_t fall_q30;      /**< [Q30] decrease of the fade in a bad tick */
     uint32_t jump;          /**< [count] longest move of a tick */
     int32_t play;           /**< [count] width of the play */
-    uint32_t speed_unit;    /**< [Q20] speed of one count per tick over fade_speed */
     uint8_t speed_shift;    /**< the mean of the speed covers 2^speed_shift ticks */
     uint8_t pull_shift;     /**< a pull closes 2^-pull_shift of the gap; 0: no pull */
     uint8_t law;            /**< dahl_compensator_law_t */
+    uint32_t speed_mask;    /**< 2^speed_shift - 1 */
+    uint32_t speed_unit;    /**< [Q20] speed of one count per tick over fade_speed */
 } dahl_compensator_plan_t;
 
 /** State and telemetry of one compensator, 40 bytes. All zeros: relaxed, faded out. */
@@ -173,6 +191,7 @@ typedef struct {
  * @param      params parameters; both pointers must be valid
  * @return #DAHL_COMPENSATOR_OK, or why the parameters are rejected. Of several reasons, the first
  *   in the order of dahl_compensator_err_t.
+ *   A play from 2 noise to 2 noise + 1 is accepted, but is outside the guarantee.
  * @note Bounds are compared exactly. A length_long one float above Fc/sigma0 passes, so that sigma0
  *   = Fc/length_long is accepted in float. Cost: 7000 instructions at most.
  */
@@ -201,7 +220,8 @@ int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensa
  * @return [Q30 of Fc] torque to add to the command, within the limit
  * @note Error: 2.3 x 2^-15 of ratio_q30 at most, from the fades. It is ratio_q30 with gain 1, if
  *   no fade, slew or limit is in reach. The opposite input from the opposite state gives the
- *   opposite torque within 2^-30. Cost: the other half.
+ *   opposite torque within 2^-30, also in a run: the mean of the speed is symmetric. Cost: the
+ *   other half.
  */
 int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
                                 dahl_compensator_t *compensator, int32_t ratio_q30);
@@ -213,7 +233,7 @@ int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
  * @param plan     prepared plan; without pull, the state is unchanged
  * @param state    state of the element that the reference steps
  * @param measured state of the same element, stepped by the results of dahl_compensator_move()
- * @note Cost: 22 instructions, 46 on Cortex-M0.
+ * @note A gap below 2^(pull_shift - 30) Fc stays. Cost: 12 instructions, 13 on Cortex-M0.
  */
 void dahl_compensator_pull(const dahl_compensator_plan_t *plan, dahl_state_t *state,
                            const dahl_state_t *measured);
@@ -297,7 +317,7 @@ int32_t dahl_adaptation_apply(dahl_adaptation_t *adaptation, int32_t ratio_q30);
  * @param compensator compensator of the same axis: its move and bad_ticks are read
  * @param motor_q24   [Q24 of Fc] whole motor torque during the last tick, with the delay of the
  *   drive; samples above 4 Fc are dropped
- * @note Cost: 155 instructions, 264 on Cortex-M0, when both directions are complete; about half in
+ * @note Cost: 156 instructions, 265 on Cortex-M0, when both directions are complete; about half in
  *   other ticks.
  */
 void dahl_adaptation_step(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *adaptation,

@@ -5,37 +5,73 @@
 #define AXIS_H
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 #include <unity.h>
 
 #include "../random.h"
 #include "dahl_compensator.h"
 
+static inline void at_most(double limit, double value)
+{
+    char message[64];
+    snprintf(message, sizeof message, "%g is above %g", value, limit);
+    TEST_ASSERT_TRUE_MESSAGE(value <= limit, message);
+}
+
+static inline void at_least(double limit, double value)
+{
+    char message[64];
+    snprintf(message, sizeof message, "%g is below %g", value, limit);
+    TEST_ASSERT_TRUE_MESSAGE(value >= limit, message);
+}
+
 #define TWO_PI 6.283185307179586
 #define TRUE_FC 0.5       /* N m */
 #define TRUE_SIGMA0 100.0 /* N m/rad: a presliding length of 5 mrad */
 #define SUBSTEP_S 62.5e-6
 
-/* True friction: Dahl's model. The integral over a step is exact. */
+/* True friction: Dahl's model. With a stribeck_speed it is LuGre's without the damping of the bristles: Fc rises towards
+ * rest to the breakaway torque. */
 typedef struct {
     double Fc, sigma0, F;
+    double breakaway, stribeck_speed; /* N m, rad/s */
 } friction_t;
 
-static inline double friction_move(friction_t *f, double dtheta)
+static inline double friction_limit(const friction_t *f, double speed)
 {
-    const double sign = dtheta < 0 ? -1 : 1, travel = f->sigma0 / f->Fc * fabs(dtheta);
-    const double gap = sign * f->Fc - f->F, closed = -gap * expm1(-travel);
+    if (f->stribeck_speed <= 0) {
+        return f->Fc;
+    }
+    const double ratio = speed / f->stribeck_speed;
+    return f->Fc + (f->breakaway - f->Fc) * exp(-ratio * ratio);
+}
+
+/* The integral over a step is exact. Returns the work done against the friction. */
+static inline double friction_move(friction_t *f, double dtheta, double speed)
+{
+    const double sign = dtheta < 0 ? -1 : 1, Fc = friction_limit(f, speed);
+    const double gap = sign * Fc - f->F, closed = -gap * expm1(-f->sigma0 / Fc * fabs(dtheta));
     f->F += closed;
-    return sign * f->Fc * dtheta - sign * closed * f->Fc / f->sigma0;
+    return sign * Fc * dtheta - sign * closed * Fc / f->sigma0;
 }
 
 /* Torque in place of the library's: the naive laws under comparison. */
 typedef enum { BY_LIBRARY, BY_NOTHING, BY_TANH } torque_source_t;
 
+/* Position loops. P_PI is a cascade: P of the angle gives the speed that a PI loop tracks. */
+typedef enum { FREE, PD, PID, P_PI, LOOPS } loop_t;
+#define KP 30.0         /* N m/rad, of PD and PID */
+#define KD 0.4          /* N m s/rad, of all loops */
+#define KI 300.0        /* N m/(rad s), of PID */
+#define CASCADE_KP 50.0 /* 1/s, of the angle */
+#define CASCADE_KI 8.0  /* N m/rad, of the speed */
+
 typedef struct {
     friction_t friction;
     double inertia, theta, speed, load; /* rad, rad/s, N m */
-    double Kp, Kd;                      /* N m/rad, N m s/rad; 0: free */
+    loop_t loop;
+    double integral;                    /* N m, of the loop */
     double reference, reference_speed, reference_acceleration;
     double period, theta_per_count;
     int noise, delay; /* counts, ticks */
@@ -60,7 +96,7 @@ static inline axis_t axis_of(dahl_compensator_law_t law, int bits, double rate)
 {
     axis_t axis;
     memset(&axis, 0, sizeof axis);
-    axis.friction = (friction_t){TRUE_FC, TRUE_SIGMA0, 0};
+    axis.friction = (friction_t){.Fc = TRUE_FC, .sigma0 = TRUE_SIGMA0};
     axis.inertia = 0.002;
     axis.period = 1 / rate;
     axis.theta_per_count = TWO_PI / (1 << bits);
@@ -146,13 +182,23 @@ static inline double axis_compensate(axis_t *axis, int32_t dcounts)
     }
 }
 
-static inline double axis_control(const axis_t *axis, double theta, double speed)
+/* The loop reads the speed without an error. */
+static inline double axis_control(axis_t *axis, double theta, double speed)
 {
-    if (axis->Kp <= 0) {
+    const double error = axis->reference - theta, speed_error = axis->reference_speed - speed;
+    const double inertial = axis->inertia * axis->reference_acceleration;
+    switch (axis->loop) {
+    case PD:
+        return KP * error + KD * speed_error + inertial;
+    case PID:
+        axis->integral += KI * error * axis->period;
+        return axis->integral + KP * error + KD * speed_error + inertial;
+    case P_PI:
+        axis->integral += CASCADE_KI * (CASCADE_KP * error + speed_error) * axis->period;
+        return axis->integral + KD * (CASCADE_KP * error + speed_error) + inertial;
+    default:
         return 0;
     }
-    return axis->Kp * (axis->reference - theta) + axis->Kd * (axis->reference_speed - speed)
-        + axis->inertia * axis->reference_acceleration;
 }
 
 /* Read the encoder and send a torque; the one of `delay` ticks ago acts now. Returns the motor torque. */
@@ -173,7 +219,7 @@ static inline void axis_tick(axis_t *axis, double external)
     for (int k = 0; k < substeps; k++) {
         axis->speed += (torque - axis->friction.F) / axis->inertia * SUBSTEP_S;
         axis->theta += axis->speed * SUBSTEP_S;
-        (void)friction_move(&axis->friction, axis->speed * SUBSTEP_S);
+        (void)friction_move(&axis->friction, axis->speed * SUBSTEP_S, axis->speed);
     }
 }
 
@@ -181,7 +227,7 @@ static inline void axis_tick(axis_t *axis, double external)
 static inline double axis_lead(axis_t *axis, double theta)
 {
     const double motor = axis_drive(axis);
-    (void)friction_move(&axis->friction, theta - axis->theta);
+    (void)friction_move(&axis->friction, theta - axis->theta, (theta - axis->theta) / axis->period);
     axis->theta = theta;
     return axis->friction.F - motor;
 }

@@ -117,6 +117,23 @@ static void test_wrong_counts_are_refused_with_a_code(void)
     }
 }
 
+/* Of 0.01 to 10^7 counts of a tick at fade_speed. The header promises a little less than 1024 times these counts. */
+static void test_the_longest_jump_follows_the_fade_speed(void)
+{
+    uint64_t seed = 10;
+    for (int k = 0; k < 2000; k++) {
+        dahl_compensator_params_t params = valid;
+        dahl_compensator_plan_t plan;
+        const double counts = 0.01 * exp(random_u32(&seed) * 0x1p-32 * log(1e9));
+        const double factor = DAHL_COMPENSATOR_JUMP_SPEEDS / (counts > DAHL_COMPENSATOR_FINE_COUNTS ? 2.0 : 1.0);
+        params.fade_speed = (float)(counts * (double)params.friction.theta_per_count / 1e-3);
+        params.jump = (uint32_t)fmin(DAHL_COMPENSATOR_JUMP_MAX - 1, fmax(1, floor(factor * counts * 0.999)));
+        TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_compensator_prepare(&plan, &params));
+        params.jump = (uint32_t)fmin(DAHL_COMPENSATOR_JUMP_MAX + 1, ceil(1100 * counts));
+        TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_RANGE, dahl_compensator_prepare(&plan, &params));
+    }
+}
+
 static void test_the_reference_law_needs_no_bounds_but_keeps_given_ones(void)
 {
     dahl_compensator_params_t params = valid;
@@ -148,7 +165,7 @@ static void test_extreme_parameters_give_a_plan_at_its_limits(void)
     plan = plan_of(&params);
     TEST_ASSERT_EQUAL_UINT32(UINT32_MAX, plan.slew_q30);
     TEST_ASSERT_EQUAL_INT32(INT32_MAX, plan.limit_q30);
-    TEST_ASSERT_EQUAL_UINT32(40, plan.pull_shift);
+    TEST_ASSERT_EQUAL_UINT32(30, plan.pull_shift);
     TEST_ASSERT_EQUAL_UINT32(12, plan.speed_shift); /* longest mean: 2^12 ticks of a microsecond */
 }
 
@@ -257,6 +274,30 @@ static void test_the_mean_of_the_speed_follows_the_moves(void)
     }
 }
 
+/* The sum of rounded changes must not depend on the direction, also with the longest mean: 2^11 ticks of 4 us. */
+static void test_opposite_motions_have_opposite_speeds(void)
+{
+    uint64_t seed = 1;
+    dahl_compensator_params_t params = valid;
+    params.period = 4e-6f;
+    params.fade_speed = 4.0f;
+    params.play = 8;
+    params.jump = 40;
+    const dahl_compensator_plan_t plan = plan_of(&params);
+    dahl_compensator_t forward = {.fade_q30 = ONE_Q30}, backward = {.fade_q30 = ONE_Q30, .play_position = 8};
+    TEST_ASSERT_EQUAL_UINT32(11, plan.speed_shift);
+    for (int t = 0; t < 400000; t++) { /* to 6 rad/s and back to rest */
+        const double speed = t < 300000 ? t * 2e-5 : 0;
+        const int32_t dcounts = random_u32(&seed) * 0x1p-32 < speed * 4e-6 / (double)valid.friction.theta_per_count;
+        TEST_ASSERT_EQUAL_INT32(dahl_compensator_move(&plan, &forward, dcounts, 1),
+                                -dahl_compensator_move(&plan, &backward, -dcounts, 1));
+        TEST_ASSERT_EQUAL_INT32(forward.speed_q20, -backward.speed_q20);
+        const int32_t torque = dahl_compensator_torque(&plan, &forward, ONE_Q30);
+        TEST_ASSERT_INT32_WITHIN(1, torque, -dahl_compensator_torque(&plan, &backward, -ONE_Q30));
+    }
+    TEST_ASSERT_INT32_WITHIN(1 << 11, 0, forward.speed_q20);
+}
+
 /* The torque after 200 ticks at a speed, for an encoder with this many bits, fade_speed 100 rad/s and 1 kHz. */
 static int32_t torque_at_speed(int bits, float speed)
 {
@@ -290,6 +331,13 @@ static void randomize(void *memory, size_t bytes, uint64_t *seed)
     }
 }
 
+/* Of a bristle: at most 1 Fc of either sign. */
+static int64_t random_state_w(uint64_t *seed)
+{
+    const uint64_t bits = (uint64_t)random_u32(seed) << 32 | random_u32(seed);
+    return (int64_t)(bits >> 1) - (INT64_C(1) << 62);
+}
+
 static void test_any_state_keeps_the_limit(void)
 {
     uint64_t seed = 9;
@@ -317,7 +365,8 @@ static void test_any_state_keeps_the_limit(void)
     }
 }
 
-static void test_a_pull_stays_between_both_states(void)
+/* Between all states, also beyond +-1 Fc. A step of the pull is 2^-30 Fc. */
+static void test_a_pull_closes_its_part_of_the_gap(void)
 {
     uint64_t seed = 4;
     dahl_compensator_params_t params = valid;
@@ -333,7 +382,27 @@ static void test_a_pull_stays_between_both_states(void)
         TEST_ASSERT_TRUE(before == state.w);
         dahl_compensator_pull(&plan, &state, &measured);
         const double gap = (double)measured.w - (double)before, moved = (double)state.w - (double)before;
-        TEST_ASSERT_DOUBLE_WITHIN(fabs(gap) * 1e-9 + 4096, gap / 512, moved); /* 0.31 Hz at 1 kHz */
+        TEST_ASSERT_DOUBLE_WITHIN(0x1p33, gap / 512, moved); /* 0.31 Hz at 1 kHz */
+    }
+}
+
+/* A gap below 2^(pull_shift - 30) Fc stays. */
+static void test_a_pull_reaches_the_measured_state(void)
+{
+    uint64_t seed = 8;
+    dahl_compensator_params_t params = valid;
+    params.law = DAHL_COMPENSATOR_REFERENCE;
+    params.pull = 10.0f;
+    const dahl_compensator_plan_t plan = plan_of(&params);
+    TEST_ASSERT_EQUAL_UINT32(4, plan.pull_shift);
+    for (int k = 0; k < 1000; k++) {
+        dahl_state_t state = {random_state_w(&seed)}, measured = {random_state_w(&seed)};
+        for (int t = 0; t < 500; t++) {
+            const int64_t before = state.w;
+            dahl_compensator_pull(&plan, &state, &measured);
+            TEST_ASSERT_TRUE(llabs(state.w - measured.w) <= llabs(before - measured.w) + (INT64_C(1) << 32));
+        }
+        TEST_ASSERT_TRUE(llabs(state.w - measured.w) <= INT64_C(1) << (32 + 4));
     }
 }
 

@@ -15,6 +15,7 @@ The package calls the C library for all mathematics. Public names:
     ThroughputSlip(sigma0, Fc, theta_per_count), ThroughputParallel(part, ...)   long logs of these
     VelocityTable(torque, segment_bits)   friction that depends on speed; add it to another
     Compensator(sigma0, Fc, theta_per_count, ...)   torque that cancels friction, within bounds
+    Adaptation(sigma0, Fc, theta_per_count, ...)   for a Compensator: follow an Fc that drifts
     Encoder(modulus, sign, largest_step).move(reading)   counts of each tick, for any wrap
     counts_between(before, now, modulus)   shortest way from one encoder reading to the next
     to_units(ratio_q30, Fc_units)       convert F/Fc in Q30 to integer units of torque
@@ -39,6 +40,7 @@ from dahl.version import __version__ as __version__
 
 TYPE_CHECKING = False  # importing typing would double the time of `dahl --help`
 if TYPE_CHECKING:
+    from dahl.binding.adaptation import Adaptation
     from dahl.binding.asymmetric import Asymmetric
     from dahl.binding.compensator import Compensator
     from dahl.binding.elastoplastic import ElastoPlastic
@@ -53,6 +55,7 @@ if TYPE_CHECKING:
     from dahl.can.node import Node
 
 __all__ = [
+    "Adaptation",
     "Asymmetric",
     "Compensator",
     "ElastoPlastic",
@@ -79,6 +82,7 @@ __all__ = [
 ]
 SUBMODULES = {"codec": "dahl.can.codec", "node": "dahl.can.node"}
 MODULES = {  # of the public classes and functions
+    "binding.adaptation": ("Adaptation",),
     "binding.asymmetric": ("Asymmetric",),
     "binding.compensator": ("Compensator",),
     "binding.elastoplastic": ("ElastoPlastic",),

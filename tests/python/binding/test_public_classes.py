@@ -85,6 +85,11 @@ KINDS = {
     kind.of.__name__: kind
     for kind in (
         *(Kind(models.class_of(model), arguments_of(model), step) for model in BRISTLES),
+        Kind(
+            dahl.Adaptation,
+            PLAN | {"inertia": 2e-3, "period": 1e-3},
+            lambda one: one.apply_q30(-7),
+        ),
         Kind(dahl.Compensator, COMPENSATED, lambda one: one.move(-7)),
         Kind(dahl.Encoder, {"modulus": 65536, "sign": 1, "largest_step": 9}, lambda o: o.move(12)),
         Kind(dahl.Friction, PLANNED, step),

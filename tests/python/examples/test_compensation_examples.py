@@ -110,7 +110,7 @@ def test_the_current_loop_adds_the_current_of_the_friction(root: Path, tmp_path:
     compensator = dahl.Compensator(
         *(plan.sigma0, low, plan.theta_per_count),
         **{"Fc_low": low, "length_long": long, "limit": 0.06, "slew": 5.0, "period": TICK_S},
-        **{"rise": 0.5, "fall": 0.02, "fade_speed": 20.0, "noise": 1, "play": 2, "jump": 100},
+        **{"rise": 0.5, "fall": 0.02, "fade_speed": 20.0, "noise": 1, "play": 4, "jump": 100},
     )
     due = compensator.run_log(
         dahl.Friction(plan), [0] + 199 * [1]

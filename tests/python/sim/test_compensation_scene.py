@@ -25,6 +25,7 @@ POSITION_LIMITS = {
     "17 bits": 0.10,
     "14 bits, noise 2, delay 3": 0.24,
     "17 bits, integral": 0.10,
+    "17 bits, cascade": 0.10,
     "Fc 30 % low": 1.10,
     "Fc 30 % high": 1.10,
     "sigma0 / 3": 1.10,

@@ -18,10 +18,6 @@ from dahl.binding.library import c
 from dahl.binding.parameters import Parameter
 from dahl.errors import Error
 
-PLAY_MAX = 2**24  # DAHL_COMPENSATOR_PLAY_MAX
-JUMP_MAX = 2**30  # DAHL_COMPENSATOR_JUMP_MAX
-JUMP_SPEEDS = 1000  # longest jump over the counts of a tick at fade_speed
-COARSE_COUNTS = 2**14  # from so many on, half of that
 FRICTION = ("sigma0", "Fc", "theta_per_count")
 POSITIVE, OPTIONAL = "2^-64 <= {} < 2^64 ({})", "0, or 2^-64 <= {} < 2^64 ({})"
 
@@ -99,9 +95,9 @@ class Compensator(Copied):
         given |= dict(rise=rise, fall=fall, fade_speed=fade_speed, pull=pull)
         self._values = {k: parameters.parameter(k, v, _limit(k)) for k, v in given.items()}
         self._reference = checks.instance("reference", reference, bool)
-        self._noise = checks.whole("noise", noise, 0, PLAY_MAX // 2)
-        self._play = checks.whole("play", play, 1, PLAY_MAX)
-        self._jump = checks.whole("jump", jump, 1, JUMP_MAX)
+        self._noise = checks.whole("noise", noise, 0, c.DAHL_COMPENSATOR_PLAY_MAX // 2)
+        self._play = checks.whole("play", play, 1, c.DAHL_COMPENSATOR_PLAY_MAX)
+        self._jump = checks.whole("jump", jump, 1, c.DAHL_COMPENSATOR_JUMP_MAX)
         self._state = c.new("dahl_compensator_t *")
         self._prepare()
 
@@ -134,7 +130,8 @@ class Compensator(Copied):
         parameters.need_counted(v["theta_per_count"])
         counts = v["fade_speed"] * v["period"] / v["theta_per_count"]
         friction_is_good = all(_is_in_range(name, v[name], False) for name in FRICTION)
-        most = JUMP_SPEEDS if counts < COARSE_COUNTS else JUMP_SPEEDS // 2
+        is_fine = counts > c.DAHL_COMPENSATOR_FINE_COUNTS
+        most = c.DAHL_COMPENSATOR_JUMP_SPEEDS // (2 if is_fine else 1)
         if friction_is_good and 0 < most * counts < 1.1 * self._jump:
             limit = f"{most} times the {counts:g} counts of a tick at fade_speed"
             return f"jump = {self._jump} is not below {limit}"

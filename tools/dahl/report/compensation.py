@@ -23,6 +23,8 @@ COLOURS = {  # in the order of drawing, so that noisy traces stay below
 }
 SIZE = (11.0, 10.5)  # inches
 WINDOW_S = (1.0, 3.5)  # part of the motion that is drawn
+BIN_S = 0.02  # a law that chatters is drawn as the mean and the range of each bin
+BAND_ALPHA = 0.22
 MILLI = 1e3
 
 
@@ -47,14 +49,23 @@ def draw(path: Path, comparison: Comparison) -> None:
 
 def _axis_row(row: np.ndarray, runs: dict[str, Run], label: str, scale: float) -> None:
     """Draw error and motor torque of all laws."""
-    time = compensation.times(runs["none"])
-    part = (time >= WINDOW_S[0]) & (time <= WINDOW_S[1])
     for name, colour in COLOURS.items():
         traces = np.array(runs[name].error) * scale, np.array(runs[name].motor)
         for axes, trace in zip(row, traces, strict=True):
-            axes.plot(time[part], trace[part], color=colour, linewidth=1.1, label=name)
+            _trace(axes, trace, name, colour)
     row[0].set(xlabel="time [s]", ylabel=label)
     row[1].set(xlabel="time [s]", ylabel="torque [N m]")
+
+
+def _trace(axes: Axes, trace: np.ndarray, name: str, colour: str) -> None:
+    """Draw a line through the means of the bins, and a band from their least to their largest."""
+    size = round(BIN_S / compensation.PERIOD_S)
+    first, last = (round(time / BIN_S) for time in WINDOW_S)
+    bins = trace[first * size : last * size].reshape(-1, size)
+    time = (np.arange(first, last) + 0.5) * BIN_S
+    band = bins.min(axis=1), bins.max(axis=1)
+    axes.fill_between(time, *band, color=colour, alpha=BAND_ALPHA, linewidth=0)
+    axes.plot(time, bins.mean(axis=1), color=colour, linewidth=1.3, label=name)
 
 
 def _ratios(axes: Axes, axis: str, comparison: Comparison) -> None:

@@ -10,10 +10,9 @@ import math
 import random
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dahl.binding.compensator import Compensator
 from dahl.binding.friction import Friction, Plan
@@ -22,6 +21,8 @@ NAME = "compensation"
 FC, SIGMA0 = 0.5, 100.0  # N m, N m/rad: true friction, a presliding length of 5 mrad
 INERTIA = 0.002  # kg m2
 KP, KD = 30.0, 0.4  # N m/rad, N m s/rad
+KI = 300.0  # N m/(rad s), of PID
+CASCADE_KP, CASCADE_KI = 50.0, 8.0  # 1/s of the angle, N m/rad of the speed
 PERIOD_S, SUBSTEPS = 1e-3, 8
 MOTION_S, HOLD_S, SETTLE_S = 4.5, 1.5, 0.5  # s; the reference stops at a peak of its sine
 FIRST_S = 1.0  # s, left out of each RMS
@@ -44,7 +45,7 @@ class Case:
     Fc: float = 1.0
     sigma0: float = 1.0
     amplitude: float = 0.3  # rad, of the reference or of the hand
-    Ki: float = 0.0  # N m/(rad s), of the position loop
+    loop: Literal["PD", "PID", "cascade"] = "PD"
 
     @property
     def theta_per_count(self) -> float:
@@ -55,7 +56,8 @@ class Case:
 POSITION_CASES = (
     Case("17 bits", 17),
     Case("14 bits, noise 2, delay 3", 14, noise=2, delay=3),
-    Case("17 bits, integral", 17, Ki=300),
+    Case("17 bits, integral", 17, loop="PID"),
+    Case("17 bits, cascade", 17, loop="cascade"),
     Case("Fc 30 % low", 17, Fc=0.7),
     Case("Fc 30 % high", 17, Fc=1.3),
     Case("sigma0 / 3", 17, sigma0=1 / 3),
@@ -207,21 +209,39 @@ def reference(amplitude: float, t: float) -> tuple[float, float, float]:
     return (angle, speed, -w * w * angle) if t < MOTION_S else (angle, 0.0, 0.0)
 
 
+class Loop:
+    """Position loop: PD, PID, or a cascade, whose P of the angle gives the speed that a PI loop
+    tracks."""
+
+    def __init__(self, case: Case) -> None:
+        self._is_cascade = case.loop == "cascade"
+        self._Ki = {"PD": 0.0, "PID": KI, "cascade": CASCADE_KI}[case.loop]
+        self._integral = 0.0  # N m
+
+    def torque(self, error: float, speed_error: float) -> float:
+        """Return the torque in N m, once in each tick."""
+        if self._is_cascade:
+            lacking = CASCADE_KP * error + speed_error  # rad/s
+            self._integral += self._Ki * lacking * PERIOD_S
+            return self._integral + KD * lacking
+        self._integral += self._Ki * error * PERIOD_S
+        return self._integral + KP * error + KD * speed_error
+
+
 def track(case: Case, law: Law, seed: int) -> Run:
     """Run the axis with a position loop. The loop reads the angle by the encoder and the speed
     without an error."""
-    run, bearing, encoder = Run(), Bearing(), Encoder(case, seed)
+    run, bearing, encoder, loop = Run(), Bearing(), Encoder(case, seed), Loop(case)
     commands = [0.0] * (case.delay + 1)  # the last acts in this tick
-    theta = speed = integral = 0.0
+    theta = speed = 0.0
     reference_counts = 0
     for tick in range(_ticks(MOTION_S + HOLD_S)):
         target, target_speed, acceleration = reference(case.amplitude, tick * PERIOD_S)
         before, reference_counts = reference_counts, math.floor(target / case.theta_per_count)
         added = law.torque(encoder.move(theta), reference_counts - before, target_speed)
         error = target - encoder.counts * case.theta_per_count
-        integral += case.Ki * error * PERIOD_S
-        loop = integral + KP * error + KD * (target_speed - speed) + INERTIA * acceleration
-        commands = [loop + added, *commands[:-1]]
+        feedback = loop.torque(error, target_speed - speed)
+        commands = [feedback + INERTIA * acceleration + added, *commands[:-1]]
         for _ in range(SUBSTEPS):
             step = PERIOD_S / SUBSTEPS
             speed += (commands[-1] - bearing.F) / INERTIA * step
@@ -305,8 +325,3 @@ def _ratio(run: Run, without: Run, seconds: float) -> dict[str, float]:
 
 def _chatter(run: Run) -> dict[str, float]:
     return {"sign_changes_per_s": run.sign_changes(MOTION_S + SETTLE_S)}
-
-
-def times(run: Run) -> NDArray[np.float64]:
-    """Return the times of the traces in s."""
-    return np.arange(len(run.error), dtype=np.float64) * PERIOD_S
