@@ -5,6 +5,7 @@
 #include <math.h>
 #include <string.h>
 
+#define ONE_Q30 (UINT32_C(1) << 30)
 #define COUNTS_MAX 0x1p36 /* 64 presliding lengths or more: every element is at its end */
 
 #define FMU_MODEL(name, NAME, ...) FMU_##NAME,
@@ -68,9 +69,9 @@ dahl_err_t fmu_prepare(fmu_element_t *e, const fmu_start_t *start, const double 
     dahl_err_t err = prepare_model(e, value);
     if (err == DAHL_OK) {
         fmu_state_t scratch = {0};
-        double forward = fmu_move(e, &scratch, (double)INFINITY, value[FMU_THETA], 1u << 30);
-        double backward = fmu_move(e, &scratch, (double)-INFINITY, value[FMU_THETA], 1u << 30);
-        e->largest_torque = forward > -backward ? forward : -backward;
+        float forward = fmu_move(e, &scratch, (double)INFINITY, value[FMU_THETA], ONE_Q30);
+        float backward = fmu_move(e, &scratch, (double)-INFINITY, value[FMU_THETA], ONE_Q30);
+        e->largest_torque = (double)(forward > -backward ? forward : -backward);
     }
     return err;
 }
@@ -102,21 +103,30 @@ static float step_counts(const fmu_element_t *e, fmu_state_t *s, int32_t dcounts
     }
 }
 
-float fmu_move(const fmu_element_t *e, fmu_state_t *s, double distance, double theta_per_count, uint32_t load_q30)
+static double clamp(double x, double limit)
 {
-    dahl_state_t *bristle = &s->bristle[0].bristle;
-    if (e->start->fixed_stiffness != 0) {
-        return dahl_clamped_step(e->plan.dahl, bristle, (float)distance, load_q30);
-    }
-    if (!(theta_per_count > 0)) {
-        return dahl_step(e->plan.dahl, bristle, (float)distance);
-    }
-    double left = distance > COUNTS_MAX ? COUNTS_MAX : distance > -COUNTS_MAX ? distance : -COUNTS_MAX, part;
+    return x > limit ? limit : x > -limit ? x : -limit;
+}
+
+static float move_counts(const fmu_element_t *e, fmu_state_t *s, double counts, uint32_t load_q30)
+{
+    double left = clamp(counts, COUNTS_MAX), part;
     float torque;
     do {
-        part = left > INT32_MAX ? INT32_MAX : left > INT32_MIN ? left : INT32_MIN;
+        part = clamp(left, INT32_MAX);
         torque = step_counts(e, s, (int32_t)part, load_q30);
         left -= part;
     } while (left > 0 || left < 0);
     return torque;
+}
+
+float fmu_move(const fmu_element_t *e, fmu_state_t *s, double distance, double theta_per_count, uint32_t load_q30)
+{
+    if (e->start->fixed_stiffness != 0) {
+        return dahl_clamped_step(e->plan.dahl, &s->bristle[0].bristle, (float)distance, load_q30);
+    }
+    if (theta_per_count > 0) {
+        return move_counts(e, s, distance, load_q30);
+    }
+    return dahl_step(e->plan.dahl, &s->bristle[0].bristle, (float)distance);
 }

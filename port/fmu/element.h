@@ -6,15 +6,15 @@
 #include "dahl_frames.h"
 #include "dahl_parts.h"
 
-/* Value references, as in tools/dahl/sim/fmu.py. */
+/* Value references; tools/dahl/sim/fmu.py has the same. */
 enum {
-    FMU_ANGLE,     /* [rad] input */
-    FMU_LOAD,      /* input of the model loaded */
-    FMU_TORQUE,    /* [N m] output */
-    FMU_RATIO,     /* output, torque over the largest torque at load 1 */
-    FMU_THETA,     /* [rad] theta_per_count; 0: moves by angle */
-    FMU_BREAKAWAY, /* [Fc] of the model elastoplastic */
-    FMU_SIGMA0,    /* [N m/rad] of each element */
+    FMU_ANGLE = 0,                       /* [rad] input */
+    FMU_LOAD = 1,                        /* input of the model loaded */
+    FMU_TORQUE = 2,                      /* [N m] output */
+    FMU_RATIO = 3,                       /* output, torque over the largest torque at load 1 */
+    FMU_THETA = 4,                       /* [rad] theta_per_count; 0: moves by angle */
+    FMU_BREAKAWAY = 5,                   /* [Fc] of the model elastoplastic */
+    FMU_SIGMA0 = 6,                      /* [N m/rad] of each element */
     FMU_FC = FMU_SIGMA0 + DAHL_SLIP_MAX, /* [N m] of each element, or of each direction */
     FMU_VALUES = FMU_FC + DAHL_SLIP_MAX
 };

@@ -33,8 +33,12 @@ typedef struct {
 #define FMI2_EXPORT __declspec(dllexport)
 #elif defined(__GNUC__)
 #define FMI2_EXPORT __attribute__((visibility("default")))
+#define FMI2_PRINTF(text, first) __attribute__((format(printf, text, first)))
 #else
 #define FMI2_EXPORT
+#endif
+#ifndef FMI2_PRINTF
+#define FMI2_PRINTF(text, first)
 #endif
 
 /* A tool that links several source FMUs into one program defines FMI2_FUNCTION_PREFIX as MODELIDENTIFIER_. */

@@ -10,8 +10,6 @@
 #include "fmi2.h"
 #include "start.h"
 
-#pragma GCC diagnostic ignored "-Wunused-parameter" /* the standard fixes the parameters */
-
 #define ONE_Q30 1073741824.0
 
 /* volatile: `dahl fmu` replaces this block in the compiled file, so the compiler must not use its values. */
@@ -40,6 +38,7 @@ typedef struct {
 } instance_t;
 
 /* Send an error to the simulator in one line. */
+FMI2_PRINTF(2, 3)
 static fmi2Status fail(const instance_t *m, const char *format, ...)
 {
     char message[256];
@@ -110,22 +109,28 @@ static double position(const instance_t *m)
     return theta_per_count(m) > 0 ? nearest(angle / theta_per_count(m)) : angle;
 }
 
+static bool is_travel(double u)
+{
+    return u >= DAHL_TRAVEL_MIN && u < DAHL_TRAVEL_MAX;
+}
+
 /* Prepare the element. An error names the first element whose travel of one count is out of range. */
 static fmi2Status prepare(instance_t *m, const char *call)
 {
-    const double *sigma0 = &m->now.value[FMU_SIGMA0], *Fc = &m->now.value[FMU_FC];
-    if (fmu_prepare(&m->element, &m->start, m->now.value) == DAHL_OK) {
+    const double *value = m->now.value, theta = theta_per_count(m);
+    if (fmu_prepare(&m->element, &m->start, value) == DAHL_OK) {
         return fmi2OK;
     }
     for (uint32_t k = 0; k < m->start.Fcs; k++) {
-        double stiffness = sigma0[k < m->start.sigma0s ? k : 0], travel = stiffness / Fc[k] * theta_per_count(m);
-        if (!(travel >= DAHL_TRAVEL_MIN && travel < DAHL_TRAVEL_MAX)) {
-            return fail(m, "%s: %s = %.9g, %s = %.9g, theta_per_count = %.9g: sigma0/Fc theta_per_count = %.9g is outside"
-                        " 2^-30 <= travel < 2^20", call, m->start.variable[FMU_SIGMA0 + (k < m->start.sigma0s ? k : 0)].name,
-                        stiffness, m->start.variable[FMU_FC + k].name, Fc[k], theta_per_count(m), travel);
+        const uint32_t sigma0 = FMU_SIGMA0 + (m->start.sigma0s > 1 ? k : 0), Fc = FMU_FC + k;
+        const double travel = value[sigma0] / value[Fc] * theta;
+        if (!is_travel(travel)) {
+            return fail(m, "%s: %s = %.9g, %s = %.9g, theta_per_count = %.9g: sigma0/Fc theta_per_count = %.9g is outside "
+                        "2^-30 <= travel < 2^20", call, m->start.variable[sigma0].name, value[sigma0],
+                        m->start.variable[Fc].name, value[Fc], theta, travel);
         }
     }
-    return fail(m, "%s: a parameter rounded to float is out of range", call);
+    return fail(m, "%s: a parameter is out of range after it is rounded to float", call);
 }
 
 FMI2_FUNCTION(const char *, fmi2GetTypesPlatform, void)
@@ -140,12 +145,25 @@ FMI2_FUNCTION(const char *, fmi2GetVersion, void)
 
 FMI2_FUNCTION(fmi2Status, fmi2SetDebugLogging, fmi2Component c, fmi2Boolean on, size_t n, const fmi2String categories[])
 {
+    (void)on, (void)n, (void)categories; /* there are error messages only, which are always on */
     return c == NULL ? fmi2Error : fmi2OK;
+}
+
+static fmi2Status check_identity(const instance_t *m, fmi2Type type, fmi2String guid)
+{
+    if (type != fmi2CoSimulation) {
+        return fail(m, "fmi2Instantiate: type %d is not fmi2CoSimulation", (int)type);
+    }
+    if (guid == NULL || strcmp(guid, m->start.guid) != 0) {
+        return fail(m, "fmi2Instantiate: GUID %s is not %s", guid == NULL ? "NULL" : guid, m->start.guid);
+    }
+    return fmi2OK;
 }
 
 FMI2_FUNCTION(fmi2Component, fmi2Instantiate, fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
               const fmi2CallbackFunctions *callback, fmi2Boolean visible, fmi2Boolean logging)
 {
+    (void)resources, (void)visible, (void)logging;
     instance_t *m = callback == NULL ? NULL : calloc(1, sizeof *m);
     if (m == NULL) {
         return NULL;
@@ -154,13 +172,7 @@ FMI2_FUNCTION(fmi2Component, fmi2Instantiate, fmi2String name, fmi2Type type, fm
     m->start = start_block;
     (void)snprintf(m->name, sizeof m->name, "%s", name == NULL ? "" : name);
     reset(m);
-    fmi2Status status = fmi2OK;
-    if (type != fmi2CoSimulation) {
-        status = fail(m, "fmi2Instantiate: type %d is not fmi2CoSimulation", (int)type);
-    } else if (guid == NULL || strcmp(guid, m->start.guid) != 0) {
-        status = fail(m, "fmi2Instantiate: GUID %s is not %s", guid == NULL ? "NULL" : guid, m->start.guid);
-    }
-    if (status != fmi2OK) {
+    if (check_identity(m, type, guid) != fmi2OK) {
         free(m);
         return NULL;
     }
@@ -175,6 +187,7 @@ FMI2_FUNCTION(void, fmi2FreeInstance, fmi2Component c)
 FMI2_FUNCTION(fmi2Status, fmi2SetupExperiment, fmi2Component c, fmi2Boolean has_tolerance, fmi2Real tolerance, fmi2Real start,
               fmi2Boolean has_stop, fmi2Real stop)
 {
+    (void)has_tolerance, (void)tolerance, (void)start, (void)has_stop, (void)stop;
     return in_mode(c, INSTANTIATED, "fmi2SetupExperiment") == NULL ? fmi2Error : fmi2OK;
 }
 
@@ -252,6 +265,7 @@ FMI2_FUNCTION(fmi2Status, fmi2SetReal, fmi2Component c, const fmi2ValueReference
 #define NO_VARIABLES(call, type)                                                                                               \
     FMI2_FUNCTION(fmi2Status, call, fmi2Component c, const fmi2ValueReference vr[], size_t n, type value[])                    \
     {                                                                                                                          \
+        (void)vr, (void)value;                                                                                                 \
         return n == 0 && c != NULL ? fmi2OK : refuse(c, #call, "all variables are Real");                                      \
     }
 NO_VARIABLES(fmi2GetInteger, fmi2Integer)
@@ -263,6 +277,7 @@ NO_VARIABLES(fmi2SetString, const fmi2String)
 
 FMI2_FUNCTION(fmi2Status, fmi2DoStep, fmi2Component c, fmi2Real time, fmi2Real duration, fmi2Boolean no_rollback)
 {
+    (void)time, (void)no_rollback;
     instance_t *m = in_mode(c, STEPPING, "fmi2DoStep");
     if (m == NULL) {
         return fmi2Error;
@@ -278,18 +293,27 @@ FMI2_FUNCTION(fmi2Status, fmi2DoStep, fmi2Component c, fmi2Real time, fmi2Real d
     return fmi2OK;
 }
 
-/* Calls of features that modelDescription.xml denies. */
-#define DENIED(call, reason, ...)                                                                                              \
-    FMI2_FUNCTION(fmi2Status, call, fmi2Component c, __VA_ARGS__)                                                              \
-    {                                                                                                                          \
-        return refuse(c, #call, reason);                                                                                       \
-    }
-DENIED(fmi2SetRealInputDerivatives, "canInterpolateInputs is false", const fmi2ValueReference vr[], size_t n,
-       const fmi2Integer order[], const fmi2Real value[])
-DENIED(fmi2GetRealOutputDerivatives, "maxOutputDerivativeOrder is 0", const fmi2ValueReference vr[], size_t n,
-       const fmi2Integer order[], fmi2Real value[])
-DENIED(fmi2GetDirectionalDerivative, "providesDirectionalDerivative is false", const fmi2ValueReference unknown[],
-       size_t unknowns, const fmi2ValueReference known[], size_t knowns, const fmi2Real change[], fmi2Real derivative[])
+/* Features that modelDescription.xml denies. */
+FMI2_FUNCTION(fmi2Status, fmi2SetRealInputDerivatives, fmi2Component c, const fmi2ValueReference vr[], size_t n,
+              const fmi2Integer order[], const fmi2Real value[])
+{
+    (void)vr, (void)n, (void)order, (void)value;
+    return refuse(c, "fmi2SetRealInputDerivatives", "canInterpolateInputs is false");
+}
+
+FMI2_FUNCTION(fmi2Status, fmi2GetRealOutputDerivatives, fmi2Component c, const fmi2ValueReference vr[], size_t n,
+              const fmi2Integer order[], fmi2Real value[])
+{
+    (void)vr, (void)n, (void)order, (void)value;
+    return refuse(c, "fmi2GetRealOutputDerivatives", "maxOutputDerivativeOrder is 0");
+}
+
+FMI2_FUNCTION(fmi2Status, fmi2GetDirectionalDerivative, fmi2Component c, const fmi2ValueReference unknown[], size_t unknowns,
+              const fmi2ValueReference known[], size_t knowns, const fmi2Real change[], fmi2Real derivative[])
+{
+    (void)unknown, (void)unknowns, (void)known, (void)knowns, (void)change, (void)derivative;
+    return refuse(c, "fmi2GetDirectionalDerivative", "providesDirectionalDerivative is false");
+}
 
 FMI2_FUNCTION(fmi2Status, fmi2CancelStep, fmi2Component c)
 {
@@ -298,15 +322,16 @@ FMI2_FUNCTION(fmi2Status, fmi2CancelStep, fmi2Component c)
 
 /* Only an asynchronous or discarded step has a status. */
 #define NO_STATUS(call, type)                                                                                                  \
-    FMI2_FUNCTION(fmi2Status, call, fmi2Component c, const fmi2StatusKind kind, type *value)                                   \
+    FMI2_FUNCTION(fmi2Status, call, fmi2Component c, const fmi2StatusKind kind, type value)                                    \
     {                                                                                                                          \
+        (void)kind, (void)value;                                                                                               \
         return c == NULL ? fmi2Error : fmi2Discard;                                                                            \
     }
-NO_STATUS(fmi2GetStatus, fmi2Status)
-NO_STATUS(fmi2GetRealStatus, fmi2Real)
-NO_STATUS(fmi2GetIntegerStatus, fmi2Integer)
-NO_STATUS(fmi2GetBooleanStatus, fmi2Boolean)
-NO_STATUS(fmi2GetStringStatus, fmi2String)
+NO_STATUS(fmi2GetStatus, fmi2Status *)
+NO_STATUS(fmi2GetRealStatus, fmi2Real *)
+NO_STATUS(fmi2GetIntegerStatus, fmi2Integer *)
+NO_STATUS(fmi2GetBooleanStatus, fmi2Boolean *)
+NO_STATUS(fmi2GetStringStatus, fmi2String *)
 
 static fmi2Status copy_state(const instance_t *m, const char *call, const snapshot_t *from, fmi2FMUstate *state)
 {
@@ -338,6 +363,7 @@ FMI2_FUNCTION(fmi2Status, fmi2SetFMUstate, fmi2Component c, fmi2FMUstate state)
 
 FMI2_FUNCTION(fmi2Status, fmi2FreeFMUstate, fmi2Component c, fmi2FMUstate *state)
 {
+    (void)c;
     free(*state);
     *state = NULL;
     return fmi2OK;
@@ -345,6 +371,7 @@ FMI2_FUNCTION(fmi2Status, fmi2FreeFMUstate, fmi2Component c, fmi2FMUstate *state
 
 FMI2_FUNCTION(fmi2Status, fmi2SerializedFMUstateSize, fmi2Component c, fmi2FMUstate state, size_t *size)
 {
+    (void)c, (void)state;
     *size = sizeof(snapshot_t);
     return fmi2OK;
 }
