@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import re
+import struct
 from ctypes import c_double, c_size_t
 from pathlib import Path
 
@@ -50,8 +51,9 @@ def test_by_counts_the_torques_have_the_bits_of_the_python_class(dahl, model):
     element, moves = made(model), np.diff(walk(1), prepend=5)
     if model.name == "dahl":
         element = package.Friction(element)
-    for count, move, load in zip(walk(1), moves, loads(model), strict=True):
-        torque = one.step(angle=count * COUNT, **load)
+    angles = (walk(1) + np.random.default_rng(1).uniform(-0.49, 0.49, 300)) * COUNT
+    for angle, move, load in zip(angles, moves, loads(model), strict=True):
+        torque = one.step(angle=angle, **load)
         assert torque == element.step_counts(int(move), **load)
         assert one.get("ratio") == pytest.approx(torque / whole(model), abs=2e-7)
     one.step(angle=-COUNT * 2.0**50)
@@ -70,18 +72,26 @@ def test_by_angle_the_torques_have_the_bits_of_the_python_class(dahl, words):
 
 
 @EVERY
-def test_a_step_may_be_split(dahl, model):
+def test_a_step_may_be_split_and_the_default_counts_are_fine(dahl, model):
     """At an intermediate angle of the same direction, and without motion."""
     path = export(dahl, model)
-    whole_steps, split = Instance(path).initialize(), Instance(path).initialize()
+    one, split, fine = Instance(path), Instance(path), Instance(path)
+    fine.initialize(theta_per_count=5e-11)
+    one.initialize(), split.initialize()
     before = 0.0
     for angle, load in zip(walk(3) * 1e-5, loads(model), strict=True):
-        torque = whole_steps.step(angle=angle, **load)
+        torque = one.step(angle=angle, **load)
+        assert fine.step(angle=angle, **load) == pytest.approx(torque, abs=5e-6 * whole(model))
         split.step(2e-4, angle=before + (angle - before) / 3, **load)
         halfway = split.step(5e-4, angle=angle)
-        assert halfway == pytest.approx(torque, abs=2e-6 * whole(model))
+        assert halfway == pytest.approx(torque, abs=5e-6 * whole(model))
         assert split.step(3e-4) == halfway
         before = angle
+
+
+def test_a_move_may_have_more_counts_than_an_integer(dahl):
+    one = Instance(export(dahl)).initialize(theta_per_count=2e-12)  # 1e-9 of Fc/sigma0
+    assert one.step(angle=0.01) == pytest.approx(0.2 * -math.expm1(-5), rel=1e-6)
 
 
 @pytest.mark.parametrize(("is_late", "end"), [(False, 0.1237), (True, 3.529)])
@@ -136,9 +146,15 @@ WRONG_CALLS = [  # when, facts that the message names in this order, the call
     (ANY, "fmi2SetString Real", lambda one: one.call("SetString", *NOTHING)),
     (ANY, "canInterpolateInputs", lambda o: o.call("SetRealInputDerivatives", *NOTHING, None)),
     (ANY, "canRunAsynchronuously", lambda one: one.call("CancelStep")),
+    (ANY, "fmi2DeSerializeFMUstate Fc nan", lambda one: one.restore(with_nan(one, "Fc"))),
     (ANY, "fmi2DeSerializeFMUstate size", lambda one: one.restore(b"x")),
     (ANY, "fmi2DeSerializeFMUstate no state", lambda one: one.restore(bytes(len(one.save())))),
 ]
+
+
+def with_nan(one: Instance, name: str) -> bytes:
+    """Return a saved state with NaN in place of a value."""
+    return one.save().replace(struct.pack("d", one.get(name)), struct.pack("d", math.nan), 1)
 
 
 def take_step(one: Instance, duration: float) -> int:

@@ -37,7 +37,7 @@ MARK = b"dahl fmu start\0\0"
 BLOCK = struct.Struct(f"={len(MARK)}s40s16s4I{VALUES * '16s3d'}")  # fmu_start_t
 ANGLE_MAX = 1e30  # rad
 FLOAT_MIN = 1e-37  # least breakaway, as in scene_keys.def
-DEFAULT_TRAVEL = 2.0**-20  # of one count; half of it is the largest error of F/Fc by rounding
+DEFAULT_TRAVEL = 2.0**-20  # of one count; rounding to counts changes F by about 1e-6 of Fc
 
 UNITS = {  # exponents of the SI base units
     "rad": {"rad": 1},
