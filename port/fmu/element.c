@@ -60,18 +60,18 @@ static dahl_err_t prepare_model(fmu_element_t *e, const double *value)
     }
 }
 
-dahl_err_t fmu_prepare(fmu_element_t *e, const fmu_start_t *start, const double *value)
+dahl_err_t fmu_prepare(fmu_element_t *element, const fmu_start_t *start, const double *value)
 {
-    *e = (fmu_element_t){.start = start};
-    while (e->model < FMU_MODELS && strcmp(names[e->model], start->model) != 0) {
-        e->model++;
+    *element = (fmu_element_t){.start = start};
+    while (element->model < FMU_MODELS && strcmp(names[element->model], start->model) != 0) {
+        element->model++;
     }
-    dahl_err_t err = prepare_model(e, value);
+    dahl_err_t err = prepare_model(element, value);
     if (err == DAHL_OK) {
         fmu_state_t scratch = {0};
-        float forward = fmu_move(e, &scratch, (double)INFINITY, value[FMU_THETA], ONE_Q30);
-        float backward = fmu_move(e, &scratch, (double)-INFINITY, value[FMU_THETA], ONE_Q30);
-        e->largest_torque = (double)(forward > -backward ? forward : -backward);
+        float forward = fmu_move(element, &scratch, (double)INFINITY, value[FMU_THETA], ONE_Q30);
+        float backward = fmu_move(element, &scratch, (double)-INFINITY, value[FMU_THETA], ONE_Q30);
+        element->largest_torque = (double)(forward > -backward ? forward : -backward);
     }
     return err;
 }
@@ -110,23 +110,23 @@ static double clamp(double x, double limit)
 
 static float move_counts(const fmu_element_t *e, fmu_state_t *s, double counts, uint32_t load_q30)
 {
-    double left = clamp(counts, COUNTS_MAX), part;
-    float torque;
-    do {
-        part = clamp(left, INT32_MAX);
-        torque = step_counts(e, s, (int32_t)part, load_q30);
+    double left = clamp(counts, COUNTS_MAX);
+    while (left > INT32_MAX || left < -INT32_MAX) {
+        const double part = clamp(left, INT32_MAX);
+        (void)step_counts(e, s, (int32_t)part, load_q30);
         left -= part;
-    } while (left > 0 || left < 0);
-    return torque;
+    }
+    return step_counts(e, s, (int32_t)left, load_q30);
 }
 
-float fmu_move(const fmu_element_t *e, fmu_state_t *s, double distance, double theta_per_count, uint32_t load_q30)
+float fmu_move(const fmu_element_t *element, fmu_state_t *state, double distance, double theta_per_count, uint32_t load_q30)
 {
-    if (e->start->fixed_stiffness != 0) {
-        return dahl_clamped_step(e->plan.dahl, &s->bristle[0].bristle, (float)distance, load_q30);
+    const dahl_plan_t *plan = element->plan.dahl;
+    if (element->start->fixed_stiffness != 0) {
+        return dahl_clamped_step(plan, &state->bristle[0].bristle, (float)distance, load_q30);
     }
     if (theta_per_count > 0) {
-        return move_counts(e, s, distance, load_q30);
+        return move_counts(element, state, distance, load_q30);
     }
-    return dahl_step(e->plan.dahl, &s->bristle[0].bristle, (float)distance);
+    return dahl_step(plan, &state->bristle[0].bristle, (float)distance);
 }

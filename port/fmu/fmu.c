@@ -11,6 +11,7 @@
 #include "start.h"
 
 #define ONE_Q30 1073741824.0
+#define TWO_52 4503599627370496.0 /* a double from here on is an integer */
 
 /* volatile: `dahl fmu` replaces this block in the compiled file, so the compiler must not use its values. */
 static const volatile fmu_start_t start_block = FMU_START;
@@ -94,8 +95,8 @@ static fmi2Status check_value(const instance_t *m, const char *call, fmi2ValueRe
 /* Round to the nearest integer, a half to the even one, without libm. */
 static double nearest(double x)
 {
-    const double shift = x < 0 ? -0x1p52 : 0x1p52; /* doubles from 2^52 on are integers */
-    return x < 0x1p52 && x > -0x1p52 ? (x + shift) - shift : x;
+    const double shift = x < 0 ? -TWO_52 : TWO_52;
+    return x < TWO_52 && x > -TWO_52 ? (x + shift) - shift : x;
 }
 
 static double theta_per_count(const instance_t *m)
