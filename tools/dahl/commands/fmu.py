@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from dahl.binding.models import Model
-    from dahl.sim.fmu import Unit
+    from dahl.sim.fmu import Fmu
 
 HELP = "an FMU for other simulators"
 EXAMPLE = """examples:
@@ -58,14 +58,14 @@ def run(args: argparse.Namespace) -> None:
     path: Path = args.output
     if path.suffix != ".fmu":
         raise Error(f"-o {path}: the name of an FMU ends in .fmu")
-    unit = _unit(args)
+    contents = _contents(args)
     if path.is_file() and not args.force:
         raise Error(f"{path}: exists; --force overwrites it")
-    guid = fmu.write(path, unit)
-    print(f"{path}: FMI 2.0 co-simulation, model {unit.model.name}, GUID {guid}")
+    guid = fmu.write(path, contents)
+    print(f"{path}: FMI 2.0 co-simulation, model {contents.model.name}, GUID {guid}")
 
 
-def _unit(args: argparse.Namespace) -> Unit:
+def _contents(args: argparse.Namespace) -> Fmu:
     from dahl.binding import models, plan_header
     from dahl.sim import fmu
 
@@ -85,7 +85,7 @@ def _unit(args: argparse.Namespace) -> Unit:
     name = plan_header.identifier(args.name or args.output.stem)
     if name[0].isdigit():
         raise Error(f"--name {name}: a letter or _ was expected at its start")
-    return fmu.Unit(name, model, sigma0, fc, theta, breakaway, kinds, args.fixed_stiffness)
+    return fmu.Fmu(name, model, sigma0, fc, theta, breakaway, kinds, args.fixed_stiffness)
 
 
 def _kinds(args: argparse.Namespace, model: Model) -> list[str]:
@@ -107,15 +107,15 @@ def _check_elements(args: argparse.Namespace, model: Model, lists: list[list[Any
     each element is valid by angle.
     """
     from dahl.binding.friction import Plan
-    from dahl.sim.fmu import ELEMENTS_MAX
+    from dahl.binding.slip import SLIP_MAX
 
     sigma0, fc, *_ = lists
     counts = {len(values) for values in lists}
-    if model.sigma0s == 0 and (len(counts) > 1 or len(fc) > ELEMENTS_MAX):
+    if model.sigma0s == 0 and (len(counts) > 1 or len(fc) > SLIP_MAX):
         numbers = ", ".join(str(len(values)) for values in lists)
         raise Error(
             f"--sigma0 {args.sigma0} --fc {args.fc}: {numbers} values; as many of each, 1 to"
-            f" {ELEMENTS_MAX}, were expected"
+            f" {SLIP_MAX}, were expected"
         )
     for k, torque in enumerate(fc):
         Plan(sigma0[min(k, len(sigma0) - 1)], torque)

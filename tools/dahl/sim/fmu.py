@@ -23,20 +23,22 @@ import numpy as np
 from dahl import paths
 from dahl.binding import parameters
 from dahl.binding.models import Model
+from dahl.binding.slip import SLIP_MAX
 from dahl.errors import RunError
 from dahl.io import files
 from dahl.version import __version__
 
 # Value references of port/fmu/element.h.
 ANGLE, LOAD, TORQUE, RATIO, THETA, BREAKAWAY, SIGMA0 = range(7)
-ELEMENTS_MAX = 8  # DAHL_SLIP_MAX
-FC = SIGMA0 + ELEMENTS_MAX
-VALUES = FC + ELEMENTS_MAX
+FC = SIGMA0 + SLIP_MAX
+VALUES = FC + SLIP_MAX
 
 MARK = b"dahl fmu start\0\0"
 BLOCK = struct.Struct(f"={len(MARK)}s40s16s4I{VALUES * '16s3d'}")  # fmu_start_t
 ANGLE_MAX = 1e30  # rad
-FLOAT_MIN = 1e-37  # least breakaway, as in scene_keys.def
+BREAKAWAY_MIN = 1e-37  # as in scene_keys.def
+TORQUE_LIMITS = parameters.TORQUE_MIN, parameters.TORQUE_MAX  # of sigma0 and Fc
+OUTPUT_LIMITS = -SLIP_MAX * parameters.TORQUE_MAX, SLIP_MAX * parameters.TORQUE_MAX
 DEFAULT_TRAVEL = 2.0**-20  # of one count; rounding to counts changes F by about 1e-6 of Fc
 
 UNITS = {  # exponents of the SI base units
@@ -62,7 +64,7 @@ class Variable:
 
 
 @dataclass(frozen=True)
-class Unit:
+class Fmu:
     """Contents of an FMU; `name` is its modelIdentifier."""
 
     name: str
@@ -81,32 +83,45 @@ class Unit:
 
     def variables(self) -> dict[int, Variable]:
         """Return the variables by value reference."""
-        torques = (parameters.TORQUE_MIN, parameters.TORQUE_MAX)
+        found = self._inputs_and_outputs() | self._parameters()
+        return dict(sorted(found.items()))
+
+    def _inputs_and_outputs(self) -> dict[int, Variable]:
         found = {
             ANGLE: Variable("angle", "input", "rad", "angle", 0.0, -ANGLE_MAX, ANGLE_MAX),
-            TORQUE: Variable("torque", "output", "N.m", "friction torque, +F", 0.0, *_no_limits()),
-            RATIO: Variable("ratio", "output", "", "F / largest F at load 1", 0.0, *_no_limits()),
+            TORQUE: Variable(
+                "torque", "output", "N.m", "torque with the sign of the motion", 0.0, *OUTPUT_LIMITS
+            ),
+            RATIO: Variable(
+                "ratio", "output", "", "torque over the largest at load 1", 0.0, *OUTPUT_LIMITS
+            ),
         }
         if self.model.name == "loaded":
             found[LOAD] = Variable("load", "input", "", "load that scales Fc", 1.0, 0.0, 2.0)
+        return found
+
+    def _parameters(self) -> dict[int, Variable]:
+        found = {}
         if not self.fixed_stiffness:
-            text = "angle of one count; the angle is rounded to counts"
-            low = 0.0 if self.model.name == "dahl" else parameters.TORQUE_MIN
-            if self.model.name == "dahl":
-                text += "; 0: it is not rounded"
-            limits = (low, parameters.TORQUE_MAX)
-            found[THETA] = _parameter("theta_per_count", "rad", text, self.theta_per_count, *limits)
+            found[THETA] = self._theta_per_count()
         if self.breakaway is not None:
             text = "fraction of Fc up to which nothing creeps"
-            found[BREAKAWAY] = _parameter("breakaway", "", text, self.breakaway, FLOAT_MIN, 1.0)
+            found[BREAKAWAY] = _parameter("breakaway", "", text, self.breakaway, BREAKAWAY_MIN, 1.0)
         for k, (name, value) in enumerate(_named("sigma0", self.sigma0)):
-            found[SIGMA0 + k] = _parameter(name, "N.m/rad", "stiffness at rest", value, *torques)
-        fc = zip(("Fc_forward", "Fc_backward"), self.Fc, strict=False)
-        for k, (name, value) in enumerate(
-            fc if self.model.has_directions else _named("Fc", self.Fc)
-        ):
-            found[FC + k] = _parameter(name, "N.m", "Coulomb torque", value, *torques)
-        return dict(sorted(found.items()))
+            found[SIGMA0 + k] = _parameter(
+                name, "N.m/rad", "stiffness at rest", value, *TORQUE_LIMITS
+            )
+        names = ["Fc_forward", "Fc_backward"] if self.model.has_directions else []
+        for k, (name, value) in enumerate(_named("Fc", self.Fc, names)):
+            found[FC + k] = _parameter(name, "N.m", "Coulomb torque", value, *TORQUE_LIMITS)
+        return found
+
+    def _theta_per_count(self) -> Variable:
+        text, low = "angle of one count, to which the angle is rounded", parameters.TORQUE_MIN
+        if self.model.name == "dahl":
+            text, low = f"{text}; 0: it is not rounded", 0.0
+        limits = low, parameters.TORQUE_MAX
+        return _parameter("theta_per_count", "rad", text, self.theta_per_count, *limits)
 
 
 def default_theta_per_count(model: Model, sigma0: Sequence[float], Fc: Sequence[float]) -> float:  # noqa: N803
@@ -117,39 +132,36 @@ def default_theta_per_count(model: Model, sigma0: Sequence[float], Fc: Sequence[
     return float(np.float32(DEFAULT_TRAVEL / max(stiffest)))
 
 
-def write(path: Path, unit: Unit) -> str:
+def write(path: Path, fmu: Fmu) -> str:
     """Write the FMU and return its GUID. Raises dahl.RunError if the shared object is not built."""
-    guid = _guid(_contents(unit, ""))
-    with files.replace_atomic(path) as part, zipfile.ZipFile(part, "w") as fmu:
-        for name, content in _contents(unit, guid).items():
+    guid = _guid(_contents(fmu, ""))
+    with files.replace_atomic(path) as part, zipfile.ZipFile(part, "w") as archive:
+        for name, content in _contents(fmu, guid).items():
             info = zipfile.ZipInfo(name, DATE)
             info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
-            fmu.writestr(info, content)
+            archive.writestr(info, content)
     return guid
-
-
-def _no_limits() -> tuple[float, float]:
-    return -parameters.TORQUE_MAX * ELEMENTS_MAX, parameters.TORQUE_MAX * ELEMENTS_MAX
 
 
 def _parameter(name: str, unit: str, text: str, *numbers: float) -> Variable:
     return Variable(name, "parameter", unit, text, *numbers)
 
 
-def _named(name: str, values: Sequence[float]) -> list[tuple[str, float]]:
-    """Return one value with its name, or several with an index."""
-    if len(values) == 1:
-        return [(name, values[0])]
-    return [(f"{name}[{k}]", value) for k, value in enumerate(values)]
+def _named(
+    name: str, values: Sequence[float], names: Sequence[str] = ()
+) -> list[tuple[str, float]]:
+    """Return each value with its name: the given names, else one name, else a name and an index."""
+    indexed = [name] if len(values) == 1 else [f"{name}[{k}]" for k in range(len(values))]
+    return list(zip(names or indexed, values, strict=True))
 
 
-def _contents(unit: Unit, guid: str) -> dict[str, bytes]:
+def _contents(fmu: Fmu, guid: str) -> dict[str, bytes]:
     """Return the files of the FMU by name."""
-    sources = _sources() | {"start.h": _start_header(unit, guid)}
-    binary = f"binaries/linux{struct.calcsize('P') * 8}/{unit.name}.so"
+    sources = _sources() | {"start.h": _start_header(fmu, guid)}
+    binary = f"binaries/linux{struct.calcsize('P') * 8}/{fmu.name}.so"
     return {
-        "modelDescription.xml": _description(unit, guid, [n for n in sources if n[-2:] == ".c"]),
-        binary: _binary(unit, guid),
+        "modelDescription.xml": _description(fmu, guid, [n for n in sources if n[-2:] == ".c"]),
+        binary: _binary(fmu, guid),
         **{f"sources/{name}": content for name, content in sources.items()},
         "documentation/licenses/license.txt": paths.LICENSE.read_bytes(),
     }
@@ -175,29 +187,29 @@ def _sources() -> dict[str, bytes]:
     return flat
 
 
-def _counts(unit: Unit) -> list[int]:
+def _counts(fmu: Fmu) -> list[int]:
     """Return the integers of fmu_start_t."""
-    return [len(unit.sigma0), len(unit.Fc), unit.slips, int(unit.fixed_stiffness)]
+    return [len(fmu.sigma0), len(fmu.Fc), fmu.slips, int(fmu.fixed_stiffness)]
 
 
-def _binary(unit: Unit, guid: str) -> bytes:
+def _binary(fmu: Fmu, guid: str) -> bytes:
     """Return the shared object with the start values of this FMU."""
     path = paths.fmu_library()
     head, mark, rest = path.read_bytes().partition(MARK)
     if not mark or MARK in rest:
         raise RunError(f"{path}: not the shared object of port/fmu")
-    used, unused = unit.variables(), Variable("", "", "", "", 0.0, 0.0, 0.0)
+    used, unused = fmu.variables(), Variable("", "", "", "", 0.0, 0.0, 0.0)
     rows = (used.get(reference, unused) for reference in range(VALUES))
     values = (value for row in rows for value in (row.name.encode(), row.start, row.low, row.high))
-    model = unit.model.name.encode()
-    block = BLOCK.pack(MARK, guid.encode(), model, *_counts(unit), *values)
+    model = fmu.model.name.encode()
+    block = BLOCK.pack(MARK, guid.encode(), model, *_counts(fmu), *values)
     return head + block + rest[len(block) - len(MARK) :]
 
 
-def _start_header(unit: Unit, guid: str) -> bytes:
+def _start_header(fmu: Fmu, guid: str) -> bytes:
     """Return start.h with the same start values."""
-    words = [MARK.rstrip(b"\0").decode(), guid, unit.model.name]
-    head = [*(f'"{word}"' for word in words), *map(str, _counts(unit))]
+    words = [MARK.rstrip(b"\0").decode(), guid, fmu.model.name]
+    head = [*(f'"{word}"' for word in words), *map(str, _counts(fmu))]
     lines = [
         "/* SPDX-License-Identifier: MIT */",
         f"/* Written by dahl fmu {__version__}: model, name, start, low and high of each value. */",
@@ -205,29 +217,29 @@ def _start_header(unit: Unit, guid: str) -> bytes:
         *(
             f'    [{reference}] = {{"{row.name}", {row.start.hex()}, {row.low.hex()},'
             f" {row.high.hex()}}}, /* {row.start:g} */ \\"
-            for reference, row in unit.variables().items()
+            for reference, row in fmu.variables().items()
         ),
         "}}",
     ]
     return ("\n".join(lines) + "\n").encode()
 
 
-def _description(unit: Unit, guid: str, sources: list[str]) -> bytes:
+def _description(fmu: Fmu, guid: str, sources: list[str]) -> bytes:
     """Return modelDescription.xml."""
-    root = ET.Element("fmiModelDescription", fmiVersion="2.0", modelName=unit.name, guid=guid)
-    root.attrib |= {"description": f"Friction torque, model {unit.model.name} of dahl"}
+    root = ET.Element("fmiModelDescription", fmiVersion="2.0", modelName=fmu.name, guid=guid)
     root.attrib |= {
+        "description": f"friction torque, model {fmu.model.name} of dahl",
         "version": __version__,
         "license": "MIT",
         "generationTool": f"dahl {__version__}",
+        "variableNamingConvention": "structured",
     }
-    root.attrib |= {"variableNamingConvention": "structured"}
     flags = (
         *("canHandleVariableCommunicationStepSize", "canNotUseMemoryManagementFunctions"),
         *("canGetAndSetFMUstate", "canSerializeFMUstate"),
     )
     simulation = ET.SubElement(
-        root, "CoSimulation", {"modelIdentifier": unit.name} | dict.fromkeys(flags, "true")
+        root, "CoSimulation", {"modelIdentifier": fmu.name} | dict.fromkeys(flags, "true")
     )
     listed = ET.SubElement(simulation, "SourceFiles")
     for name in sources:
@@ -236,7 +248,7 @@ def _description(unit: Unit, guid: str, sources: list[str]) -> bytes:
     categories = ET.SubElement(root, "LogCategories")
     ET.SubElement(categories, "Category", name="logStatusError", description="errors; always on")
     ET.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")
-    _add_variables(root, unit.variables())
+    _add_variables(root, fmu.variables())
     ET.indent(root)
     text: bytes = ET.tostring(root, encoding="UTF-8", xml_declaration=True)
     return text + b"\n"
