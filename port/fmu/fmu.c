@@ -234,7 +234,7 @@ FMI2_FUNCTION(fmi2Status, fmi2GetReal, fmi2Component c, const fmi2ValueReference
     return m == NULL ? fmi2Error : fmi2OK;
 }
 
-static fmi2Status set_real(instance_t *m, fmi2ValueReference vr, double value)
+static fmi2Status check_set(const instance_t *m, fmi2ValueReference vr, double value)
 {
     if (!is_variable(m, vr)) {
         return fail(m, "fmi2SetReal: value reference %u is no variable of the model %s", vr, m->start.model);
@@ -246,18 +246,19 @@ static fmi2Status set_real(instance_t *m, fmi2ValueReference vr, double value)
     if (vr > FMU_RATIO && m->now.mode > INITIALIZING) {
         return fail(m, "fmi2SetReal: %s = %.9g: a parameter is fixed after fmi2ExitInitializationMode", name, value);
     }
-    if (check_value(m, "fmi2SetReal", vr, value) != fmi2OK) {
-        return fmi2Error;
-    }
-    m->now.value[vr] = value;
-    return fmi2OK;
+    return check_value(m, "fmi2SetReal", vr, value);
 }
 
+/* Set all values or none. */
 FMI2_FUNCTION(fmi2Status, fmi2SetReal, fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Real value[])
 {
-    fmi2Status status = c == NULL ? fmi2Error : fmi2OK;
+    instance_t *m = c;
+    fmi2Status status = m == NULL ? fmi2Error : fmi2OK;
     for (size_t k = 0; k < n && status == fmi2OK; k++) {
-        status = set_real(c, vr[k], value[k]);
+        status = check_set(m, vr[k], value[k]);
+    }
+    for (size_t k = 0; k < n && status == fmi2OK; k++) {
+        m->now.value[vr[k]] = value[k];
     }
     return status;
 }

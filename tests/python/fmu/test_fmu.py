@@ -130,7 +130,7 @@ EARLY, LATE, ANY = "before the initialization", "after it", ""
 WRONG_CALLS = [  # when, facts that the message names in this order, the call
     (EARLY, "fmi2DoStep fmi2ExitInitializationMode", lambda one: take_step(one, 1)),
     (EARLY, "sigma0 -1 5.42101086e-20 1.84467441e+19", lambda one: one.set(sigma0=-1)),
-    (EARLY, "Fc 0 5.42101086e-20", lambda one: one.set(Fc=0)),
+    (EARLY, "Fc 0 5.42101086e-20", lambda one: one.set(angle=1, Fc=0)),
     (EARLY, "theta_per_count nan", lambda one: one.set(theta_per_count=math.nan)),
     (LATE, "sigma0 2 fixed", lambda one: one.set(sigma0=2)),
     (LATE, "fmi2EnterInitializationMode fmi2Reset", lambda o: o.call("EnterInitializationMode")),

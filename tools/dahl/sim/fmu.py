@@ -3,7 +3,8 @@
 
 An FMU is a zip file with modelDescription.xml, a shared object and its C sources (port/fmu). The
 shared object is built once for all models. It contains a block with the model, the names, the
-limits and the start values; write() replaces that block.
+limits and the start values; write() replaces that block. An FMU therefore needs no compiler when it
+is written, and reads no file when it runs.
 """
 
 from __future__ import annotations
