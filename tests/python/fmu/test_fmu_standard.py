@@ -19,8 +19,6 @@ from test_fmu import EVERY, MODELS, export, walk
 pytestmark = [pytest.mark.checks, pytest.mark.usefixtures("library")]
 
 WITHOUT = "unproven: FMUs in fmpy: fmpy is not here; tools/setup.sh checks installs it"
-fmpy = pytest.importorskip("fmpy", reason=WITHOUT)
-HEADERS = Path(fmpy.__file__).parent / "c-code"
 ONLY_MODEL_EXCHANGE = {
     *("EnterEventMode", "NewDiscreteStates", "EnterContinuousTimeMode", "CompletedIntegratorStep"),
     *("SetTime", "SetContinuousStates", "GetDerivatives", "GetEventIndicators"),
@@ -29,19 +27,35 @@ ONLY_MODEL_EXCHANGE = {
 FLAGS = "-std=c99 -Wall -Wextra -pedantic -Werror -shared -fPIC".split()
 
 
-def simulate(path: Path) -> np.ndarray:
+@pytest.fixture(autouse=True)
+def fmpy():
+    return pytest.importorskip("fmpy", reason=WITHOUT)
+
+
+@pytest.fixture
+def header(fmpy) -> Path:
+    """Return the header of the standard."""
+    return Path(fmpy.__file__).parent / "c-code" / "fmi2Functions.h"
+
+
+@pytest.fixture
+def simulate(fmpy):
     """Return the torques that fmpy computes along walk(5)."""
-    rows = [(row * 1e-3, angle) for row, angle in enumerate(walk(5) * 1e-5)]
-    signal = np.array(rows, dtype=[("time", float), ("angle", float)])
-    stop = rows[-1][0]
-    done = fmpy.simulate_fmu(str(path), stop_time=stop, output_interval=1e-3, input=signal)
-    return done["torque"][1 : len(rows)]  # a step ends one row after its input
+
+    def run(path: Path) -> list[float]:
+        rows = [(row * 1e-3, angle) for row, angle in enumerate(walk(5) * 1e-5)]
+        signal = np.array(rows, dtype=[("time", float), ("angle", float)])
+        stop = rows[-1][0]
+        done = fmpy.simulate_fmu(str(path), stop_time=stop, output_interval=1e-3, input=signal)
+        return done["torque"][1 : len(rows)].tolist()  # a step ends one row after its input
+
+    return run
 
 
-def expected() -> np.ndarray:
+def expected() -> list[float]:
     angles = walk(5)[:-1] * 1e-5
     moves = np.diff(angles, prepend=angles[0])  # fmpy initializes with the first row
-    return package.Friction(package.Plan(100, 0.2)).run(moves.astype(np.float32))
+    return package.Friction(package.Plan(100, 0.2)).run(moves.astype(np.float32)).tolist()
 
 
 @EVERY
@@ -51,11 +65,11 @@ def test_fmpy_finds_no_problem(dahl, model):
     assert not validate_fmu(str(export(dahl, model)))
 
 
-def test_fmpy_simulates_the_bits_of_python(dahl):
-    assert simulate(export(dahl)).tolist() == expected().tolist()
+def test_fmpy_simulates_the_bits_of_python(dahl, simulate):
+    assert simulate(export(dahl)) == expected()
 
 
-def test_fmpy_builds_the_sources_to_the_same_bits(dahl, tmp_path):
+def test_fmpy_builds_the_sources_to_the_same_bits(dahl, simulate, tmp_path):
     from fmpy.build import build_platform_binary
 
     path = export(dahl)
@@ -63,16 +77,15 @@ def test_fmpy_builds_the_sources_to_the_same_bits(dahl, tmp_path):
         names = [name for name in content.namelist() if not name.startswith("binaries")]
         content.extractall(tmp_path / "unit", names)
     build_platform_binary(tmp_path / "unit", all_warnings=True)
-    assert simulate(tmp_path / "unit").tolist() == expected().tolist()
+    assert simulate(tmp_path / "unit") == expected()
 
 
 @EVERY
-def test_a_plain_compiler_builds_the_sources_with_the_headers_of_the_standard(dahl, model):
+def test_a_plain_compiler_builds_the_sources_with_the_headers_of_the_standard(dahl, header, model):
     """The headers come first, so the compiler compares each declaration with theirs."""
     path = export(dahl, model)
     with zipfile.ZipFile(path) as content:
         content.extractall("unit")
-    header = HEADERS / "fmi2Functions.h"
     sources = sorted(Path("unit/sources").glob("*.c"))
     words = ["gcc", *FLAGS, "-include", header, *sources, "-o", "unit/built.so"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
@@ -93,8 +106,8 @@ def test_a_static_library_has_the_prefix_of_the_tool(dahl):
     assert len(functions) == 34 and all(name.startswith("shaft_fmi2") for name in functions)
 
 
-def test_all_functions_of_a_co_simulation_are_exported(dahl):
-    text = (HEADERS / "fmi2Functions.h").read_text()
+def test_all_functions_of_a_co_simulation_are_exported(dahl, header):
+    text = header.read_text()
     functions = {*re.findall(r"^#define fmi2(\w+) +fmi2FullName", text, re.MULTILINE)}
     one = Instance(export(dahl, MODELS[0]))
     assert {name for name in functions if not hasattr(one.functions, f"fmi2{name}")} == (
