@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from dahl.binding import models
 from fmu_instance import CO_SIMULATION, ERROR, OK, Instance
+from identify_tools import complaint
 from model_examples import OWN, THETA, made, numbers, whole
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -203,3 +204,9 @@ def test_equal_options_give_equal_bytes_and_other_options_another_guid(dahl):
     options = [(), ("--name", "seal"), ("--theta-per-count", 1e-4), ("--fc", 0.3)]
     guids = {Instance(export(dahl, MODELS[0], *more)).xml.get("guid") for more in options}
     assert len(guids) == len(options)
+
+
+def test_another_shared_object_is_refused(dahl, library, monkeypatch):
+    monkeypatch.setenv("DAHL_FMU", str(library))
+    code, line = complaint(dahl("fmu", "--sigma0", 1, "--fc", 1, "-o", "x.fmu"))
+    assert code == 1 and str(library) in line and not Path("x.fmu").exists()
