@@ -35,14 +35,17 @@ endif()
 
 # Call this after all targets are defined.
 function(dahl_install_wheel)
-    add_custom_target(dahl_wheel DEPENDS dahl_shared dahl_binding $<TARGET_NAME_IF_EXISTS:dahl-loop>)
+    add_custom_target(dahl_wheel DEPENDS dahl_shared dahl_binding dahl_fmu $<TARGET_NAME_IF_EXISTS:dahl-loop>)
     install(FILES $<TARGET_FILE:dahl_shared> DESTINATION dahl/lib RENAME libdahl.so COMPONENT python)
     install(FILES ${CMAKE_BINARY_DIR}/lib/dahl_declarations.h DESTINATION dahl/lib COMPONENT python)
+    install(TARGETS dahl_fmu LIBRARY DESTINATION dahl/lib COMPONENT python)
     if(TARGET dahl_module)
         install(TARGETS dahl_module LIBRARY DESTINATION dahl/lib COMPONENT python)
     endif()
     install(DIRECTORY lib/include/ DESTINATION dahl/share/include COMPONENT python)
-    install(FILES lib/node/dahl.dbc DESTINATION dahl/share COMPONENT python)
+    install(FILES lib/node/dahl.dbc LICENSE DESTINATION dahl/share COMPONENT python)
+    install(DIRECTORY lib/arith lib/model lib/parts DESTINATION dahl/share/lib COMPONENT python) # sources of an FMU
+    install(DIRECTORY port/fmu DESTINATION dahl/share COMPONENT python FILES_MATCHING PATTERN "*.[ch]")
     install(FILES host_sim/scene_keys.def host_sim/timing.h DESTINATION dahl/share COMPONENT python)
     install(DIRECTORY host_sim/scenes DESTINATION dahl/share COMPONENT python)
     install(DIRECTORY port/mujoco DESTINATION dahl/share COMPONENT python) # compiled when Python imports dahl.mujoco

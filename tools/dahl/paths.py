@@ -19,6 +19,9 @@ INSTALLED = SHARE.is_dir()
 ROOT = PACKAGE.parents[1]  # of a checkout; meaningless if INSTALLED
 DBC = SHARE / "dahl.dbc" if INSTALLED else ROOT / "lib" / "node" / "dahl.dbc"
 INCLUDE = SHARE / "include" if INSTALLED else ROOT / "lib" / "include"
+LIB = SHARE / "lib" if INSTALLED else ROOT / "lib"  # C sources
+FMU = SHARE / "fmu" if INSTALLED else ROOT / "port" / "fmu"  # C sources of an FMU
+LICENSE = (SHARE if INSTALLED else ROOT) / "LICENSE"
 SIM = SHARE if INSTALLED else ROOT / "host_sim"  # tables that dahl-loop is compiled from
 SCENES = SHARE / "scenes" if INSTALLED else ROOT / "host_sim" / "scenes"
 OUTPUT = (
@@ -59,6 +62,11 @@ def _missing_reason() -> str:
 def library() -> Path:
     """Return the path of the shared library of lib/."""
     return built_file("DAHL_LIBRARY", "lib/libdahl.so", "lib", "libdahl.so")
+
+
+def fmu_library() -> Path:
+    """Return the path of the shared object of port/fmu."""
+    return built_file("DAHL_FMU", "lib/dahl_fmu.so", "lib", "dahl_fmu.so")
 
 
 def binding(name: str) -> Path:

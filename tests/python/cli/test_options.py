@@ -43,6 +43,9 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "plan": dict.fromkeys(("--sigma0", "--fc", "--breakaway", "--counts-per-turn"), TEXT)
     | {"--model": MODELS, "--theta-per-count": TEXT, "-o/--output": TEXT, "--name": TEXT}
     | {"--force": FLAG},
+    "fmu": dict.fromkeys(("--sigma0", "--fc", "--breakaway", "--counts-per-turn"), TEXT)
+    | dict.fromkeys(("--theta-per-count", "--kinds", "--name", "-o/--output"), TEXT)
+    | {"--model": tuple(models.table()), "--fixed-stiffness": FLAG, "--force": FLAG},
     "node": {"--scene": TEXT, "--sigma0": NUMBER, "--fc": NUMBER, "--theta-per-count": NUMBER}
     | {"--node": NODES, "--target": TEXT, "--seconds": TIME}
     | BUS,
@@ -60,6 +63,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 NEEDED = {  # required options
     "excite": ["--counts-per-turn=1"],
     "plan": ["--sigma0=1", "--fc=1", "--theta-per-count=0", "-ox"],
+    "fmu": ["--sigma0=1", "--fc=1", "-ox"],
     **{"record": ["-ox"], "plot": ["x"], "report": ["x"]},
 }
 EVERY = [(verb, names) for verb, options in OPTIONS.items() for names in options]

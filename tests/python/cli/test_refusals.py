@@ -29,6 +29,7 @@ BREAKAWAY = models.with_key("breakaway").name  # the model with this parameter
 COLUMNS = "--angle 'shaft [deg]' --torque 'sensor [mNm]'"
 SHAFT = "--sigma0 40 --fc 0.8 --counts-per-turn 16384"
 PLAN = "plan --sigma0 100 --fc 0.5 --counts-per-turn 16384 -o plan.h"
+NINE = ",".join("1" * 9)
 MACROS = {
     "DEMO": f"demo shaft.csv {COLUMNS} {SHAFT} -o out",
     "SMALL": f"demo {SHAFT} -o out",
@@ -36,6 +37,7 @@ MACROS = {
     "SLIP": f"{PLAN} --model slip",
     "ASYMMETRIC": f"{PLAN} --model asymmetric",
     "BREAKAWAY": f"{PLAN} --model {BREAKAWAY}",
+    "FMU": "fmu --sigma0 100 --fc 0.5 -o new.fmu",
     "NODE": "node --sigma0 100 --fc 12.5 --theta-per-count 3.8e-4",
     "EXCITE": "excite --counts-per-turn 16384 -o out",
     "TIMING": "--timing f_clock=8000000 brp=2 tseg1=5 tseg2=2 sjw=2 nof_samples=1",
@@ -69,6 +71,7 @@ FILES = {
     f"{'x' * 156}.csv": "a\n1\n2\n",
     "mine.h": "int mine;\n/* dahl_prepare() of one */\n#ifndef DAHL_PLAN_X_H\n",
     "bytes.h": "\udcff",
+    "old.fmu": "PK",
 }
 
 WRONG_INPUT = {  # exit code 2
@@ -136,6 +139,30 @@ WRONG_INPUT = {  # exit code 2
         PLAN --name=++ => --name ++
         PLAN -o mine.h => mine.h: ... --force
         PLAN -o bytes.h => bytes.h: ... --force
+        """,
+    "fmu": f"""
+        fmu --sigma0 1 --fc 1 => -o
+        FMU -o x.zip => -o x.zip: ... .fmu
+        FMU -o - => -o -: ... .fmu
+        FMU -o old.fmu => old.fmu: exists ... --force
+        FMU --fc=-1 => Fc = -1 ... 2^-64 <= Fc < 2^64
+        FMU --fc=0 --model=slip => Fc = 0
+        FMU --sigma0=1,nan --fc=1,2 --model=slip => sigma0 = nan
+        FMU --sigma0=1,2 => --sigma0 1,2 ... 2 ... --model dahl ... 1
+        FMU --model=slip --sigma0=1,2 --fc=1 => --sigma0 1,2 --fc 1: 2, 1 values ... 8
+        FMU --model=slip --sigma0={NINE} --fc={NINE} => 9, 9 values ... 8
+        FMU --model=slip --theta-per-count=0 => theta_per_count = 0
+        FMU --theta-per-count=1e-14 => 2^-30 <= travel < 2^20
+        FMU --model=parallel => --kinds K,K ... --model parallel
+        FMU --kinds=dahl => --kinds K,K ... --model parallel
+        FMU --model=parallel --kinds=dahl,lugre => --kinds dahl,lugre: lugre
+        FMU --model=parallel --kinds=dahl,slip => 1, 1, 2 values
+        FMU --model={BREAKAWAY} => --breakaway ... --model {BREAKAWAY}
+        FMU --model={BREAKAWAY} --breakaway=1 => breakaway = 1
+        FMU --fixed-stiffness => --fixed-stiffness ... loaded ... dahl
+        FMU --model=loaded --fixed-stiffness --theta-per-count=1 => --fixed-stiffness
+        FMU --name=7up => --name 7up: ... letter
+        FMU --name=++ => --name ++
         """,
     "node": """
         NODE -i virtual --target m4f => -i ... --target
@@ -406,14 +433,15 @@ def test_a_full_disk_leaves_whole_lines_in_the_record_of_a_demo(run_dahl, tmp_pa
         ("DAHL_LIBRARY", "none.so", PLAN),
         ("DAHL_BUILD_DIR", "lib/libdahl.so", PLAN),
         ("DAHL_BUILD_DIR", "dahl-loop", "demo --scene segments"),
+        ("DAHL_FMU", "none.so", "fmu --sigma0 1 --fc 1 -o x.fmu"),
     ],
 )
 def test_a_missing_build_is_named(run_dahl, root, tmp_path, variable, fact, words):
     env = {
         key: text for key, text in os.environ.items() if key not in ("DAHL_LIBRARY", "DAHL_LOOP")
     }
-    env |= {"DAHL_LIBRARY": "", variable: str(tmp_path / ("none.so" * (variable[-1] == "Y")))}
-    if fact == "dahl-loop":
+    env |= {"DAHL_LIBRARY": "", variable: str(tmp_path / ("none.so" * (fact == "none.so")))}
+    if words != PLAN:
         env["DAHL_LIBRARY"] = os.environ["DAHL_LIBRARY"]
     env["PYTHONPATH"] = str(root / "tools")
     line = check(run_dahl(*words.split(), env=env, cwd=tmp_path), 1, fact)

@@ -19,7 +19,8 @@ from log_writers import frames as write_frames
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
-VERBS = ("demo", "identify", "excite", "plan", "node", "monitor", "record", "plot", "report", "dbc")
+VERBS = ("demo", "identify", "excite", "plan", "fmu", "node", "monitor", "record", "plot", "report")
+VERBS += ("dbc",)
 
 
 @pytest.mark.parametrize("verb", VERBS)

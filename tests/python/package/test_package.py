@@ -97,8 +97,9 @@ def listed(*folders: object) -> set[Path]:
 
 
 SHARED = {f"dahl/share/{name}" for name in ("dahl.dbc", "include/dahl.h", "scenes/steering.ini")}
-SHARED |= {"dahl/share/scene_keys.def", "dahl/share/timing.h"}
-SHARED |= {"dahl/py.typed", "dahl/commands/demo.py", "dahl/share/mujoco/plugin.c"}
+SHARED |= {"dahl/share/scene_keys.def", "dahl/share/timing.h", "dahl/share/LICENSE"}
+SHARED |= {"dahl/share/fmu/fmu.c", "dahl/share/lib/model/prepare.c", "dahl/share/mujoco/plugin.c"}
+SHARED |= {"dahl/py.typed", "dahl/commands/demo.py"}
 
 
 def test_both_wheels_have_the_same_files_and_twine_accepts_them(dist: Path) -> None:
@@ -109,6 +110,7 @@ def test_both_wheels_have_the_same_files_and_twine_accepts_them(dist: Path) -> N
         for path in (only(dist, "*.whl"), only(dist / "tree", "*.whl"))
     )
     built = {"dahl/lib/libdahl.so", "dahl/lib/_dahl.abi3.so", "dahl/bin/dahl-loop"}
+    built |= {"dahl/lib/dahl_fmu.so"}
     assert first.keys() == second.keys() >= built | SHARED | {"dahl/lib/dahl_declarations.h"}
     differ = {name for name in first if first[name] != second[name]}
     libraries = {name for name in first if re.search(r"\.so(\.|$)", name)}
@@ -132,6 +134,7 @@ def test_the_core_works_anywhere_with_its_dependencies_alone(core: Environment) 
     assert core.dahl("--help").stdout.startswith("usage: dahl")
     assert "dahl_plan_t dahl_plan_shaft = {" in core.dahl(*PLAN).stdout
     assert "--node" in core.dahl("monitor", "--help").stdout
+    core.dahl("fmu", "--sigma0", "120", "--fc", "1.8", "-o", "friction.fmu")
     needs = core.metadata().requires
     assert [one.partition(">")[0] for one in needs if "extra ==" not in one] == [
         "numpy",

@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: MIT
+"""`dahl fmu`: torques of each model against its Python class, split steps, states, errors."""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+from ctypes import c_double, c_size_t
+from pathlib import Path
+
+import dahl as package
+import numpy as np
+import pytest
+from dahl.binding import models
+from fmu_instance import CO_SIMULATION, ERROR, OK, Instance
+from identify_tools import complaint
+from model_examples import OWN, THETA, made, numbers, whole
+
+pytestmark = pytest.mark.usefixtures("library")
+
+MODELS = list(models.table().values())
+COUNT = float(np.float32(THETA))
+EVERY = pytest.mark.parametrize("model", MODELS, ids=lambda model: model.name)
+
+
+def export(dahl, model: models.Model = MODELS[0], *more: object, name: str = "shaft.fmu") -> Path:
+    """Write an FMU of the example of a model."""
+    own = OWN.get(model.key)
+    values = [*numbers(model), *([own if isinstance(own, list) else [own]] if own else [])]
+    options = zip(("--sigma0", "--fc", f"--{model.key}"), values, strict=False)
+    words = (word for option, value in options for word in (option, ",".join(map(str, value))))
+    done = dahl("fmu", "--model", model.name, *words, *more, "--force", "-o", name)
+    assert done.returncode == 0, done.stderr
+    return Path(name).resolve()
+
+
+def walk(seed: int, rows: int = 300) -> np.ndarray:
+    """Counts from moves of very different lengths."""
+    rng = np.random.default_rng(seed)
+    return np.cumsum(rng.integers(-9, 10, rows) * 10 ** rng.integers(0, 5, rows))
+
+
+def loads(model: models.Model, seed: int = 1) -> list[dict[str, float]]:
+    values = np.random.default_rng(seed).uniform(0, 2, 300)
+    return [{"load": float(value)} if model.name == "loaded" else {} for value in values]
+
+
+@EVERY
+def test_by_counts_the_torques_have_the_bits_of_the_python_class(dahl, model):
+    one = Instance(export(dahl, model, "--theta-per-count", THETA)).initialize(angle=5 * COUNT)
+    element, moves = made(model), np.diff(walk(1), prepend=5)
+    if model.name == "dahl":
+        element = package.Friction(element)
+    angles = (walk(1) + np.random.default_rng(1).uniform(-0.49, 0.49, 300)) * COUNT
+    for angle, move, load in zip(angles, moves, loads(model), strict=True):
+        torque = one.step(angle=angle, **load)
+        assert torque == element.step_counts(int(move), **load)
+        assert one.get("ratio") == pytest.approx(torque / whole(model), abs=2e-7)
+    one.step(angle=-COUNT * 2.0**50)
+    assert abs(one.get("ratio")) == 1 or model.name == "loaded"
+
+
+@pytest.mark.parametrize("words", [(), ("--fixed-stiffness",)])
+def test_by_angle_the_torques_have_the_bits_of_the_python_class(dahl, words):
+    model = models.table()["loaded" if words else "dahl"]
+    one = Instance(export(dahl, model, *words)).initialize(sigma0=90.3, Fc=0.7, angle=-0.1)
+    plan = package.Plan(90.3, 0.7)
+    element = package.Loaded(plan, fixed_stiffness=True) if words else package.Friction(plan)
+    angles = walk(2) * 1.1e-4
+    for angle, move, load in zip(angles, np.diff(angles, prepend=-0.1), loads(model), strict=True):
+        assert one.step(angle=angle, **load) == element.step(float(np.float32(move)), **load)
+
+
+@EVERY
+def test_a_step_may_be_split_and_the_default_counts_are_fine(dahl, model):
+    """At an intermediate angle of the same direction, and without motion."""
+    path = export(dahl, model)
+    one, split, fine = Instance(path), Instance(path), Instance(path)
+    fine.initialize(theta_per_count=5e-11)
+    one.initialize(), split.initialize()
+    before = 0.0
+    for angle, load in zip(walk(3) * 1e-5, loads(model), strict=True):
+        torque = one.step(angle=angle, **load)
+        assert fine.step(angle=angle, **load) == pytest.approx(torque, abs=5e-6 * whole(model))
+        split.step(2e-4, angle=before + (angle - before) / 3, **load)
+        halfway = split.step(5e-4, angle=angle)
+        assert halfway == pytest.approx(torque, abs=5e-6 * whole(model))
+        assert split.step(3e-4) == halfway
+        before = angle
+
+
+def test_a_move_may_have_more_counts_than_an_integer(dahl):
+    one = Instance(export(dahl)).initialize(theta_per_count=2e-12)  # 1e-9 of Fc/sigma0
+    assert one.step(angle=0.01) == pytest.approx(0.2 * -math.expm1(-5), rel=1e-6)
+
+
+@pytest.mark.parametrize(("is_late", "end"), [(False, 0.1237), (True, 3.529)])
+def test_a_shaft_holds_unless_the_torque_is_one_step_late(dahl, is_late, end):
+    """The table of docs/simulators.md at 2 ms. Half of Fc acts for 10 s."""
+    one = Instance(export(dahl, MODELS[0])).initialize(sigma0=120, Fc=1.8)
+    angle = speed = torque = 0.0
+    for _ in range(5000):
+        before = angle
+        speed += 2e-3 * (0.9 - torque) / 0.00667
+        angle += 2e-3 * speed
+        torque = one.step(2e-3, angle=before if is_late else angle)
+    assert angle == pytest.approx(end, rel=1e-3)
+
+
+@EVERY
+def test_a_saved_state_continues_with_the_same_bits(dahl, model):
+    path = export(dahl, model, "--theta-per-count", THETA)
+    one, other = Instance(path).initialize(theta_per_count=1e-4), Instance(path)
+    angles = walk(4) * 3e-5
+    for angle, load in zip(angles[:150], loads(model), strict=False):
+        one.step(angle=angle, **load)
+    saved, torque = one.save(), one.get("torque")
+    rest = list(zip(angles[150:], loads(model)[150:], strict=True))
+    continued = [one.step(angle=angle, **load) for angle, load in rest]
+    for instance in (one, other):
+        assert instance.restore(saved) == OK and instance.save() == saved
+        assert instance.get("torque") == torque
+        assert [instance.step(angle=angle, **load) for angle, load in rest] == continued
+    assert one.call("Reset") == OK and one.get("torque") == 0
+    assert one.save() == Instance(path).save() and len(set(continued)) > 20
+
+
+NOTHING = (None, c_size_t(1), None)  # the arguments of a call for one variable
+EARLY, LATE, ANY = "before the initialization", "after it", ""
+WRONG_CALLS = [  # when, facts that the message names in this order, the call
+    (EARLY, "fmi2DoStep fmi2ExitInitializationMode", lambda one: take_step(one, 1)),
+    (EARLY, "sigma0 -1 5.42101086e-20 1.84467441e+19", lambda one: one.set(sigma0=-1)),
+    (EARLY, "Fc 0 5.42101086e-20", lambda one: one.set(angle=1, Fc=0)),
+    (EARLY, "theta_per_count nan", lambda one: one.set(theta_per_count=math.nan)),
+    (LATE, "sigma0 2 fixed", lambda one: one.set(sigma0=2)),
+    (LATE, "fmi2EnterInitializationMode fmi2Reset", lambda o: o.call("EnterInitializationMode")),
+    (LATE, "communicationStepSize 0", lambda one: take_step(one, 0)),
+    (LATE, "communicationStepSize -1", lambda one: take_step(one, -1)),
+    (LATE, "communicationStepSize nan", lambda one: take_step(one, math.nan)),
+    (ANY, "angle nan -1e+30 1e+30", lambda one: one.set(angle=math.nan)),
+    (ANY, "angle 1e+30", lambda one: one.set(angle=1e30)),
+    (ANY, "torque output", lambda one: one.set(torque=0)),
+    (ANY, "fmi2SetReal 1 dahl", lambda one: one.set(load=1)),
+    (ANY, "fmi2SetReal 99 dahl", lambda one: one.set(none=1)),
+    (ANY, "fmi2GetInteger Real", lambda one: one.call("GetInteger", *NOTHING)),
+    (ANY, "fmi2SetString Real", lambda one: one.call("SetString", *NOTHING)),
+    (ANY, "canInterpolateInputs", lambda o: o.call("SetRealInputDerivatives", *NOTHING, None)),
+    (ANY, "canRunAsynchronuously", lambda one: one.call("CancelStep")),
+    (ANY, "fmi2DeSerializeFMUstate Fc nan", lambda one: one.restore(with_nan(one, "Fc"))),
+    (ANY, "fmi2DeSerializeFMUstate size", lambda one: one.restore(b"x")),
+    (ANY, "fmi2DeSerializeFMUstate no state", lambda one: one.restore(bytes(len(one.save())))),
+]
+
+
+def with_nan(one: Instance, name: str) -> bytes:
+    """Return a saved state with NaN in place of a value."""
+    return one.save().replace(struct.pack("d", one.get(name)), struct.pack("d", math.nan), 1)
+
+
+def take_step(one: Instance, duration: float) -> int:
+    return one.call("DoStep", c_double(0), c_double(duration), 0)
+
+
+@pytest.mark.parametrize("is_ready", [False, True])
+def test_an_error_is_one_line_and_changes_nothing(dahl, is_ready):
+    one = Instance(export(dahl))
+    one.references |= {"none": 99, "load": 1}
+    if is_ready:
+        one.initialize().step(angle=0.01)
+    before = one.save()
+    for when, facts, call in WRONG_CALLS:
+        if when != (EARLY if is_ready else LATE):
+            assert call(one) == ERROR, facts
+            assert re.search(".*".join(map(re.escape, facts.split())), one.messages[-1])
+            assert one.save() == before and "\n" not in one.messages[-1]
+    assert len(one.messages) == sum(
+        when != (EARLY if is_ready else LATE) for when, *_ in WRONG_CALLS
+    )
+
+
+def test_a_travel_out_of_range_is_an_error_of_the_initialization(dahl):
+    one = Instance(export(dahl, models.table()["slip"]))
+    assert one.call("EnterInitializationMode") == one.set(theta_per_count=1e9) == OK
+    assert one.call("ExitInitializationMode") == ERROR
+    for fact in ("sigma0[0] = 100", "Fc[0] = 0.2", "theta_per_count = 1e+09", "5e+11", "2^20"):
+        assert fact in one.messages[0]
+    assert one.set(theta_per_count=1e-4) == one.call("ExitInitializationMode") == OK
+
+
+def test_an_instance_of_another_fmu_or_kind_is_refused(dahl):
+    path, other = export(dahl), Instance(export(dahl, name="other.fmu"))
+    assert not Instance(path, guid=other.xml.get("guid")).component
+    wrong = Instance(path, kind=1 - CO_SIMULATION)
+    assert not wrong.component and "fmi2CoSimulation" in wrong.messages[0]
+    assert Instance(path).restore(other.save()) == ERROR
+    for name in ("DoStep", "GetReal", "Reset", "GetFMUstate", "Terminate"):
+        assert wrong.call(name, None, None, None) == ERROR  # a component that is NULL
+
+
+def test_equal_options_give_equal_bytes_and_other_options_another_guid(dahl):
+    first = export(dahl).read_bytes()
+    assert export(dahl).read_bytes() == first
+    options = [(), ("--name", "seal"), ("--theta-per-count", 1e-4), ("--fc", 0.3)]
+    guids = {Instance(export(dahl, MODELS[0], *more)).xml.get("guid") for more in options}
+    assert len(guids) == len(options)
+
+
+def test_another_shared_object_is_refused(dahl, library, monkeypatch):
+    monkeypatch.setenv("DAHL_FMU", str(library))
+    code, line = complaint(dahl("fmu", "--sigma0", 1, "--fc", 1, "-o", "x.fmu"))
+    assert code == 1 and str(library) in line and not Path("x.fmu").exists()

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: MIT
+"""Write a friction element as an FMU (FMI 2.0, co-simulation) for Simulink, OpenModelica, Dymola
+and other simulators.
+
+Input: angle in rad, of --model loaded also load. Outputs: torque in N m with the sign of the
+motion, and ratio, its fraction of the largest torque. The numbers given here are start values of
+parameters, which the simulator may change. The FMU contains a shared object for this machine, and
+the C sources for any other. docs/simulators.md describes its limits.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from dahl.commands import model_arguments
+from dahl.errors import Error
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from typing import Any
+
+    from dahl.binding.models import Model
+    from dahl.sim.fmu import Fmu
+
+HELP = "an FMU for other simulators"
+EXAMPLE = """examples:
+  dahl fmu --sigma0 120 --fc 1.8 -o friction.fmu
+  dahl fmu --model asymmetric --sigma0 100 --fc 0.5,0.3 -o rod.fmu
+  dahl fmu --model elastoplastic --sigma0 100 --fc 0.5 --breakaway 0.7 -o gear.fmu
+  dahl fmu --model parallel --kinds dahl,slip --sigma0 100,20 --fc 0.5,1 -o seal.fmu"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from dahl.binding import models
+
+    model_arguments.add_model(parser, models.table())
+    parser.add_argument("--kinds", metavar="K,K", help="of parallel: dahl or slip for each element")
+    parser.add_argument(
+        "--fixed-stiffness", action="store_true", help="of loaded: sigma0 does not follow the load"
+    )
+    model_arguments.add_encoder(
+        parser,
+        False,
+        "rad per count, to which the angle is rounded (default: 0, which does not round, for dahl;"
+        " for the others 1e-6 of Fc/sigma0)",
+    )
+    parser.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="NAME.fmu", help="file to write"
+    )
+    parser.add_argument("--name", help="of the model (default: from the file's name)")
+    parser.add_argument("--force", action="store_true", help="overwrite an existing file")
+
+
+def run(args: argparse.Namespace) -> None:
+    from dahl.sim import fmu
+
+    path: Path = args.output
+    if path.suffix != ".fmu":
+        raise Error(f"-o {path}: the name of an FMU ends in .fmu")
+    contents = _contents(args)
+    if path.is_file() and not args.force:
+        raise Error(f"{path}: exists; --force overwrites it")
+    guid = fmu.write(path, contents)
+    print(f"{path}: FMI 2.0 co-simulation, model {contents.model.name}, GUID {guid}")
+
+
+def _contents(args: argparse.Namespace) -> Fmu:
+    from dahl.binding import models, plan_header
+    from dahl.sim import fmu
+
+    model = models.table()[args.model]
+    sigma0, fc = model_arguments.read_numbers(args, model)
+    breakaway = model_arguments.read_breakaway(args, model)
+    kinds = _kinds(args, model)
+    _check_elements(args, model, [sigma0, fc, *([kinds] if kinds else [])])
+    if args.fixed_stiffness and model.name != "loaded":
+        raise Error(f"--fixed-stiffness: an option of --model loaded, not of {model.name}")
+    theta = model_arguments.read_theta_per_count(args)
+    if args.fixed_stiffness and theta is not None:
+        raise Error("--fixed-stiffness: moves are by angle; leave out the option of the encoder")
+    if theta is None:
+        theta = fmu.default_theta_per_count(model, sigma0, fc)
+    models.make(model, sigma0, fc, theta, breakaway if breakaway is not None else kinds)
+    name = plan_header.identifier(args.name or args.output.stem)
+    if name[0].isdigit():
+        raise Error(f"--name {name}: a letter or _ was expected at its start")
+    return fmu.Fmu(name, model, sigma0, fc, theta, breakaway, kinds, args.fixed_stiffness)
+
+
+def _kinds(args: argparse.Namespace, model: Model) -> list[str]:
+    """Return the kind of each element, none for models other than parallel."""
+    if (args.kinds is not None) != (model.key == "kinds"):
+        raise Error(
+            f"--kinds K,K is required by --model {model_arguments.model_with('kinds')} and refused"
+            " by the others"
+        )
+    kinds = args.kinds.split(",") if args.kinds is not None else []
+    for kind in kinds:
+        if kind not in ("dahl", "slip"):
+            raise Error(f"--kinds {args.kinds}: {kind} is neither dahl nor slip")
+    return kinds
+
+
+def _check_elements(args: argparse.Namespace, model: Model, lists: list[list[Any]]) -> None:
+    """Raise dahl.Error unless a model of several elements has as many values of each kind, and
+    each element is valid by angle.
+    """
+    from dahl.binding.friction import Plan
+    from dahl.binding.slip import SLIP_MAX
+
+    sigma0, fc, *_ = lists
+    counts = {len(values) for values in lists}
+    if model.sigma0s == 0 and (len(counts) > 1 or len(fc) > SLIP_MAX):
+        numbers = ", ".join(str(len(values)) for values in lists)
+        raise Error(
+            f"--sigma0 {args.sigma0} --fc {args.fc}: {numbers} values; as many of each, 1 to"
+            f" {SLIP_MAX}, were expected"
+        )
+    for k, torque in enumerate(fc):
+        Plan(sigma0[min(k, len(sigma0) - 1)], torque)

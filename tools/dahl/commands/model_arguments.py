@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: MIT
+"""The options of a friction model and its encoder."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterable
+
+from dahl.errors import Error
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from dahl.binding.models import Model
+
+
+def add_model(parser: argparse.ArgumentParser, names: Iterable[str]) -> None:
+    parser.add_argument("--model", choices=list(names), default="dahl", help="default: dahl")
+    parser.add_argument(
+        "--sigma0",
+        required=True,
+        metavar="X",
+        help="stiffness at rest, N m/rad; of slip one for each element: X,X",
+    )
+    parser.add_argument(
+        "--fc",
+        required=True,
+        metavar="Y",
+        help="Coulomb torque, N m; of slip one per element: Y,Y; if each direction has its own:"
+        " forward,backward",
+    )
+    parser.add_argument(
+        "--breakaway",
+        metavar="B",
+        help=f"of {model_with('breakaway')}: torque up to which nothing creeps, a fraction of Fc"
+        " between 0 and 1",
+    )
+
+
+def add_encoder(parser: argparse.ArgumentParser, required: bool, help_theta: str) -> None:
+    encoder = parser.add_mutually_exclusive_group(required=required)
+    encoder.add_argument("--counts-per-turn", metavar="N", help="of the encoder, with all edges")
+    encoder.add_argument("--theta-per-count", metavar="T", help=help_theta)
+
+
+def model_with(key: str) -> str:
+    """Return the name of the model that has this key of its own."""
+    from dahl.binding import models
+
+    return models.with_key(key).name
+
+
+def read_numbers(args: argparse.Namespace, model: Model) -> tuple[list[float], list[float]]:
+    """Return sigma0 and Fc, as many as the model needs."""
+    from dahl.binding.parameters import FC, SIGMA0
+
+    sigma0, fc = _numbers("--sigma0", args.sigma0, SIGMA0), _numbers("--fc", args.fc, FC)
+    _check_count("--sigma0", args.sigma0, sigma0, model.sigma0s, args.model)
+    _check_count("--fc", args.fc, fc, model.Fcs, args.model)
+    return sigma0, fc
+
+
+def read_breakaway(args: argparse.Namespace, model: Model) -> float | None:
+    if (args.breakaway is not None) != (model.key == "breakaway"):
+        raise Error(
+            f"--breakaway B, 0 < B < 1, is required by --model {model_with('breakaway')} and"
+            " refused by the others"
+        )
+    if args.breakaway is None:
+        return None
+    return _number("--breakaway", args.breakaway, "0 < breakaway < 1")
+
+
+def read_theta_per_count(args: argparse.Namespace) -> float | None:
+    """Return the angle of one count in rad, or None if neither option was given."""
+    from dahl.binding.parameters import THETA_PER_COUNT
+
+    if args.theta_per_count is not None:
+        return _number("--theta-per-count", args.theta_per_count, THETA_PER_COUNT)
+    if args.counts_per_turn is None:
+        return None
+    counts = _number("--counts-per-turn", args.counts_per_turn, "a number above 0")
+    if not 0 < counts < math.inf:
+        raise Error(f"--counts-per-turn {args.counts_per_turn}: not a finite number above 0")
+    return 2 * math.pi / counts
+
+
+def _numbers(option: str, text: str, limit: str) -> list[float]:
+    """Return one number, or several separated by commas."""
+    return [_number(option, word, limit) for word in text.split(",")]
+
+
+def _check_count(option: str, text: str, values: list[float], count: int, model: str) -> None:
+    """Raise dahl.Error unless there are `count` values; 0 allows any number."""
+    if count not in (0, len(values)):
+        raise Error(f"{option} {text}: {len(values)} numbers; --model {model} needs {count}")
+
+
+def _number(option: str, text: str, limit: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise Error(f"{option} {text}: not a number; {limit} was expected") from None

@@ -1,0 +1,286 @@
+# SPDX-License-Identifier: MIT
+"""Functional mock-up units (FMI 2.0, co-simulation) of the friction models.
+
+An FMU is a zip file with modelDescription.xml, a shared object and its C sources (port/fmu). The
+shared object is built once for all models. It contains a block with the model, the names, the
+limits and the start values; write() replaces that block. An FMU therefore needs no compiler when it
+is written, and reads no file when it runs.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import struct
+import uuid
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from dahl import paths
+from dahl.binding import parameters
+from dahl.binding.models import Model
+from dahl.binding.slip import SLIP_MAX
+from dahl.errors import RunError
+from dahl.io import files
+from dahl.version import __version__
+
+# Value references of port/fmu/element.h.
+ANGLE, LOAD, TORQUE, RATIO, THETA, BREAKAWAY, SIGMA0 = range(7)
+FC = SIGMA0 + SLIP_MAX
+VALUES = FC + SLIP_MAX
+
+MARK = b"dahl fmu start\0\0"
+BLOCK = struct.Struct(f"={len(MARK)}s40s16s4I{VALUES * '16s3d'}")  # fmu_start_t
+ANGLE_MAX = 1e30  # rad
+BREAKAWAY_MIN = 1e-37  # as in scene_keys.def
+TORQUE_LIMITS = parameters.TORQUE_MIN, parameters.TORQUE_MAX  # of sigma0 and Fc
+OUTPUT_LIMITS = -SLIP_MAX * parameters.TORQUE_MAX, SLIP_MAX * parameters.TORQUE_MAX
+DEFAULT_TRAVEL = 2.0**-20  # of one count; rounding to counts changes F by about 1e-6 of Fc
+
+UNITS = {  # exponents of the SI base units
+    "rad": {"rad": 1},
+    "N.m": {"kg": 1, "m": 2, "s": -2},
+    "N.m/rad": {"kg": 1, "m": 2, "s": -2, "rad": -1},
+}
+HEADERS = ("dahl.h", "dahl_can_bus.h", "dahl_encoder.h", "dahl_frames.h", "dahl_parts.h")
+DATE = (1980, 1, 1, 0, 0, 0)  # of each file in the zip, so that equal content gives equal bytes
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of type Real: low <= value < high."""
+
+    name: str
+    causality: str
+    unit: str
+    description: str
+    start: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Fmu:
+    """Contents of an FMU; `name` is its modelIdentifier."""
+
+    name: str
+    model: Model
+    sigma0: Sequence[float]  # N m/rad
+    Fc: Sequence[float]  # N m
+    theta_per_count: float = 0.0  # rad; 0: moves by angle
+    breakaway: float | None = None
+    kinds: Sequence[str] = ()  # of the model parallel: dahl or slip for each element
+    fixed_stiffness: bool = False  # of the model loaded
+
+    @property
+    def slips(self) -> int:
+        """Bit k is set if element k slips."""
+        return sum(1 << k for k, kind in enumerate(self.kinds) if kind == "slip")
+
+    def variables(self) -> dict[int, Variable]:
+        """Return the variables by value reference."""
+        found = self._inputs_and_outputs() | self._parameters()
+        return dict(sorted(found.items()))
+
+    def _inputs_and_outputs(self) -> dict[int, Variable]:
+        found = {
+            ANGLE: Variable("angle", "input", "rad", "angle", 0.0, -ANGLE_MAX, ANGLE_MAX),
+            TORQUE: Variable(
+                "torque", "output", "N.m", "torque with the sign of the motion", 0.0, *OUTPUT_LIMITS
+            ),
+            RATIO: Variable(
+                "ratio", "output", "", "torque over the largest at load 1", 0.0, *OUTPUT_LIMITS
+            ),
+        }
+        if self.model.name == "loaded":
+            found[LOAD] = Variable("load", "input", "", "load that scales Fc", 1.0, 0.0, 2.0)
+        return found
+
+    def _parameters(self) -> dict[int, Variable]:
+        found = {}
+        if not self.fixed_stiffness:
+            found[THETA] = self._theta_per_count()
+        if self.breakaway is not None:
+            text = "fraction of Fc up to which nothing creeps"
+            found[BREAKAWAY] = _parameter("breakaway", "", text, self.breakaway, BREAKAWAY_MIN, 1.0)
+        for k, (name, value) in enumerate(_named("sigma0", self.sigma0)):
+            found[SIGMA0 + k] = _parameter(
+                name, "N.m/rad", "stiffness at rest", value, *TORQUE_LIMITS
+            )
+        names = ["Fc_forward", "Fc_backward"] if self.model.has_directions else []
+        for k, (name, value) in enumerate(_named("Fc", self.Fc, names)):
+            found[FC + k] = _parameter(name, "N.m", "Coulomb torque", value, *TORQUE_LIMITS)
+        return found
+
+    def _theta_per_count(self) -> Variable:
+        text, low = "angle of one count, to which the angle is rounded", parameters.TORQUE_MIN
+        if self.model.name == "dahl":
+            text, low = f"{text}; 0: it is not rounded", 0.0
+        limits = low, parameters.TORQUE_MAX
+        return _parameter("theta_per_count", "rad", text, self.theta_per_count, *limits)
+
+
+def default_theta_per_count(model: Model, sigma0: Sequence[float], Fc: Sequence[float]) -> float:  # noqa: N803
+    """Return 0 for Dahl's model, which can move by angle, else a fine count [rad]."""
+    if model.name == "dahl":
+        return 0.0
+    stiffest = [sigma0[min(k, len(sigma0) - 1)] / torque for k, torque in enumerate(Fc)]
+    return float(np.float32(DEFAULT_TRAVEL / max(stiffest)))
+
+
+def write(path: Path, fmu: Fmu) -> str:
+    """Write the FMU and return its GUID. Raises dahl.RunError if the shared object is not built."""
+    guid = _guid(_contents(fmu, ""))
+    with files.replace_atomic(path) as part, zipfile.ZipFile(part, "w") as archive:
+        for name, content in _contents(fmu, guid).items():
+            info = zipfile.ZipInfo(name, DATE)
+            info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
+            archive.writestr(info, content)
+    return guid
+
+
+def _parameter(name: str, unit: str, text: str, *numbers: float) -> Variable:
+    return Variable(name, "parameter", unit, text, *numbers)
+
+
+def _named(
+    name: str, values: Sequence[float], names: Sequence[str] = ()
+) -> list[tuple[str, float]]:
+    """Return each value with its name: the given names, else one name, else a name and an index."""
+    indexed = [name] if len(values) == 1 else [f"{name}[{k}]" for k in range(len(values))]
+    return list(zip(names or indexed, values, strict=True))
+
+
+def _contents(fmu: Fmu, guid: str) -> dict[str, bytes]:
+    """Return the files of the FMU by name."""
+    sources = _sources() | {"start.h": _start_header(fmu, guid)}
+    binary = f"binaries/linux{struct.calcsize('P') * 8}/{fmu.name}.so"
+    return {
+        "modelDescription.xml": _description(fmu, guid, [n for n in sources if n[-2:] == ".c"]),
+        binary: _binary(fmu, guid),
+        **{f"sources/{name}": content for name, content in sources.items()},
+        "documentation/licenses/license.txt": paths.LICENSE.read_bytes(),
+    }
+
+
+def _guid(contents: dict[str, bytes]) -> str:
+    digest = hashlib.sha256()
+    for name, content in contents.items():
+        digest.update(f"{name} {len(content)}\n".encode() + content)
+    return f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"
+
+
+def _sources() -> dict[str, bytes]:
+    """Return the C sources. They share one folder, so that a tool needs no include path."""
+    folders = [paths.FMU, *(paths.LIB / part for part in ("arith", "model", "parts"))]
+    found = [file for folder in folders for file in sorted(folder.glob("*.[ch]"))]
+    found += [paths.INCLUDE / name for name in HEADERS]
+    flat = {
+        file.name: re.sub(rb'(#include ")\.\./\w+/', rb"\1", file.read_bytes()) for file in found
+    }
+    if len(flat) != len(found):
+        raise RunError(f"{paths.LIB}: two source files of an FMU have the same name")
+    return flat
+
+
+def _counts(fmu: Fmu) -> list[int]:
+    """Return the integers of fmu_start_t."""
+    return [len(fmu.sigma0), len(fmu.Fc), fmu.slips, int(fmu.fixed_stiffness)]
+
+
+def _binary(fmu: Fmu, guid: str) -> bytes:
+    """Return the shared object with the start values of this FMU."""
+    path = paths.fmu_library()
+    head, mark, rest = path.read_bytes().partition(MARK)
+    if not mark or MARK in rest:
+        raise RunError(f"{path}: not the shared object of port/fmu")
+    used, unused = fmu.variables(), Variable("", "", "", "", 0.0, 0.0, 0.0)
+    rows = (used.get(reference, unused) for reference in range(VALUES))
+    values = (value for row in rows for value in (row.name.encode(), row.start, row.low, row.high))
+    model = fmu.model.name.encode()
+    block = BLOCK.pack(MARK, guid.encode(), model, *_counts(fmu), *values)
+    return head + block + rest[len(block) - len(MARK) :]
+
+
+def _start_header(fmu: Fmu, guid: str) -> bytes:
+    """Return start.h with the same start values."""
+    words = [MARK.rstrip(b"\0").decode(), guid, fmu.model.name]
+    head = [*(f'"{word}"' for word in words), *map(str, _counts(fmu))]
+    lines = [
+        "/* SPDX-License-Identifier: MIT */",
+        f"/* Written by dahl fmu {__version__}: model, name, start, low and high of each value. */",
+        f"#define FMU_START {{{', '.join(head)}, {{ \\",
+        *(
+            f'    [{reference}] = {{"{row.name}", {row.start.hex()}, {row.low.hex()},'
+            f" {row.high.hex()}}}, /* {row.start:g} */ \\"
+            for reference, row in fmu.variables().items()
+        ),
+        "}}",
+    ]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _description(fmu: Fmu, guid: str, sources: list[str]) -> bytes:
+    """Return modelDescription.xml."""
+    root = ET.Element("fmiModelDescription", fmiVersion="2.0", modelName=fmu.name, guid=guid)
+    root.attrib |= {
+        "description": f"friction torque, model {fmu.model.name} of dahl",
+        "version": __version__,
+        "license": "MIT",
+        "generationTool": f"dahl {__version__}",
+        "variableNamingConvention": "structured",
+    }
+    flags = (
+        *("canHandleVariableCommunicationStepSize", "canNotUseMemoryManagementFunctions"),
+        *("canGetAndSetFMUstate", "canSerializeFMUstate"),
+    )
+    simulation = ET.SubElement(
+        root, "CoSimulation", {"modelIdentifier": fmu.name} | dict.fromkeys(flags, "true")
+    )
+    listed = ET.SubElement(simulation, "SourceFiles")
+    for name in sources:
+        ET.SubElement(listed, "File", name=name)
+    _add_units(root)
+    categories = ET.SubElement(root, "LogCategories")
+    ET.SubElement(categories, "Category", name="logStatusError", description="errors; always on")
+    ET.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")
+    _add_variables(root, fmu.variables())
+    ET.indent(root)
+    text: bytes = ET.tostring(root, encoding="UTF-8", xml_declaration=True)
+    return text + b"\n"
+
+
+def _add_units(root: ET.Element) -> None:
+    units = ET.SubElement(root, "UnitDefinitions")
+    for name, exponents in UNITS.items():
+        unit = ET.SubElement(units, "Unit", name=name)
+        ET.SubElement(unit, "BaseUnit", {base: str(power) for base, power in exponents.items()})
+
+
+def _add_variables(root: ET.Element, variables: dict[int, Variable]) -> None:
+    """Add the variables and ModelStructure. Before the first step the outputs are 0, and between
+    steps an input changes no output, so no output depends on an input.
+    """
+    listed = ET.SubElement(root, "ModelVariables")
+    structure = ET.SubElement(root, "ModelStructure")
+    groups = [ET.SubElement(structure, name) for name in ("Outputs", "InitialUnknowns")]
+    for index, (reference, variable) in enumerate(variables.items(), 1):
+        is_output = variable.causality == "output"
+        scalar = ET.SubElement(
+            listed,
+            "ScalarVariable",
+            name=variable.name,
+            valueReference=str(reference),
+            causality=variable.causality,
+            variability="fixed" if variable.causality == "parameter" else "continuous",
+            description=variable.description,
+        )
+        real = {"unit": variable.unit} if variable.unit else {}
+        ET.SubElement(scalar, "Real", real if is_output else real | {"start": repr(variable.start)})
+        for group in groups if is_output else ():
+            ET.SubElement(group, "Unknown", index=str(index), dependencies="")
