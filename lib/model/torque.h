@@ -51,23 +51,19 @@ static inline float dahl_torque_from(dahl_real_t Fc, uint64_t w)
 }
 #endif
 
-/** Return Fc with half a unit added by the OR, since the lowest bit of the mantissa of a float is 0. */
-static inline dahl_real_t dahl_Fc_of(const dahl_plan_t *plan)
-{
-    dahl_real_t Fc = {plan->Fc_mantissa | 1, plan->Fc_exponent};
-    return Fc;
-}
-
-/** A plan of all zeros has no torque. */
+/** The OR adds half a unit, since the lowest bit of the mantissa of a float is 0. A plan of all zeros has no
+ * torque. */
 static inline float dahl_torque_of(const dahl_plan_t *plan, uint64_t w)
 {
-    return plan->Fc_mantissa == 0 ? 0.0f : dahl_torque_from(dahl_Fc_of(plan), w);
+    dahl_real_t Fc = {plan->Fc_mantissa | 1, plan->Fc_exponent};
+    return plan->Fc_mantissa == 0 ? 0.0f : dahl_torque_from(Fc, w);
 }
 
 /** The same for the ticks in C. */
 static inline float dahl_torque_of_inline(const dahl_plan_t *plan, uint64_t w)
 {
-    return plan->Fc_mantissa == 0 ? 0.0f : dahl_torque_inline(dahl_Fc_of(plan), w);
+    dahl_real_t Fc = {plan->Fc_mantissa | 1, plan->Fc_exponent};
+    return plan->Fc_mantissa == 0 ? 0.0f : dahl_torque_inline(Fc, w);
 }
 
 #endif
