@@ -27,8 +27,8 @@ static inline int32_t dahl_scale_q16(int32_t x, uint32_t factor_q16)
 /**
  * Return x factor 2^-30, a half rounded up, for a factor of -2^30 .. 2^30 and a result that fits.
  *
- * ARMv6-M would build the 64-bit product from four products of 16 bits and five sums that carry. With x split after its
- * low 16 bits and the factor after its low 15, no sum carries:
+ * ARMv6-M lacks a 64-bit product. x = x1:x0 is split above its low 16 bits and factor = f1:f0 above its low 15, so that
+ * no sum of the four products overflows:
  * @verbatim
  *     x factor 2^-30 = 2 x1 f1 + (x1 f0 + (x0 f1 + x0 f0 2^-15) / 2) 2^-14
  * @endverbatim
