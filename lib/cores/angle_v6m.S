@@ -8,36 +8,11 @@
  */
 #include "../arith/core.h"
 #if DAHL_V6M
-    .syntax unified
-    .thumb
+#include "torque_v6m.inc"
 
-#define PLAN [sp, #0]
 #define STATE [sp, #4]
 #define BITS [sp, #8]  /* of the angle */
-#define FC 8           /* [byte] offset of Fc in the plan: mantissa, exponent */
-#define EXPONENT 158   /* 2 + 156, as in dahl_round_to_float */
 #define FAR 0x600000   /* DAHL_FAR */
-
-/* a1 = upper word of a b. All five registers are lost; the flags are those of a1. */
-    .macro mulhi a, b, a1, b1, t
-    lsrs    \a1, \a, #16
-    uxth    \a, \a
-    lsrs    \b1, \b, #16
-    uxth    \b, \b
-    movs    \t, \a
-    muls    \t, \b, \t
-    lsrs    \t, \t, #16
-    muls    \b, \a1, \b
-    muls    \a, \b1, \a
-    muls    \a1, \b1, \a1
-    adds    \b, \b, \t /* no carry */
-    uxth    \t, \b
-    adds    \a, \a, \t /* no carry */
-    lsrs    \b, \b, #16
-    lsrs    \a, \a, #16
-    adds    \a1, \a1, \b
-    adds    \a1, \a1, \a
-    .endm
 
 /* b1:low = a b. All five registers are lost. */
     .macro multiply a, b, a1, b1, low
@@ -108,72 +83,71 @@
     adds    r3, r3, r5 /* c0 + y (c1 + ..) */
     .endm
 
-/* z, the gap in Q30, in r2 for w in r7:r6. Both leave the top bit of z in the flags. */
+/* z, the gap in Q30, in r6 for w in r3:r2. Both leave the top bit of z in the flags. */
     .macro gap_forward
-    movs    r2, #1
-    lsls    r2, r2, #30
-    subs    r2, r2, r7
-    lsrs    r3, r6, #31
-    subs    r2, r2, r3
+    movs    r6, #1
+    lsls    r6, r6, #30
+    subs    r6, r6, r3
+    lsrs    r7, r2, #31
+    subs    r6, r6, r7
     .endm
 
     .macro gap_backward
-    movs    r2, #1
-    lsls    r2, r2, #30
-    lsls    r3, r6, #1 /* the carry rounds w up */
-    adcs    r2, r2, r7
+    movs    r6, #1
+    lsls    r6, r6, #30
+    lsls    r7, r2, #1 /* the carry rounds w up */
+    adcs    r6, r6, r3
     .endm
 
 /* Target of the branch on the top bit of z. If z = 2^31, a reversal from the end, continue at `back`. Otherwise w is
  * out of range: clamp it to +-2^62 on its side and continue at `gap`. */
     .macro reverse_or_clamp gap, back
-    lsls    r3, r2, #1
+    lsls    r7, r6, #1
     beq     \back
-    lsrs    r7, r7, #31
-    lsls    r7, r7, #31
-    movs    r6, #1
-    lsls    r6, r6, #30
-    orrs    r7, r7, r6
-    movs    r6, #0
+    lsrs    r3, r3, #31
+    lsls    r3, r3, #31
+    movs    r2, #1
+    lsls    r2, r2, #30
+    orrs    r3, r3, r2
+    movs    r2, #0
     b       \gap
     .endm
 
-/* w in r7:r6, the bits of the angle in r1, its sign in the flags. */
+/* w in r3:r2, the bits of the angle in r1, its sign in the flags. */
     .macro load_w
     ldr     r0, STATE
     ldr     r1, BITS
-    ldmia   r0!, {r6, r7}
+    ldmia   r0!, {r2, r3}
     cmp     r1, #0
     .endm
 
-/* w += or -= z m >> lr for lr <= 32, with z in r2 and m in r4. `add` is adds or subs, `add_carry` adcs or sbcs. */
+/* w += or -= z m >> lr for lr <= 32, with z in r6 and m in r4. `add` is adds or subs, `add_carry` adcs or sbcs. */
     .macro update_small add, add_carry
-    multiply r2, r4, r3, r5, r1
-    mov     r2, lr
-    movs    r3, #32
-    subs    r3, r3, r2
-    lsrs    r1, r1, r2
+    multiply r6, r4, r7, r5, r1
+    mov     r6, lr
+    lsrs    r1, r1, r6
     movs    r4, r5
-    lsls    r4, r4, r3
+    rors    r4, r4, r6
+    lsrs    r5, r5, r6
+    eors    r4, r4, r5 /* the bits that leave r5 */
     orrs    r1, r1, r4
-    lsrs    r5, r5, r2
-    \add    r6, r6, r1
-    \add_carry r7, r7, r5
+    \add    r2, r2, r1
+    \add_carry r3, r3, r5
     .endm
 
-/* w += or -= z g, with z in r2 and g in r4. */
+/* w += or -= z g, with z in r6 and g in r4. */
     .macro update_large add, add_carry
-    multiply r2, r4, r3, r5, r1
-    \add    r6, r6, r1
-    \add_carry r7, r7, r5
+    multiply r6, r4, r7, r5, r1
+    \add    r2, r2, r1
+    \add_carry r3, r3, r5
     .endm
 
-/* w += or -= z g 2^-32, with z in r2 and g in r0. */
+/* w += or -= z g 2^-32, with z in r6 and g in r0. */
     .macro update_tiny add, add_carry
-    mulhi   r2, r0, r1, r3, r5
-    movs    r2, #0
-    \add    r6, r6, r1
-    \add_carry r7, r7, r2
+    mulhi   r6, r0, r1, r7, r5
+    movs    r6, #0
+    \add    r2, r2, r1
+    \add_carry r3, r3, r6
     .endm
 
     .section .text.dahl_step, "ax", %progbits
@@ -225,78 +199,11 @@ small_backward:
     bmi     22b
 14: update_small subs, sbcs
 
-    /* Store w, whose sign is in the flags, and return its torque: dahl_torque_of() of lib/model/torque.h */
+    /* Store w and return its torque */
 torque:
-    ldr     r0, STATE
-    stmia   r0!, {r6, r7}
-torque_of_w:
-    ldr     r0, PLAN
-    ldr     r2, [r0, #FC]
-    ldr     r3, [r0, #FC + 4]
-    bpl     1f
-    adds    r3, r3, #255 /* 256, the sign of the float, above its exponent */
-    adds    r3, r3, #1
-    movs    r0, #0
-    rsbs    r6, r6, #0
-    sbcs    r0, r0, r7
-    movs    r7, r0
-1:  adds    r3, r3, #EXPONENT
-    movs    r0, #1
-    orrs    r2, r2, r0
-    cmp     r7, #0
-    beq     below_q30
-2:  movs    r0, r7
-    movs    r1, #0 /* leading zeros */
-    lsrs    r4, r0, #16
-    bne     3f
-    lsls    r0, r0, #16
-    adds    r1, r1, #16
-3:  lsrs    r4, r0, #24
-    bne     4f
-    lsls    r0, r0, #8
-    adds    r1, r1, #8
-4:  lsrs    r4, r0, #28
-    bne     5f
-    lsls    r0, r0, #4
-    adds    r1, r1, #4
-    lsrs    r4, r0, #28
-5:  adr     r5, zeros_of_nibble
-    ldrb    r5, [r5, r4]
-    adds    r1, r1, r5
-    lsls    r7, r7, r1
-    movs    r4, #32
-    subs    r4, r4, r1
-    lsrs    r6, r6, r4
-    orrs    r7, r7, r6
-    subs    r3, r3, r1
-    mulhi   r7, r2, r4, r5, r6
-    bmi     6f
-    lsls    r4, r4, #1
-    bpl     zero /* a plan of all zeros */
-    lsls    r3, r3, #23
-    lsrs    r0, r4, #8 /* the carry, the last bit shifted out, rounds to nearest */
-    adcs    r0, r0, r3 /* the first bit adds 1 to the exponent */
-    add     sp, #12
-    pop     {r4-r7, pc}
-6:  adds    r3, r3, #1
-    lsls    r3, r3, #23
-    lsrs    r0, r4, #8
-    adcs    r0, r0, r3
-    add     sp, #12
-    pop     {r4-r7, pc}
-below_q30:
-    movs    r7, r6
-    beq     zero
-    movs    r6, #0
-    subs    r3, r3, #32
-    b       2b
-zero:
-    movs    r0, #0
-    add     sp, #12
-    pop     {r4-r7, pc}
-    .balign 4
-zeros_of_nibble:
-    .byte 4, 3, 2, 2, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0
+    pop     {r0, r1, r4} /* plan, state, bits of the angle */
+    stmia   r1!, {r2, r3}
+    return_torque
 
     .pool
 
@@ -397,21 +304,19 @@ not_tiny:
     b       update_by_g
 2:  lsls    r2, r1, #9
     bne     no_motion /* NaN */
-    movs    r6, #0
-    movs    r7, #1
-    lsls    r7, r7, #30
+    movs    r2, #0
+    movs    r3, #1
+    lsls    r3, r3, #30
     cmp     r1, #0
     bpl     3f
-    rsbs    r7, r7, #0
-3:  cmp     r7, #0
-    b       torque
+    rsbs    r3, r3, #0
+3:  b       torque
 
 no_motion:
     load_w
 11: gap_backward
     bmi     21f
-12: cmp     r7, #0
-    b       torque
+12: b       torque
 21: reverse_or_clamp 11b, 12b
     .pool
     .size dahl_step, . - dahl_step

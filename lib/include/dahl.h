@@ -222,7 +222,7 @@ int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32
  *   in uN m. Rounding Fc itself to an integer adds at most half a unit.
  * @note If the unit is coarse, give Fc in 1/16 of it, add all torques, and return (sum + 8) >> 4. A
  *   shift alone rounds down, by half a unit on average.
- * @note Cost: 11 instructions, 41 on Cortex-M0.
+ * @note Cost: 11 instructions, 27 on Cortex-M0.
  */
 int32_t dahl_to_units(int32_t ratio_q30, uint32_t Fc_units);
 

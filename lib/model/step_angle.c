@@ -21,5 +21,5 @@ DAHL_WEAK_TICK float dahl_step(const dahl_plan_t *plan, dahl_state_t *state, flo
     dahl_scaled_t g = dahl_kernel(v);
     w = (bits & DAHL_BITS_SIGN) != 0 ? dahl_backward_by_angle(w, g) : dahl_forward_by_angle(w, g);
     state->w = (int64_t)w;
-    return dahl_torque_of(plan, w);
+    return dahl_torque_of_inline(plan, w);
 }

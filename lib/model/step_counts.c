@@ -24,5 +24,5 @@ DAHL_WEAK_TICK float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *sta
         w = dahl_backward(w, plan->g[-dcounts]);
     }
     state->w = (int64_t)w;
-    return dahl_torque_of(plan, w);
+    return dahl_torque_of_inline(plan, w);
 }

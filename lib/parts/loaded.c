@@ -2,6 +2,7 @@
 /** Load that scales Fc and sigma0, so the presliding length and the table of g are constant. If the load c falls, w
  * is kept and F falls with c. If it grows, F is kept: w *= c_before/c_now. Neither increases the energy F^2/(2 c
  * sigma0), nor does rounding, since the product is truncated. */
+#include "../arith/scale.h"
 #include "../model/bristle_update.h"
 #include "../model/torque.h"
 #include "dahl_parts.h"
@@ -88,11 +89,10 @@ float dahl_loaded_step_counts(const dahl_plan_t *plan, dahl_loaded_state_t *stat
     return dahl_torque_from(Fc, (uint64_t)state->bristle.w);
 }
 
-/** Move and return c w, as c (w + 1) - c, which needs no sign. */
+/** Move and return c w. */
 static inline int32_t move_and_scale(const dahl_plan_t *plan, dahl_state_t *bristle, int32_t dcounts, uint32_t load)
 {
-    uint32_t w = (uint32_t)dahl_step_counts_q30(plan, bristle, dcounts);
-    return (int32_t)((uint32_t)((dahl_mul(w + DAHL_ONE_Q30, load) + DAHL_ONE_Q30 / 2) >> 30) - load);
+    return dahl_scale_q30((int32_t)load, dahl_step_counts_q30(plan, bristle, dcounts));
 }
 
 static DAHL_COLD DAHL_OUT_OF_LINE int32_t increase_load_and_step(const dahl_plan_t *plan, dahl_loaded_state_t *state,
