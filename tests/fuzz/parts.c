@@ -132,7 +132,8 @@ static void check_work(const walk_t *walk)
     LAW(isinf(got) || fabsl(got - exact) <= work_bound(p, exact, walk->moves), "work: the integral of the torque");
 }
 
-/* Any torque up to Fc, an end or its neighbour, nearly none, or no number. Near Fc a count changes the torque by a rounding or not at all. */
+/* Any torque up to Fc, an end or its neighbour, nearly none, or no number. Near Fc a count changes the torque by a rounding or
+ * not at all. */
 static float any_torque(float Fc, uint32_t part)
 {
     const float any = Fc * (float)(int32_t)part * 0x1p-31f, near = nextafterf(Fc, 0.0f);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Properties of single models: a load of 1, and the ends of the ranges of loads, torques and breakaways. test_part_laws.c has no creep below breakaway. */
+/* Properties of single models: a load of 1, and the ends of the ranges of loads, torques and breakaways. test_part_laws.c has
+ * no creep below breakaway. */
 #include "models.h"
 #include "plans.h"
 

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* Any bits are a safe state, and so are plans of zeros. All elements move in random order, with several plans, on one memory
- * whose bits are spoiled now and then. test_step_laws.c sets torques and changes plans. test_part_laws.c has work and inverse. */
+ * whose bits are spoiled now and then. test_step_laws.c sets torques and changes plans; test_part_laws.c has work and
+ * inverse. */
 #include "plans.h"
 #include "models.h"
 
