@@ -65,16 +65,32 @@ static dahl_err_t judge(const dahl_params_t *p)
     return p->theta_per_count == 0 ? DAHL_ERR_PARAM : fuzz_judge(p);
 }
 
+/* Both sides of the limits of a value, and of a travel if the two other values are 1. */
+static float edge(fuzz_bytes_t *bytes)
+{
+    static const float ends[] = {DAHL_TORQUE_MIN, DAHL_TORQUE_MAX, 0x1p-30f, 0x1p20f, 0x1p-29f, 1.0f, 1.0f, 1.0f};
+    static const float others[] = {0.0f, 1e-45f, 1e-40f, 1e19f, 0x1.fffffep31f, HUGE_VALF, NAN, 1.0f};
+    const uint8_t which = fuzz_u8(bytes);
+    const float end = ends[which & 7u], below = nextafterf(end, 0.0f), other = others[which & 7u];
+    const float value = (which & 0x18u) == 0x18u ? other : which & 8u ? below : end;
+    return which >> 5 == 7 ? -value : value;
+}
+
+static float any_value(fuzz_bytes_t *bytes, uint32_t kind)
+{
+    return kind == 0 ? fuzz_float_of(fuzz_u32(bytes)) : edge(bytes);
+}
+
 static given_t any_given(fuzz_bytes_t *bytes)
 {
-    given_t given = {.elements = fuzz_u8(bytes) % 10u};
-    int is_noise = fuzz_u8(bytes) % 4u == 0;
+    const uint32_t elements = fuzz_u8(bytes), kind = fuzz_u8(bytes) % 4u; /* noise, edges, or mostly in range */
+    given_t given = {.elements = elements == 255u ? UINT32_MAX : elements % 10u};
     for (uint32_t k = 0; k < DAHL_SLIP_MAX; k++) {
         dahl_params_t *one = &given.of[k];
-        if (is_noise) {
-            one->sigma0 = fuzz_float_of(fuzz_u32(bytes));
-            one->Fc = fuzz_float_of(fuzz_u32(bytes));
-            one->theta_per_count = fuzz_float_of(fuzz_u32(bytes));
+        if (kind < 2) {
+            one->sigma0 = any_value(bytes, kind);
+            one->Fc = any_value(bytes, kind);
+            one->theta_per_count = any_value(bytes, kind);
         } else {
             *one = fuzz_params(bytes);
             one->sigma0 = k == 0 ? one->sigma0 : given.of[0].sigma0 * fuzz_scaled(fuzz_u32(bytes), 0);
@@ -82,7 +98,7 @@ static given_t any_given(fuzz_bytes_t *bytes)
         }
         one->theta_per_count = given.of[0].theta_per_count;
     }
-    given.more = is_noise ? fuzz_float_of(fuzz_u32(bytes)) : fuzz_scaled(fuzz_u32(bytes), -1 - (int)(fuzz_u8(bytes) % 40u));
+    given.more = kind < 2 ? any_value(bytes, kind) : fuzz_scaled(fuzz_u32(bytes), -1 - (int)(fuzz_u8(bytes) % 40u));
     return given;
 }
 
@@ -103,6 +119,7 @@ static void check_element(const dahl_params_t *p)
     dahl_plan_t plan;
     dahl_state_t state = {0};
     memset(&plan, 0xA5, sizeof plan);
+    memset(&literal, 0xA5, sizeof literal);
     LAW(dahl_prepare(&plan, p) == wanted, "the error code of dahl_prepare is right");
     LAW(dahl_float_prepare(&literal, p) == wanted, "the literal form has the same limits");
     LAW(p->theta_per_count == 0 || dahl_throughput_counts(&wide, &state, NULL, NULL, 0) == wanted, "the throughput form has the same limits");
@@ -111,6 +128,7 @@ static void check_element(const dahl_params_t *p)
         check_plan(&plan, p);
     } else {
         check_untouched(&plan, sizeof plan);
+        check_untouched(&literal, sizeof literal);
     }
 }
 

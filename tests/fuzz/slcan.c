@@ -6,8 +6,12 @@
 #include "fuzz.h"
 #include "slcan/slcan.h"
 
+/* Members of slcan_counts_t, in their order. */
+typedef enum { FINE = -1, TOO_LONG, CUT, NOT_HEX, WRONG_LENGTH, UNKNOWN, CLOSED, FAULTS } fault_t;
+
 typedef struct {
     slcan_event_t event;
+    fault_t fault; /* the first one of the line */
     const char *answer;
     dahl_can_frame_t frame;
     int open; /* -1: unchanged */
@@ -19,49 +23,47 @@ static int hex_of(char c)
     return at == NULL ? -1 : (int)((at - digits) % 16);
 }
 
-/* The value of hex digits; -1 if one is missing or wrong. */
+/* The value of hex digits; -CUT or -NOT_HEX for the first one that is missing or wrong. */
 static int64_t number(const char *text, size_t length, size_t from, size_t digits)
 {
     int64_t value = 0;
     for (size_t i = from; i < from + digits; i++) {
         if (i >= length || hex_of(text[i]) < 0) {
-            return -1;
+            return i >= length ? -CUT : -NOT_HEX;
         }
         value = value * 16 + hex_of(text[i]);
     }
     return value;
 }
 
-static int read_data(const char *line, size_t length, size_t from, size_t bytes, dahl_can_frame_t *frame)
+static fault_t read_data(const char *line, size_t length, size_t from, size_t bytes, dahl_can_frame_t *frame)
 {
     for (size_t i = 0; i < bytes; i++) {
         int64_t byte = number(line, length, from + 2 * i, 2);
         if (byte < 0) {
-            return 0;
+            return (fault_t)-byte;
         }
         frame->data[i < 8 ? i : 7] = i < 8 ? (uint8_t)byte : frame->data[7];
     }
-    return length == from + 2 * bytes;
+    return length == from + 2 * bytes ? FINE : WRONG_LENGTH;
 }
 
-static int is_between(int64_t value, int64_t least, int64_t most)
-{
-    return value >= least && value <= most;
-}
-
-static int read_frame(const char *line, size_t length, dahl_can_frame_t *frame)
+static fault_t read_frame(const char *line, size_t length, dahl_can_frame_t *frame)
 {
     static const uint8_t bytes[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64};
     int extended = memchr("TRDB", line[0], 4) != NULL, remote = memchr("rR", line[0], 2) != NULL;
     int fd = memchr("dDbB", line[0], 4) != NULL;
     size_t digits = extended ? 8 : 3;
     int64_t id = number(line, length, 1, digits), count = number(line, length, 1 + digits, 1);
-    if (!is_between(id, 0, extended ? 0x1FFFFFFF : 0x7FF) || !is_between(count, 0, fd ? 15 : 8)) {
-        return 0;
+    if (id < 0 || (count < 0 && id <= (extended ? 0x1FFFFFFF : 0x7FF))) {
+        return (fault_t)-(id < 0 ? id : count);
+    }
+    if (id > (extended ? 0x1FFFFFFF : 0x7FF) || count > (fd ? 15 : 8)) {
+        return WRONG_LENGTH;
     }
     *frame = (dahl_can_frame_t){.id = (uint32_t)id, .length = (uint8_t)(count < 8 ? count : 8)};
     frame->flags = (uint8_t)((extended ? DAHL_CAN_FRAME_EXTENDED : 0) | (remote ? DAHL_CAN_FRAME_REMOTE : 0) | (fd ? DAHL_CAN_FRAME_FD : 0));
-    return remote ? length == 2 + digits : read_data(line, length, 2 + digits, bytes[count], frame);
+    return read_data(line, length, 2 + digits, remote ? 0 : bytes[count], frame);
 }
 
 static verdict_t judge_letter(char letter, int refused)
@@ -75,30 +77,26 @@ static verdict_t judge_letter(char letter, int refused)
                    {'F', refused ? "F80\r" : "F00\r", -1}};
     for (size_t i = 0; i < sizeof letters / sizeof letters[0]; i++) {
         if (letters[i].letter == letter) {
-            return (verdict_t){SLCAN_ANSWER, letters[i].answer, {0}, letters[i].open};
+            return (verdict_t){SLCAN_ANSWER, FINE, letters[i].answer, {0}, letters[i].open};
         }
     }
-    return (verdict_t){SLCAN_ANSWER, "\a", {0}, -1};
+    return (verdict_t){SLCAN_ANSWER, UNKNOWN, "\a", {0}, -1};
 }
 
 static verdict_t judge(const char *line, size_t length, const slcan_t *now, int refused)
 {
-    verdict_t v = {SLCAN_ANSWER, "\a", {0}, -1};
-    if (length == 1) {
+    verdict_t v = {SLCAN_ANSWER, length > SLCAN_LINE_MAX ? TOO_LONG : UNKNOWN, "\r", {0}, -1};
+    if (length == 0 || (length <= SLCAN_LINE_MAX && memchr("Ss", line[0], 2) != NULL)) {
+        v.fault = FINE;
+    } else if (length <= SLCAN_LINE_MAX && memchr("tTrRdDbB", line[0], 8) != NULL) {
+        v.fault = read_frame(line, length, &v.frame);
+        v.fault = v.fault == FINE && !now->open ? CLOSED : v.fault;
+        v.event = v.fault == FINE ? SLCAN_FRAME : SLCAN_ANSWER;
+    } else if (length == 1) {
         return judge_letter(line[0], refused);
     }
-    if (length == 0 || (length <= SLCAN_LINE_MAX && memchr("Ss", line[0], 2) != NULL)) {
-        v.answer = "\r";
-    } else if (now->open && memchr("tTrRdDbB", line[0], 8) != NULL && read_frame(line, length, &v.frame)) {
-        v.answer = "\r";
-        v.event = SLCAN_FRAME;
-    }
+    v.answer = v.fault == FINE ? "\r" : "\a";
     return v;
-}
-
-static uint64_t refusals(const slcan_counts_t *n)
-{
-    return (uint64_t)n->too_long + n->cut + n->not_hex + n->wrong_length + n->unknown + n->closed;
 }
 
 static int is_same(const dahl_can_frame_t *a, const dahl_can_frame_t *b)
@@ -129,7 +127,12 @@ static void check_line(const slcan_t *before, const slcan_t *after, const verdic
 {
     LAW(event == v->event && strcmp(text, v->answer) == 0, "the answer is that of the second reader");
     LAW(after->open == (v->open < 0 ? before->open : v->open != 0), "O and L open, C closes, other lines do neither");
-    LAW(refusals(&after->counts) == refusals(&before->counts) + (v->answer[0] == '\a'), "a refusal increases one count");
+    uint32_t counts[FAULTS], counts_before[FAULTS];
+    memcpy(counts, &after->counts, sizeof counts);
+    memcpy(counts_before, &before->counts, sizeof counts);
+    for (int i = 0; i < FAULTS; i++) {
+        LAW(counts[i] == counts_before[i] + (i == (int)v->fault), "a refusal increases the count of the first fault");
+    }
     LAW(after->length == 0, "a line ends with its CR");
     if (event == SLCAN_FRAME) {
         LAW(is_same(frame, &v->frame) && frame->time_us == 0, "the frame is that of the second reader");
@@ -139,18 +142,23 @@ static void check_line(const slcan_t *before, const slcan_t *after, const verdic
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-    slcan_t self = {0};
+    struct {
+        slcan_t adapter;
+        uint8_t guard[8]; /* directly behind the line */
+    } self = {.adapter = {.length = 0}};
     char line[SLCAN_LINE_MAX + 2];
     size_t length = 0;
     int refused = 0; /* since the last F */
     for (size_t i = 0; i < size; i++) {
         char text[SLCAN_TEXT_MAX];
-        dahl_can_frame_t frame;
-        const slcan_t before = self;
-        slcan_event_t event = slcan_take(&self, data[i], &frame, text);
+        dahl_can_frame_t frame = {.id = UINT32_MAX};
+        const slcan_t before = self.adapter;
+        slcan_event_t event = slcan_take(&self.adapter, data[i], &frame, text);
+        LAW(event == SLCAN_FRAME || frame.id == UINT32_MAX, "a line without a frame writes none");
+        LAW(self.guard[0] == 0, "a long line stays within its buffer");
         if (data[i] == '\r') {
             verdict_t v = judge(line, length, &before, refused);
-            check_line(&before, &self, &v, event, text, &frame);
+            check_line(&before, &self.adapter, &v, event, text, &frame);
             refused = v.answer[0] == '\a' || (refused && v.answer[0] != 'F');
             length = 0;
             continue;

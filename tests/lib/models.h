@@ -79,8 +79,7 @@ typedef struct {
     long double (*loss)(const stroke_t *stroke);
     double ulps, q30_error; /* bounds of the header, relative to whole_of() */
     int by_angle;           /* the move is counts times theta_per_count, as a float */
-    int is_odd;             /* the opposite motion has the opposite torque, bit for bit */
-    int is_split;           /* split travel has the same bits */
+    int is_split;           /* opposite and split travel have the same bits */
     int has_load;           /* 1: the error is relative to c Fc; 2: to the larger of Fc and c Fc */
     more_t more;
 } model_t;
@@ -387,20 +386,20 @@ static inline long double elastoplastic_loss(const stroke_t *x)
 
 static const model_t models[] = {
     {"counts", dahl_model_prepare, dahl_model_step, dahl_model_q30, counts_begin, counts_exact, dahl_loss, DAHL_ULP_COUNTS,
-     DAHL_ERROR_Q30, .is_odd = 1},
-    {"angle", angle_prepare, angle_step, NULL, angle_begin, angle_exact, dahl_loss, DAHL_ULP_ANGLE, 0, .by_angle = 1, .is_odd = 1},
-    {"slip", slip_prepare, slip_step, slip_q30, slip_begin, slip_exact, NULL, DAHL_ULP_PARTS, DAHL_SLIP_ERROR_Q30, .is_odd = 1,
-     .is_split = 1, .more = MORE_IS_ELEMENTS},
-    {"mix", mix_prepare, mix_step, mix_q30, mix_begin, mix_exact, NULL, DAHL_ULP_PARTS, MIX_ERROR_Q30, .is_odd = 0,
+     DAHL_ERROR_Q30, .more = MORE_IS_UNUSED},
+    {"angle", angle_prepare, angle_step, NULL, angle_begin, angle_exact, dahl_loss, DAHL_ULP_ANGLE, 0, .by_angle = 1},
+    {"slip", slip_prepare, slip_step, slip_q30, slip_begin, slip_exact, NULL, DAHL_ULP_PARTS, DAHL_SLIP_ERROR_Q30, .is_split = 1,
+     .more = MORE_IS_ELEMENTS},
+    {"mix", mix_prepare, mix_step, mix_q30, mix_begin, mix_exact, NULL, DAHL_ULP_PARTS, MIX_ERROR_Q30,
      .more = MORE_IS_ELEMENTS},
     {"asymmetric", asymmetric_prepare, asymmetric_step, asymmetric_q30, counts_begin, asymmetric_exact, asymmetric_loss,
-     DAHL_ULP_PARTS, DAHL_ASYMMETRIC_ERROR_Q30, .is_odd = 0, .more = MORE_IS_RATIO},
+     DAHL_ULP_PARTS, DAHL_ASYMMETRIC_ERROR_Q30, .more = MORE_IS_RATIO},
     {"loaded", dahl_model_prepare, loaded_step, loaded_q30, counts_begin, loaded_exact, loaded_loss, DAHL_ULP_PARTS,
-     DAHL_LOADED_ERROR_Q30, .is_odd = 1, .has_load = 1},
+     DAHL_LOADED_ERROR_Q30, .has_load = 1},
     {"clamped", angle_prepare, clamped_step, NULL, clamped_begin, clamped_exact, clamped_loss, DAHL_ULP_ANGLE, 0, .by_angle = 1,
-     .is_odd = 1, .has_load = 2},
+     .has_load = 2},
     {"elastoplastic", breakaway_prepare, elastoplastic_step, elastoplastic_q30, counts_begin, elastoplastic_exact,
-     elastoplastic_loss, DAHL_ULP_PARTS, DAHL_ELASTOPLASTIC_ERROR_Q30, .is_odd = 1, .more = MORE_IS_BREAKAWAY},
+     elastoplastic_loss, DAHL_ULP_PARTS, DAHL_ELASTOPLASTIC_ERROR_Q30, .more = MORE_IS_BREAKAWAY},
 };
 enum { MODELS = sizeof models / sizeof models[0] };
 

@@ -39,19 +39,6 @@ static void test_the_least_angle_that_moves_the_state(void)
     TEST_ASSERT_TRUE(low.w == 1 - one && high.w == one - 1);
 }
 
-static void test_counts_between_is_the_shortest_way(void)
-{
-    for (uint32_t n = 1; n < 40; n++) {
-        for (uint32_t pair = 0; pair < n * n; pair++) {
-            const uint32_t b = pair / n, c = pair % n;
-            const int64_t d = dahl_counts_between(b, c, n);
-            TEST_ASSERT_TRUE(2 * d >= -(int64_t)n && 2 * d < (int64_t)n && ((int64_t)b + d - c) % (int64_t)n == 0);
-        }
-    }
-    TEST_ASSERT_EQUAL_INT32(INT32_MIN, dahl_counts_between(0, 0x80000000u, 0));
-    TEST_ASSERT_EQUAL_INT32(-1, dahl_counts_between(0, UINT32_MAX - 1, UINT32_MAX));
-}
-
 /* A float state stalls short of Fc on encoders of 20 bits and more. */
 static void test_slow_motion_on_a_fine_encoder_reaches_Fc(void)
 {

@@ -125,7 +125,7 @@ static void test_opposite_motion_is_opposite_except_at_ties(void)
 {
     int64_t most = 0;
     for (size_t i = 0; i < MODELS; i++) {
-        for (int k = 0; models[i].is_odd && models[i].loss != NULL && k < TEST_TICKS / 10; k++) {
+        for (int k = 0; models[i].more != MORE_IS_RATIO && models[i].loss != NULL && k < TEST_TICKS / 10; k++) {
             begin_any(&models[i]);
             const uint32_t low = motion_random(&m);
             TEST_ASSERT_TRUE_MESSAGE(low == TIE || asymmetry_of_tick(&models[i], low) == 0, models[i].name);

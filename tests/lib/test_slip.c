@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Slip elements: random parameters and the ends of the number format. The common contract is in test_accuracy.c and
- * test_laws.c; congruency, Masing's rule and passivity follow from the exact reference. test_part_laws.c has return-point
- * memory.
+ * Slip elements: random parameters and the ends of the number format. Congruency, Masing's rule and passivity follow from
+ * the exact reference of test_accuracy.c. test_part_laws.c has return-point memory.
  */
 #include <stdio.h>
 #include <unity.h>

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/* Any bits are a safe state. All calls run in random order, with all elements and several plans, on one memory whose bits are
- * spoiled now and then. Each call must keep the contract of its header from any such state.
- * test_step_laws.c sets torques and changes plans. */
+/* Any bits are a safe state, and so are plans of zeros. All elements move in random order, with several plans, on one memory
+ * whose bits are spoiled now and then. test_step_laws.c sets torques and changes plans; test_part_laws.c has work and
+ * inverse. */
 #include "plans.h"
 #include "models.h"
 
@@ -10,7 +10,7 @@
 #endif
 #define HOLDS(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 
-enum { CALLS = 2 * TEST_TICKS, SETS = 4, WORK_TICKS = 8 };
+enum { CALLS = 2 * TEST_TICKS, SETS = 4 };
 
 typedef struct {
     const model_t *model;
@@ -55,12 +55,6 @@ static float float_of(uint32_t bits)
     return x;
 }
 
-static float random_torque(float Fc)
-{
-    const uint32_t any = (uint32_t)random64(), kind = random_below(8);
-    return kind == 0 ? NAN : kind < 3 ? float_of(any) : Fc * 0x1p-30f * (float)(int32_t)any;
-}
-
 static void prepare(element_t *e, const model_t *model)
 {
     static const double travels[SETS] = {1e-6, 2e-3, 0.3, 9.0};
@@ -71,12 +65,6 @@ static void prepare(element_t *e, const model_t *model)
     e->set.p = params_for(travels[k], Fc[k]);
     e->set.more = more_for(model, (float)(1 + k), more[k], b[k]);
     HOLDS(model->prepare(&e->plan, &e->set) == DAHL_OK, model->name);
-}
-
-static const element_t *dahl_element(element_t *e)
-{
-    prepare(e, &models[0]);
-    return e;
 }
 
 /* Flip one bit, replace all bits, set words to the ends of their type, or w to an end of its range or next to it. */
@@ -153,48 +141,12 @@ static void step_any_element(void)
     HOLDS(e->model->prepare != dahl_model_prepare || dahl_state_ok(&state.dahl), "dahl_state_ok() accepts it");
 }
 
-/* From any bits, a bearing returns at most the energy that its clamped state stores. */
-static void work_from_here(void)
-{
-    const element_t *e = dahl_element(&element);
-    const dahl_params_t *p = &e->set.p;
-    dahl_state_t by_q30 = state.dahl;
-    dahl_work_t work = {{0}, {0}}, work_q30 = {{0}, {0}};
-    const long double F0 = dahl_torque(&e->plan.dahl, &state.dahl), energy = (long double)p->Fc * p->Fc / p->sigma0;
-    for (int i = 0; i < WORK_TICKS; i++) {
-        const int32_t counts = random_counts();
-        const float F = dahl_work_step_counts(&e->plan.dahl, &state.dahl, &work, counts), W = dahl_work(p, &work);
-        (void)dahl_work_step_counts_q30(&e->plan.dahl, &by_q30, &work_q30, counts);
-        HOLDS(W >= -F0 * F0 / (2 * (long double)p->sigma0) - 0x1p-22L * energy, "the bearing returns at most the stored energy");
-        HOLDS(fabsf(F) <= p->Fc, "the torque stays within Fc");
-    }
-    HOLDS(by_q30.w == state.dahl.w && memcmp(&work, &work_q30, sizeof work) == 0, "both forms leave the same state and work");
-}
-
-static void go_to_any_torque(void)
-{
-    const element_t *e = dahl_element(&element);
-    const float F = random_torque(e->set.p.Fc), here = dahl_torque(&e->plan.dahl, &state.dahl);
-    const any_state_t before = state;
-    int32_t counts = 0;
-    const dahl_err_t err = dahl_counts_to_torque(&e->plan.dahl, &state.dahl, F, &counts);
-    HOLDS(memcmp(&before, &state, sizeof state) == 0, "the inverse keeps the state");
-    HOLDS((err == DAHL_ERR_PARAM) == !isfinite(F), "DAHL_ERR_PARAM if and only if F is not finite");
-    if (err == DAHL_OK) {
-        const float reached = dahl_step_counts(&e->plan.dahl, &state.dahl, counts);
-        HOLDS(F >= here ? reached >= F : reached <= F, "the counts reach the torque");
-    }
-}
-
 static void test_calls_in_any_order_are_safe_on_any_bits(void)
 {
-    static void (*const calls[])(void) = {spoil, spoil, work_from_here, go_to_any_torque};
-    enum { OTHERS = sizeof calls / sizeof calls[0] };
     seed = 1;
     for (int i = 0; i < CALLS; i++) {
-        const uint32_t which = random_below(3 * OTHERS);
-        if (which < OTHERS) {
-            calls[which]();
+        if (random_below(6) < 2) {
+            spoil();
         } else {
             step_any_element();
         }
@@ -232,5 +184,30 @@ static void test_state_ok_is_the_range_to_the_bit(void)
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         const dahl_state_t bearing = {cases[i].w};
         TEST_ASSERT_EQUAL_INT(cases[i].ok, dahl_state_ok(&bearing));
+    }
+}
+
+static void test_plans_of_zeros_are_safe_on_any_bits(void)
+{
+    static const int32_t counts[] = {0, 1, -1, 8, -9, 1000, INT32_MAX, INT32_MIN};
+    static const uint8_t words[] = {0x80, 0x7f, 0xff, 0xbf, 0x40, 0x55, 0x01};
+    static const any_plan_t zeros;
+    for (size_t i = 0; i < (size_t)MODELS * sizeof words; i++) {
+        const model_t *model = &models[i % MODELS];
+        const set_t set = {params_for(1e-3, 1.0f), more_for(model, 4, 0.4f, 0.3f)};
+        any_state_t bits, before;
+        for (size_t k = 0; k < sizeof counts / sizeof counts[0]; k++) {
+            const move_t move = {counts[k], ONE_Q30 / (uint32_t)(k + 1)};
+            memset(&bits, words[i / MODELS], sizeof bits);
+            for (int pass = 0; pass < 2; pass++) {
+                bits.loaded.load_q30 = LOAD_MOST;
+                before = bits;
+                TEST_ASSERT_TRUE_MESSAGE(model->step(&zeros, &bits, &set, move) == 0.0f || pass == 0, model->name);
+            }
+            bits.loaded.load_q30 = LOAD_MOST;
+            TEST_ASSERT_EQUAL_MEMORY_MESSAGE(&before, &bits, sizeof bits, model->name);
+            memset(&bits, 0, sizeof bits);
+            TEST_ASSERT_TRUE_MESSAGE(model->step_q30 == NULL || model->step_q30(&zeros, &bits, move) == 0, model->name);
+        }
     }
 }

@@ -1,71 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/* dahl_work against the integral of the exact torque in long double, and the ends of its sums.
- * test_rounded_laws.c has the energy. */
+/* The ends of the sums of dahl_work. test_part_laws.c has the integral of the torque. */
 #include "dahl_parts.h"
-#include "motions.h"
 #include "plans.h"
-
-#ifndef TEST_TICKS
-#define TEST_TICKS 1000000
-#endif
-
-static const double travels[] = {1e-8, 1e-4, 1e-2, 0.3, 20.0};
-#define TRAVELS (sizeof travels / sizeof travels[0])
-
-/* The integral of F = Fc (s - (s - w) exp(-a x)) over one stroke from w. */
-static long double stroke_work(const dahl_params_t *p, long double w, int32_t dcounts)
-{
-    long double a = (long double)p->sigma0 / p->Fc, x = fabsl((long double)dcounts) * p->theta_per_count;
-    int s = dcounts < 0 ? -1 : 1;
-    return p->Fc * (x + s * (s - w) * expm1l(-a * x) / a);
-}
-
-/* The bound of dahl_parts.h: relative to the result, and a part for each reversal. */
-static long double bound(const dahl_params_t *p, long double work, int reversals)
-{
-    long double energy = (long double)p->Fc * p->Fc / p->sigma0, u = reference_by_counts(p).a;
-    return 0.5L * ulp_of((float)fabsl(work)) * (1 + 0x1p-30L) + (reversals + 0.5L) * (u < 4e-8L ? 1.5e-9L : 9.5e-10L) * energy;
-}
-
-static void check_motion(const dahl_params_t *p, motion_fn next, int ticks)
-{
-    dahl_plan_t plan = plan_for(p);
-    dahl_state_t state = {0}, q30 = {0};
-    dahl_work_t sums = {0}, sums_q30 = {0};
-    reference_t exact = reference_by_counts(p);
-    motion_t motion = MOTION_START;
-    dahl_set_torque(&plan, &state, 0.875f * p->Fc); /* with energy to return */
-    q30 = state;
-    long double work = 0, w = exact.w_reversal = (long double)(0.875f * p->Fc) / p->Fc;
-    int reversals = 0, direction = 0;
-    for (int t = 0; t < ticks; t++) {
-        int32_t d = next(&motion);
-        dahl_state_t alone = state;
-        work += stroke_work(p, w, d);
-        w = reference_move(&exact, d);
-        reversals += d != 0 && (d > 0 ? 1 : -1) == -direction;
-        direction = d == 0 ? direction : (d > 0 ? 1 : -1);
-        TEST_ASSERT_TRUE(dahl_work_step_counts(&plan, &state, &sums, d) == dahl_step_counts(&plan, &alone, d));
-        TEST_ASSERT_TRUE(state.w == alone.w);
-        dahl_state_t before = q30;
-        TEST_ASSERT_EQUAL_INT32(dahl_step_counts_q30(&plan, &before, d), dahl_work_step_counts_q30(&plan, &q30, &sums_q30, d));
-        TEST_ASSERT_TRUE(q30.w == state.w);
-        TEST_ASSERT_EQUAL_MEMORY(&sums, &sums_q30, sizeof sums);
-        if ((t & (t - 1)) == 0 || t == ticks - 1) {
-            TEST_ASSERT_TRUE(fabsl(dahl_work(p, &sums) - work) <= bound(p, work, reversals));
-        }
-    }
-}
-
-static void test_work_is_the_integral_of_the_torque(void)
-{
-    for (size_t i = 0; i < TRAVELS; i++) {
-        dahl_params_t p = params_for(travels[i], i % 2 ? 2.739f : 0.0371f);
-        for (size_t m = 0; m < MOTIONS; m++) {
-            check_motion(&p, motions[m].next, TEST_TICKS < 20000 ? TEST_TICKS : TEST_TICKS / 20);
-        }
-    }
-}
 
 static void test_sums_carry_into_the_next_word(void)
 {

@@ -241,3 +241,25 @@ static void test_a_ramp_set_during_bus_off_acts_from_the_next_one(void)
         TEST_ASSERT_EQUAL(round == 0 ? 1 << 30 : 0, answer.torque_q30);
     }
 }
+
+/* The remainder of the last step is dropped too. */
+static void test_a_ramp_after_a_timeout_has_the_bits_of_the_first_one(void)
+{
+    int32_t first[21], count = 0; /* 79 % of a step remains */
+    uint32_t counter = 0;
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_RAMP, 100));
+    (void)reset(DAHL_FRAMES_RESET_RESTART);
+    for (int round = 0; round < 2; round++) {
+        for (uint32_t unanswered = 0; round > 0 && unanswered < 2; unanswered++) {
+            now_us += unanswered == 0 ? DAHL_NODE_TIMEOUT_US : 0;
+            TEST_ASSERT_FALSE(feed(counter++, count));
+        }
+        TEST_ASSERT_TRUE(feed(counter++, count));
+        for (size_t t = 0; t < sizeof first / sizeof first[0]; t++) {
+            now_us -= 300; /* 0.7 ms */
+            TEST_ASSERT_TRUE(feed(counter++, count += 1000000));
+            first[t] = round == 0 ? answer.torque_q30 : first[t];
+            TEST_ASSERT_EQUAL_INT32(first[t], answer.torque_q30);
+        }
+    }
+}

@@ -174,6 +174,7 @@ static void test_a_frame_takes_the_bits_of_its_form(void)
         {{.id = 0x123}, 48},
         {{.id = 0x123, .length = 8, .flags = DAHL_CAN_FRAME_REMOTE}, 48},
         {{.id = 0x000, .flags = DAHL_CAN_FRAME_REMOTE}, 50},
+        {{.id = 0x078, .length = 4, .data = {0x0F, 0x87, 0xC3, 0xE1}}, 89}, /* a stuff bit begins the next run */
         {{.id = 0x000, .length = 8}, 127},
         {{.id = 0x7FF, .length = 8, .data = {255, 255, 255, 255, 255, 255, 255, 255}}, 126},
         {{.id = 0x12345678, .flags = DAHL_CAN_FRAME_EXTENDED}, 69},

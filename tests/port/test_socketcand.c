@@ -94,6 +94,59 @@ static void test_random_sessions_hold_the_laws_of_server_and_client(void)
     fuzz_at_random(2000, 256);
 }
 
+/* --- the server ---------------------------------------------------------------------------------------------------- */
+
+static uint32_t frames_heard[PLAY_PEERS];
+
+static void count_frames(void *context, int peer, const char *bytes, size_t count)
+{
+    (void)context;
+    for (size_t i = 0; i < count; i++) {
+        frames_heard[peer] += text_feed(&heard[peer], bytes[i]) && strncmp(heard[peer].element, " frame ", 7) == 0;
+    }
+}
+
+/* A client connects and sends words. The server works for 200 ms. Return its last frame. */
+static dahl_can_frame_t visit(int i, const char *words)
+{
+    dahl_can_frame_t frame = {.id = 0};
+    heard[i] = (text_splitter_t){0};
+    play.peers[i] = (play_peer_t){
+        .waits_at_door = 1, .hears = count_frames, .says = (const uint8_t *)words, .says_left = strlen(words)};
+    for (int ms = 0; ms < 200; ms++) {
+        (void)dahl_can_bus_receive(&server.bus, &frame, 1000);
+    }
+    return frame;
+}
+
+static void test_a_server_passes_frames_on_and_forgets_its_former_clients(void)
+{
+    static const char open[] = "< open vcan0 >< rawmode >", sends[] = "< open vcan0 >< rawmode >< send 123 1 FF >";
+    const uint64_t began_us = 5000000;
+    play.now_ns = began_us * 1000;
+    memset(frames_heard, 0, sizeof frames_heard);
+    clear_server();
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, socketcand_serve(&server, 0, "vcan0", clock_of_play));
+    (void)visit(0, "< send 12"); /* is cut, then leaves */
+    play.peers[0].has_hung_up = 1;
+    (void)visit(1, open);
+    TEST_ASSERT_FALSE(play.peers[0].is_connected);
+    const dahl_can_frame_t frame = visit(0, sends);
+    TEST_ASSERT_EQUAL_HEX32(0x123, frame.id);
+    TEST_ASSERT_TRUE(frame.time_us > began_us && frame.flags == 0 && server.bus.counts.garbage == 0);
+    TEST_ASSERT_TRUE(frames_heard[1] == 1 && frames_heard[0] == 0); /* not the sender */
+    for (int silent = 0; silent < 2; silent++) {
+        (void)visit(2, silent == 0 ? "" : "< open vcan0 >");
+        TEST_ASSERT_TRUE(play.peers[2].is_connected);
+        play.now_ns += SOCKETCAND_HANDSHAKE_MS * UINT64_C(1000000);
+        for (int i = 0; i < 4; i++) {
+            (void)dahl_can_bus_receive(&server.bus, &(dahl_can_frame_t){.id = 0}, 1000);
+        }
+        TEST_ASSERT_TRUE(!play.peers[2].is_connected && play.peers[1].is_connected);
+    }
+    server.bus.ops->close(&server.bus);
+}
+
 /* --- the client ---------------------------------------------------------------------------------------------------- */
 
 static socketcand_member_t member;

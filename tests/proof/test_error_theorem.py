@@ -6,8 +6,6 @@ from __future__ import annotations
 import ctypes
 import math
 import random
-import re
-import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
@@ -16,9 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import theorem
-from conftest import ROOT
 from mpmath import mp, mpf
-from sources import INCLUDES, as_one, number
+from sources import number
 from theorem import LEAST_TRAVEL, ONE, assert_just_below, float32, floats, travel_error, ulps
 
 COUNTS = [*range(1, 9), *(2**k for k in range(4, 32))]  # of each entry of the table
@@ -216,25 +213,3 @@ def test_sensitivity_is_the_integral(constants: dict[str, mpf]) -> None:
     """|1 - T| exp(-T) over all travel."""
     integral = mp.quad(lambda t: abs(1 - t) * mp.exp(-t), [0, 1, 4, 20, 200])
     assert_just_below(integral, float(constants["sensitivity"]), 1e-4)
-
-
-def nearest(tmp_path: Path, k: int, ticks: int) -> tuple[float, float]:
-    """error_theorem.c: the error after dither, and of the Q30 result after a leap, of Fc."""
-    program, main = tmp_path / "error_theorem", ROOT / "tests/proof/error_theorem.c"
-    command = ["gcc", "-std=c99", "-O2", "-ffp-contract=off", *INCLUDES, main, as_one(tmp_path)]
-    subprocess.run([*command, "-o", program, "-lm"], check=True, timeout=120)
-    words = [program, str(k), str(ticks)]
-    text = subprocess.run(words, capture_output=True, text=True, check=True, timeout=1000).stdout
-    dither, leap = (math.ldexp(float(x), -31) for x in re.findall(r"-?[\d.]+", text))
-    return dither, leap
-
-
-@pytest.mark.parametrize(("k", "ticks"), [(22, 26), pytest.param(29, 31, marks=pytest.mark.long)])
-def test_bound_is_nearly_reached(
-    constants: dict[str, mpf], tmp_path: Path, k: int, ticks: int
-) -> None:
-    """A motion that uses all of the gap's rounding: the bound is nearly tight."""
-    e = error(constants, mpf(2) ** -k)
-    dither, leap = nearest(tmp_path, k, ticks)
-    assert 0.98 * constants["gap_rounding"] < dither <= e
-    assert 1.97 * constants["gap_rounding"] < leap <= e + constants["gap_rounding"]

@@ -2,13 +2,10 @@
 """The C tests reach every region, every side of every branch and every condition (MC/DC) of lib/,
 of the codecs of port/ and of the receiver, by the summary of `llvm-cov`. No line is excluded.
 
-The sources are built with the flags of CMakeLists.txt, counters, and fewer ticks, in two forms:
-  native   as this machine builds it. coverage_cpu.h answers for the processor, so that each branch
-           of cpu_dispatch.h runs on this machine.
-  plain    as a compiler without extensions builds it (coverage_plain.h): the other side of each
-           #if of compiler.h, fixed.h and cpu_dispatch.h.
-Neither form compiles the code for ARMv6-M (multiply_v6m.h, torque_from.c, a branch of scale.h):
-tests/target runs it on a Cortex-M0.
+The sources are built with the flags of CMakeLists.txt, counters, and fewer ticks. coverage_cpu.h
+answers for the processor, so that each branch of cpu_dispatch.h runs on this machine. tests/static
+runs the forms for compilers without extensions, tests/target the code for ARMv6-M (multiply_v6m.h,
+torque_from.c, a branch of scale.h) on a Cortex-M0.
 """
 
 from __future__ import annotations
@@ -20,7 +17,6 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
-import pytest
 from conftest import ROOT, need
 
 HERE = Path(__file__).parent
@@ -59,23 +55,22 @@ def call(*command: object, **environment: str) -> str:
     return done.stdout
 
 
-def build(name: str, header: str, *parts: str) -> list[Path]:
+def build(*parts: str) -> list[Path]:
     for tool in ("clang-19", "llvm-profdata-19", "llvm-cov-19", "cmake", "ninja"):
         need(tool, CLAIM)
-    with_port = "ON" if "port" in parts else "OFF"
     options = [
         "-DCMAKE_C_COMPILER=clang-19",
         f"-DCMAKE_C_COMPILER_LAUNCHER={HERE / 'coverage_compiler.sh'}",
-        f"-DCMAKE_C_FLAGS=-include {HERE / header} {FLAGS} {FEW_TICKS}",
+        f"-DCMAKE_C_FLAGS=-include {HERE}/coverage_cpu.h {FLAGS} {FEW_TICKS}",
         "-DCMAKE_BUILD_TYPE=Debug",
         "-DDAHL_BUILD_TESTS=ON",
-        f"-DDAHL_BUILD_PORT={with_port}",
-        f"-DDAHL_BUILD_SIM={with_port}",
+        "-DDAHL_BUILD_PORT=ON",
+        "-DDAHL_BUILD_SIM=ON",
     ]
     tests = [path for part in parts for path in sorted(ROOT.glob(f"tests/{part}/test_*.c"))]
-    call("cmake", "-G", "Ninja", "-S", ROOT, "-B", FOLDER / name, *options)
-    call("ninja", "-C", FOLDER / name, *(path.stem for path in tests))
-    return [FOLDER / name / path.relative_to(ROOT).with_suffix("") for path in tests]
+    call("cmake", "-G", "Ninja", "-S", ROOT, "-B", FOLDER, *options)
+    call("ninja", "-C", FOLDER, *(path.stem for path in tests))
+    return [FOLDER / path.relative_to(ROOT).with_suffix("") for path in tests]
 
 
 def gaps(programs: Sequence[Path], runs: Sequence[Path], files: Sequence[Path]) -> list[str]:
@@ -104,7 +99,7 @@ def run(program: Path, profile: Path, cpu: Sequence[str] = ()) -> Path:
 
 def test_each_region_branch_and_condition_is_reached(tmp_path: Path) -> None:
     """Programs that use vectors run once for each processor that this machine can stand for."""
-    programs = build("native", "coverage_cpu.h", "lib", "node", "port")
+    programs = build("lib", "node", "port")
     has = set(Path("/proc/cpuinfo").read_text(encoding="utf-8").split())
     cpus = [cpu for cpu in CPUS if has.issuperset(cpu)]
     runs = [
@@ -117,10 +112,3 @@ def test_each_region_branch_and_condition_is_reached(tmp_path: Path) -> None:
         files = [path for path in files if path.parent.name != "batch"]
         print(f"unproven: {CLAIM} of lib/batch: this processor lacks some of {FEATURES}")
     assert gaps(programs, runs, files) == []
-
-
-@pytest.mark.long
-def test_the_same_without_extensions_of_the_compiler(tmp_path: Path) -> None:
-    programs = build("plain", "coverage_plain.h", "lib")
-    runs = [run(program, tmp_path / f"{program.name}.profraw") for program in programs]
-    assert gaps(programs, runs, sources(LIB)) == []

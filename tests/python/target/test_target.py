@@ -135,11 +135,6 @@ def test_an_unknown_core_is_refused(tmp_path: Path) -> None:
 
 # --- what may be linked --------------------------------------------------------------------------
 
-PATHS = {  # functions that a user links
-    "q30": ["dahl_step_counts_q30"],
-    "counts": ["dahl_step_counts_q30", "dahl_step_counts", "dahl_torque"],
-    "angle": ["dahl_step_counts_q30", "dahl_step_counts", "dahl_torque", "dahl_step"],
-}
 # Helpers of gcc for integers: division, products, shifts and leading zeros.
 INTEGER = re.compile(
     r"(__aeabi_(u?idiv\w*|[ui]?ldiv\w*|l\w+|u?lcmp)|__\w*(div|mod|mul|sh|clz|cmp)\w*[sd]i\d?"
@@ -162,19 +157,6 @@ def bare_link(core: str, image: Path, *words: object) -> None:
     """Link with the helpers of gcc only, so that a memcpy of gcc is not found."""
     common = [*flags(ROOT / "build" / core), "-nostdlib", "-Wl,--gc-sections", "-o", image]
     run(tool(core, "gcc"), *common, *words, "-lgcc")
-
-
-@pytest.mark.parametrize("path", PATHS)
-@pytest.mark.parametrize("core", CORES)
-def test_an_image_has_only_helpers_for_integers_and_no_writable_data(
-    core: str, path: str, tmp_path: Path
-) -> None:
-    library, image = build(core, "dahl") / "lib/libdahl.a", tmp_path / "image"
-    wanted = [f"-Wl,-u,{name}" for name in PATHS[path]]
-    bare_link(core, image, "-Wl,-e,dahl_prepare", *wanted, library)
-    assert {name for name in foreign(core, image, library) if not INTEGER.match(name)} == set()
-    writable = r"^\.(?:s?data|s?bss|tdata|tbss)\b\S* +(\d+)"
-    assert not sum(map(int, re.findall(writable, run(tool(core, "size"), "-A", image), re.M)))
 
 
 # At -O0 gcc for Cortex-M0 copies structures with memcpy, also in dahl_prepare.
