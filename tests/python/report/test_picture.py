@@ -111,16 +111,6 @@ def test_without_a_clock_in_the_log_time_starts_with_the_run(steady, picture):
     assert whole.lines[0].get_xdata() == pytest.approx(np.arange(TICKS) / 1000, abs=2e-6)
 
 
-def test_no_number_of_an_axis_is_cut_off(steady, picture):
-    figure = picture(steady, "angle_scale = 1000", theta=8e-7 / 1000)
-    figure.draw_without_rendering()
-    low, high = figure.axes[0].get_xlim()
-    ticks = figure.axes[0].get_xticklabels()
-    ends = [one.get_window_extent().x1 for one in ticks if low <= one.get_position()[0] <= high]
-    assert max(len(one.get_text()) for one in ticks) >= 6
-    assert max(ends) <= figure.bbox.x1
-
-
 TIMES = {
     "latency_histogram": [[100.0, 3], [200.0, 7], [400.0, 1]],
     "latency_us": {"p50": 150.0, "p99": 390.0, "max": 400.0},

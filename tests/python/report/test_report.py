@@ -315,3 +315,4 @@ def test_the_page_marks_a_wrong_counter(tmp_path):
     )
     _, page = page_of(tmp_path, numbers | {"node": {"crc": 4, "lost": 2}})
     assert 'class="wrong"' not in page
+    assert not re.findall(r'(?:src|href)="(?!data:)', page)  # it needs no other file
