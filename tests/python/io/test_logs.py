@@ -50,11 +50,11 @@ def test_the_demo_reads_what_identify_reads(text, names):
 
 def test_the_demo_uses_the_units_of_names_and_unwraps():
     gone = np.arange(100) * 0.03
-    frame = pd.DataFrame({"angle [turn]": gone % 1, "T_mNm": 1e3 * gone})
+    frame = pd.DataFrame({"angle [turn]": gone % 1, "T_mNm": 1e3 * gone, "t_ms": 5e3 * gone})
     frame.to_parquet("x.parquet")
     words = ("x.parquet", "--angle", 1, "--torque", "T_mNm")
-    table, scene = own_table(*words)
-    np.testing.assert_allclose(table, np.column_stack((gone, gone)), atol=1e-12)
+    table, scene = own_table(*words, "--time", "t_ms")
+    np.testing.assert_allclose(table, np.column_stack((gone, gone, 5 * gone)), atol=1e-12)
     assert "counts_per_unit = 4096" in scene
     table, _ = own_table(*words, "--torque-scale", -2)
     np.testing.assert_allclose(table[:, 1], -2e3 * gone)
