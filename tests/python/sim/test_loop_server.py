@@ -166,6 +166,9 @@ def test_sixteen_clients_fit_and_the_next_is_refused(tmp_path):
         inside = [raw_client(port) for _ in range(16)]
         with pytest.raises(can.CanError, match=f"got: '< error {refused} >'"), client(port):
             pass
+        with socket.create_connection(("127.0.0.1", port), 10) as last:
+            text = b"".join(iter(lambda: last.recv(100), b""))  # until it is closed
+        assert text == f"< error {refused} >".encode()
         joined = run(tmp_path / "joined", STEERING, "--bus", f"socketcand:127.0.0.1:{port}")
         assert joined.code == 1 and joined.err.startswith("error: --bus socketcand:127.0.0.1:")
         inside.pop().close()
