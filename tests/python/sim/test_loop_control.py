@@ -163,7 +163,8 @@ def turns(signs: np.ndarray) -> int:
     return np.count_nonzero(np.diff(signs[signs != 0]))
 
 
-DROPS = ("friction.max_step=100000", "faults.drop=0.45", "friction.ramp_ms=0")
+DROPS = ("friction.max_step=100000", "faults.drop=0.45", "faults.silence=0.01")
+DROPS += ("friction.ramp_ms=0",)
 BACKWARD = [f"motion.theta{k}={end}" for k, end in ((1, -100000), (2, -90000), (3, -100000))]
 DRIVEN = [  # scene, settings, kp, kd, limit
     ("parking", (), 60, 2, 8),
