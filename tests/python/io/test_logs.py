@@ -39,6 +39,7 @@ def own_table(*words: object) -> tuple[np.ndarray, str]:
             + GOOD.replace("angle", "angle [deg]").replace(",", ";").replace(".", ","),
             NAMES,
         ),
+        (GOOD + "\n,,\n", NAMES),
     ],
 )
 def test_the_demo_reads_what_identify_reads(text, names):
@@ -60,6 +61,12 @@ def test_the_demo_uses_the_units_of_names_and_unwraps():
     np.testing.assert_allclose(table[:, 1], -2e3 * gone)
     same = ("--angle", 1, "--torque", 1, *MODEL)
     assert "different columns" in complaint(run("demo", "x.parquet", *same))[1]
+
+
+def test_a_name_that_two_columns_have_is_refused():
+    Path("log.csv").write_text("angle,t,torque, angle\n1,2,3,4\n")
+    code, line = complaint(run("demo", "log.csv", *NAMES, *MODEL))
+    assert code == 2 and line.startswith("log.csv:1: 2 columns 'angle'")
 
 
 @pytest.mark.parametrize(
