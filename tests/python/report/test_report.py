@@ -108,6 +108,7 @@ def test_an_asymmetric_torque_is_in_parts_of_its_larger_limit(library, limits):
     """Either way round, at both ends."""
     elements = tuple((SIGMA0, limit) for limit in limits)
     run, scene = Run(), Scene(SCENE.path, "t", "asymmetric", elements, THETA)
+    assert (scene.sigma0, scene.Fc) == (SIGMA0, max(limits))
     run.bearing = Asymmetric(SIGMA0, *limits, THETA)
     run.tick(0, 0, state=6, used=False)
     for number, count in enumerate((300, 9000, 8700, -9000), start=1):
