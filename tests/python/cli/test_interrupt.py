@@ -205,6 +205,13 @@ def test_an_interrupt_that_a_library_swallows_is_raised_again():
     assert done.stderr.splitlines() == ["interrupted"] * len(WAYS)
 
 
+def test_a_command_restores_the_handlers_of_signals(dahl):
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = [signal.getsignal(number) for number in numbers]
+    dahl("monitor", "-i", "virtual", "-c", "x", "--seconds", "0.05")
+    assert [signal.getsignal(number) for number in numbers] == before
+
+
 def test_a_command_runs_in_another_thread(dahl):
     with ThreadPoolExecutor(1) as pool:
         assert pool.submit(dahl, "data", "--json").result().returncode == 0
