@@ -278,13 +278,14 @@ def test_a_rig_that_stops_answering_fails_the_tests(outcome, tmp_path, dahl_loop
 
 def test_parallel_workers_take_turns_on_a_rig(outcome, tmp_path, dahl_loop):
     text = """
-import pytest
+import pytest, time
 from dahl import codec, node
 
 @pytest.mark.parametrize("n", range(6))
 def test_alone(dahl_bus, dahl_node, n):
     for counter in range(16):
         node.ask(dahl_bus, codec.EncoderState(n, counter))
+        time.sleep(0.03)
     assert dahl_node.counts.ok == 16 and dahl_node.errors == 0
 """
     with rig(tmp_path) as (options, _):
