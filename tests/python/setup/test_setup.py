@@ -52,7 +52,7 @@ def test_each_need_includes_smaller_needs(bare):
     assert has["demo"] < has["firmware"] < has["checks"] and has["demo"] < has["vm"]
     assert has["identify"] | has["firmware"] < has["bench"]
     assert {"libinih-dev", "libcsv-dev", "libcjson-dev"} <= has["demo"]
-    assert not {"gcc-arm-none-eabi", "chromium", "clang", "doxygen"} & has["test"]
+    assert not {"gcc-arm-none-eabi", "clang", "doxygen"} & has["test"]
 
 
 def test_a_missing_optional_package_is_named_and_tried_once_a_day(bare):
