@@ -71,6 +71,8 @@ def test_a_log_with_loads_has_the_bits_of_single_moves(is_fixed):
     assert many.load == round(LOADS[-1] * 2**30) / 2**30
     bearing = getattr(dahl.Friction(PLAN), run)(path)
     assert (getattr(steady, run)(path, np.ones(MOVES.size)) == bearing).all()
+    most = math.nextafter(2.0, 0.0)  # rounds to 2, beyond Q30
+    assert getattr(steady, step)(10**9, most) == getattr(many, run)([10**9], [most])[0] == 1
 
 
 STREAMS = MADE | {

@@ -135,6 +135,7 @@ def test_numbers_of_any_type_are_accepted():
     for value in (3, 3.0, np.int8(3), np.uint64(3), np.float16(3), Fraction(3)):
         assert dahl.Friction(plan).step_counts(value) == wanted
     assert dahl.State(np.int64(2**62 - 1)).w == 2**62 - 1  # more digits than a float has
+    assert [bearing().step(side * 10**400) for side in (-1, 1)] == [-0.5, 0.5]  # beyond a float
 
 
 # --- values that do not fit together, and calls ---------------------------------------------------

@@ -22,6 +22,7 @@ CAN = """
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/time.h>
+static int has_stamps;
 int socket(int domain, int type, int protocol)
 {
     const char *refused = getenv("CAN_NONE");
@@ -36,6 +37,7 @@ int setsockopt(int fd, int level, int name, const void *value, socklen_t size)
         errno = EINVAL;
         return -1;
     }
+    has_stamps |= level == SOL_SOCKET && name == SO_TIMESTAMP;
     if (level == SOL_CAN_RAW && name == CAN_RAW_FILTER) {
         send(fd, value, size, 0); /* the bus gets the filter of the kernel */
     }
@@ -52,7 +54,7 @@ ssize_t recvmsg(int fd, struct msghdr *message, int flags)
     const char *fails = getenv("CAN_RECEIVE_FAILS"), *stamp = getenv("CAN_STAMP");
     struct iovec *part = message->msg_iov;
     message->msg_controllen = 0;
-    if (stamp != 0) {
+    if (stamp != 0 && has_stamps) {
         struct timeval when = {atol(stamp), 654321};
         struct cmsghdr *told = message->msg_control;
         *told = (struct cmsghdr){CMSG_LEN(sizeof when), SOL_SOCKET, SO_TIMESTAMP};

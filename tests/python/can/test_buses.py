@@ -51,6 +51,20 @@ def test_a_vcan0_that_is_up_is_chosen_unless_another_bus_is_named(monkeypatch, t
         assert bus.choose(asked)[0] == asked
 
 
+def test_a_bus_that_is_not_ready_is_tried_again(monkeypatch):
+    tries = iter([OSError("not yet"), OSError("not yet"), "open"])
+
+    def try_once(**_: object) -> object:
+        if isinstance(found := next(tries), OSError):
+            raise found
+        return found
+
+    monkeypatch.setattr(can, "Bus", try_once)
+    with pytest.raises(RunError, match="not yet"):
+        bus.open_bus()
+    assert bus.open_bus(60) == "open"
+
+
 class Stopped:
     """A bus with a frame each ms by its own clock. The process stops at 0.2 s for 2 s."""
 

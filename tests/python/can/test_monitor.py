@@ -324,6 +324,7 @@ def test_errors_have_colour_on_a_terminal(screen, dbc):
     _, written = screen(in_trouble(dbc), 80, 24)
     left = written.partition("\x1b[?1049l")[2]
     yellow, red = (re.findall(rf"\x1b\[{n}m *(.*?) *\x1b", left) for n in (33, 31))
+    yellow = [words for words in yellow if "at most" not in words]  # this process may be late
     seen = f"seen: {' '.join(ERRORS)}"
     assert yellow == ["12", "State Lost", "State Stale", seen, "Lost 90"] and red == ["1"]
     assert re.search("\x1b\\[3[68][^m]*m[⠁-⣿]", left), "the curve is coloured"

@@ -1,97 +1,25 @@
 # SPDX-License-Identifier: MIT
-"""dahl.Node against the program dahl-loop: equal frames in, equal frames out, bit for bit. Then the
-class: copies, and the arguments that it refuses.
+"""The class dahl.Node: its torques, its copies, and the arguments that it refuses. Against the
+program dahl-loop: sim/test_loop_models.py.
 """
 
 from __future__ import annotations
 
 import copy
-from pathlib import Path
 
-import can
 import dahl
 import numpy as np
 import pytest
 from dahl import codec
 from dahl.binding import models
 from dahl.codec import EncoderState, Param, ParamWrite, Write
-from loop_tools import SCENES, read_log, run
 from model_examples import THETA, keys, made
 from strategies import COPIES
-from test_node_sequences import message_of
 
 pytestmark = pytest.mark.usefixtures("library")
 
 PLAN = dahl.Plan(100, 0.7, THETA)
 MODELS = {name: (keys(model), made(model)) for name, model in models.table().items()}
-FROM_NODE = (0x110, 0x120, 0x140)
-Sent = list[tuple[int, bytes]]
-
-
-def sent(message: can.Message | None) -> Sent:
-    return [] if message is None else [(message.arbitration_id, bytes(message.data))]
-
-
-def counts_of(node: dahl.Node, summary: dict) -> dict[str, int]:
-    return {name: getattr(node.counts, name) for name in summary["node"]}
-
-
-# --- runs of the program in virtual time ----------------------------------------------------------
-
-
-def replay(log: Path, node: dahl.Node) -> tuple[Sent, Sent]:
-    """Return the answers of the program, and those of a node to the same frames."""
-    program, here, due = [], [], 0
-    for line in read_log(log):
-        tick = round(line.time * 1000)
-        for ms in range(due, tick + 1):
-            here += sent(node.tick(ms / 1000))
-        due = tick + 1
-        if line.id & ~15 in FROM_NODE:
-            program.append((line.id, line.data))
-        else:
-            here += sent(node.receive(message_of(line)))
-    return program, here
-
-
-STEERING = "[motion]\nkind = steering\namplitude = 900\nsweep_s = 0.7\nhold_s = 0.1\n"
-STEERING += "tremor = 20\ntremor_s = 0.05\nseconds = 1.5\n"
-MOTOR = "[load]\nfull = 4\nrest = 0.25\n[rotor]\ninertia = 0.01\nsigma0 = 100\nFc = 0.7\n"
-MOTOR += "[motor]\namplitude = 2\nfrequency = 3\nseconds = 1\n"
-
-
-@pytest.mark.parametrize("model", MODELS)
-def test_each_model_answers_as_the_program_does(tmp_path, model):
-    lines, friction = MODELS[model]
-    path = tmp_path / "model.ini"
-    path.write_text(
-        f"[friction]\n{lines}theta_per_count = {THETA}\n"
-        "gain = 0.91\nlimit = 0.85\nramp_ms = 300\nmax_step = 5000\n"
-        f"{MOTOR if model == 'loaded' else STEERING}[status]\nperiod_ms = 70\n"
-    )
-    result = run(tmp_path, path, "--virtual")
-    assert result.code == 0, result.err
-    settings = {"gain": 0.91, "limit": 0.85, "ramp": 0.3, "max_step": 5000, "status_period": 0.07}
-    program, here = replay(result.log, node := dahl.Node(friction, **settings))
-    assert here == program
-    ratios = {data[4:] for identifier, data in program if identifier == 0x110}
-    assert len(program) > 1000 and len(ratios) > 200
-    assert (node.counts.params > 900) == (model == "loaded")
-
-
-def test_a_storm_of_faults_is_answered_as_the_program_does(tmp_path):
-    often = [f"--set=faults.{kind}=0.001" for kind in ("silence", "bus_off", "restart")]
-    result = run(tmp_path, SCENES / "fault-storm.ini", "--virtual", "--seconds", "15", *often)
-    assert result.code == 0, result.err
-    node = dahl.Node(dahl.Plan(120, 1.8, 2.396844981071314e-05), max_step=2000)
-    program, here = replay(result.log, node)
-    assert here == program
-    counts = counts_of(node, result.summary)
-    assert counts == result.summary["node"]
-    assert {name for name, count in counts.items() if count == 0} <= {"params"}
-
-
-# --- the class ------------------------------------------------------------------------------------
 
 
 def move(node: dahl.Node, *counts: int) -> list[codec.FrictionTorque]:

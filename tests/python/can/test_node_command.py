@@ -178,6 +178,16 @@ def test_the_printed_lines_name_the_same_bus(dahl):
     assert silent.returncode == 1 and "a rig" in complaint(silent)[1]
 
 
+def test_a_node_alone_on_its_bus_runs_and_counts_what_the_bus_refuses(dahl, monkeypatch):
+    def refuse(*_: object) -> None:
+        raise can.CanOperationError("nobody acknowledges")
+
+    monkeypatch.setattr(can.interfaces.virtual.VirtualBus, "send", refuse)
+    done = dahl("node", *OWN, "-i", "virtual", "-c", "alone", "--seconds", "0.05")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert counted(done.stdout.splitlines())["sent"] >= 1  # not sent
+
+
 def test_an_error_of_the_server_is_passed_on(dahl, monkeypatch, tmp_path):
     script = "echo 'socketcand 127.0.0.1:5 serves'\nsleep 0.3\necho error: no rig >&2\nexit 1\n"
     (program := tmp_path / "loop").write_text(f"#!/bin/sh\n{script}")

@@ -121,6 +121,10 @@ def test_what_a_node_says(dahl_bus, dahl_node, dahl_plan):
     counts = dahl_node.counts
     assert (counts.ok, counts.lost, counts.repeated, counts.crc, counts.format) == (3, 2, 1, 1, 0)
     assert (counts.wrong_sequence, counts.jump, counts.invalid, counts.stale) == (0, 0, 0, 0)
+    for counter in (9, 10):
+        dahl_bus.send(codec.pack(EncoderState(60, counter)))
+    assert node.ask(dahl_bus, EncoderState(60, 11)).state == State.WRONG_SEQUENCE
+    assert dahl_node.counts.ok == 3
 
 @pytest.mark.dahl(timeout=1, gain=0.5, status_period=0.03)
 def test_settings(dahl_bus, dahl_node):
@@ -274,13 +278,14 @@ def test_a_rig_that_stops_answering_fails_the_tests(outcome, tmp_path, dahl_loop
 
 def test_parallel_workers_take_turns_on_a_rig(outcome, tmp_path, dahl_loop):
     text = """
-import pytest
+import pytest, time
 from dahl import codec, node
 
 @pytest.mark.parametrize("n", range(6))
 def test_alone(dahl_bus, dahl_node, n):
     for counter in range(16):
         node.ask(dahl_bus, codec.EncoderState(n, counter))
+        time.sleep(0.03)
     assert dahl_node.counts.ok == 16 and dahl_node.errors == 0
 """
     with rig(tmp_path) as (options, _):
@@ -319,6 +324,18 @@ def test_bad(dahl_bus, dahl_node):
         assert summary in sent[place][1]
     received = [identifier for way, identifier, _, _ in rows if way == "<-"]
     assert {"110", "120", "140"} <= set(received) and "7777" not in done.said
+
+
+def test_the_report_of_a_failed_test_counts_the_frames_that_it_omits(outcome):
+    done = outcome("""
+import can
+
+def test_bad(dahl_bus):
+    for _ in range(203):
+        dahl_bus.send(can.Message(arbitration_id=0x7FF, is_extended_id=False))
+    assert False
+""")
+    assert "(3 earlier frames are left out)" in done.said and done.said.count("-> 7FF#") == 200
 
 
 NODES = """

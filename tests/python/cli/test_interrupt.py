@@ -175,8 +175,8 @@ def nohup():
 class Hanging(Bus):
     heard = 0
     def recv(self, timeout):
-        self.heard += 1
-        if self.heard == 3:
+        Hanging.heard += 1
+        if Hanging.heard == 3:
             asked()
         else:
             asked(signal.SIGHUP)
@@ -187,6 +187,7 @@ for way in sys.argv[1:]:
     signal.signal(signal.SIGINT, signal.default_int_handler)
     can.Bus = lambda **_: globals()[way]()
     print(way, main([*words, "0.1" if way == "After" else "20"]), flush=True)
+print("SIGHUP is ignored", Hanging.heard > 2)
 """
 
 
@@ -201,8 +202,15 @@ def test_an_interrupt_that_a_library_swallows_is_raised_again():
     words = [sys.executable, "-c", SWALLOWED, *WAYS]
     done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == [f"{way} 130" for way in WAYS]
+    assert done.stdout.splitlines() == [*(f"{way} 130" for way in WAYS), "SIGHUP is ignored True"]
     assert done.stderr.splitlines() == ["interrupted"] * len(WAYS)
+
+
+def test_a_command_restores_the_handlers_of_signals(dahl):
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = [signal.getsignal(number) for number in numbers]
+    dahl("monitor", "-i", "virtual", "-c", "x", "--seconds", "0.05")
+    assert [signal.getsignal(number) for number in numbers] == before
 
 
 def test_a_command_runs_in_another_thread(dahl):

@@ -97,7 +97,7 @@ def test_a_signal_in_two_messages_needs_the_name_of_one(shaft, tmp_path):
 def test_values_beyond_the_range_of_the_dbc_are_ignored(tmp_path):
     """As are error frames, requests and short frames."""
     path, torque = tmp_path / "x.log", wave() * 1000
-    torque[50] = 10**9  # 1e5 N m, where the DBC has 100 at most
+    torque[50:53] = 10**9, 10**6, -(10**6)  # 1e5 N m, and the limits of the DBC, +-100 N m
     log_writers.frames(path, TIME, np.arange(ROWS), torque)
     log = read(path, *signals(tmp_path))
     assert log.rows == ROWS - 1 and np.delete(torque, 50) * STEP == pytest.approx(log.torque)

@@ -65,11 +65,6 @@ CASES = {  # files with the codes of their runs, the exit code, and the output
         "2 passed, 1 failed, 3 skipped\n",
     ),
     "all well": ([(TWO_WELL, 0)], 0, "2 passed, 0 failed\n"),
-    "no test in one of two runs": (
-        [(TWO_WELL, 0), ('<testsuites><testsuite tests="0"/></testsuites>', 5)],
-        0,
-        "2 passed, 0 failed\n",
-    ),
     "a run that broke off after one with a failure": (
         [(NAMED.format(bad="<failure/>"), 1), (TWO_WELL, 8)],
         1,
@@ -80,7 +75,6 @@ CASES = {  # files with the codes of their runs, the exit code, and the output
         0,
         2 * "skipped: test_a.two: no data\n" + "2 passed, 0 failed, 2 skipped\n",
     ),
-    "no test at all": ([("<testsuite></testsuite>", 0)], 1, "0 passed, 0 failed\n"),
     "an error": ([(NAMED.format(bad="<error/>"), 1)], 1, "failed: b\n1 passed, 1 failed\n"),
     "a crash at the end of a Unity program": (
         [(CRASHED.format(failure="<failure message='SEGFAULT'/>"), 8)],

@@ -8,16 +8,14 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import subprocess
-import tarfile
 from pathlib import Path
 
 import cantools
 import dahl
 import pytest
 import yaml
-from conftest import ROOT, from_pypi
+from conftest import ROOT
 
 PUBLIC = {
     f"lib/include/{name}"
@@ -135,50 +133,3 @@ def test_esp_idf_packs_the_needed_files() -> None:
     assert component["license"] == "MIT"
     assert component["files"]["exclude"] == ["**/*"]
     assert matching(component["files"]["include"]) == NEEDED | ESP_IDF
-
-
-@pytest.fixture(scope="module")
-def packers() -> Path:
-    """Return the folder of `pio` and `compote`, from PyPI."""
-    wanted = (ROOT / "tests/consume/requirements.txt").read_text()
-    return from_pypi("packers", wanted, "the packers of PlatformIO and ESP-IDF")
-
-
-# PlatformIO would download the names of licences.
-PACK = """
-import sys
-from platformio.package.manifest.schema import ManifestSchema
-from platformio.package.pack import PackagePacker
-ManifestSchema.load_spdx_licenses = staticmethod(lambda: {"licenses": [{"licenseId": "MIT"}]})
-PackagePacker(sys.argv[1]).pack(sys.argv[2])
-"""
-
-
-def packed(archive: Path) -> set[str]:
-    assert archive.stat().st_size < 100_000
-    with tarfile.open(archive) as tar:
-        files = {member.name.removeprefix("./") for member in tar if member.isfile()}
-    return files
-
-
-@pytest.fixture
-def tree(tmp_path: Path) -> Path:
-    """Return a copy of the project, because packers write into it."""
-    ignored = shutil.ignore_patterns("build", ".git", "__pycache__")
-    return Path(shutil.copytree(ROOT, tmp_path / "dahl", ignore=ignored))
-
-
-@pytest.mark.long
-def test_pio_packs_the_needed_files(packers: Path, tree: Path, tmp_path: Path) -> None:
-    archive, home = (tmp_path / "dahl.tar.gz", {**os.environ, "PLATFORMIO_CORE_DIR": str(tmp_path)})
-    command = [packers / "python", "-c", PACK, tree, archive]
-    subprocess.run([str(word) for word in command], check=True, env=home, timeout=120)
-    include = json.loads((ROOT / "library.json").read_text())["export"]["include"]
-    assert packed(archive) == matching(include)
-
-
-@pytest.mark.long
-def test_compote_packs_the_needed_files(packers: Path, tree: Path) -> None:
-    command = [str(packers / "compote"), "component", "pack", "--name", "dahl"]
-    subprocess.run(command, check=True, cwd=tree, timeout=120)
-    assert packed(tree / f"dist/dahl_{VERSION}.tgz") == NEEDED | ESP_IDF

@@ -108,6 +108,7 @@ def test_an_asymmetric_torque_is_in_parts_of_its_larger_limit(library, limits):
     """Either way round, at both ends."""
     elements = tuple((SIGMA0, limit) for limit in limits)
     run, scene = Run(), Scene(SCENE.path, "t", "asymmetric", elements, THETA)
+    assert (scene.sigma0, scene.Fc) == (SIGMA0, max(limits))
     run.bearing = Asymmetric(SIGMA0, *limits, THETA)
     run.tick(0, 0, state=6, used=False)
     for number, count in enumerate((300, 9000, 8700, -9000), start=1):
@@ -315,3 +316,4 @@ def test_the_page_marks_a_wrong_counter(tmp_path):
     )
     _, page = page_of(tmp_path, numbers | {"node": {"crc": 4, "lost": 2}})
     assert 'class="wrong"' not in page
+    assert not re.findall(r'(?:src|href)="(?!data:)', page)  # it needs no other file

@@ -248,7 +248,7 @@ def test_one_run_a_folder_and_ctrl_c_leaves_whole_files(running, dahl_here, tmp_
     ("number", "code"),
     [
         (signal.SIGKILL, -9),
-        pytest.param(signal.SIGTERM, 130, marks=pytest.mark.checks),
+        (signal.SIGTERM, 130),
         pytest.param(signal.SIGHUP, 130, marks=pytest.mark.checks),
     ],
 )

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import socket
 import subprocess
 import time
 
@@ -140,6 +141,53 @@ def test_a_bus_that_goes_away_is_an_error_and_the_files_are_whole(tmp_path):
     told = result.summary
     assert int(re.match(r"error: --bus \S+: .* (\d+) ticks\n", result.err)[1]) == told["ticks"]
     assert 300 < told["frames_answered"] <= len(torques_of(read_log(result.log)))
+
+
+def welcome(listener: socket.socket) -> socket.socket:
+    """Lead the next client of a foreign server into raw mode."""
+    peer, _ = listener.accept()
+    for words, answer in (
+        (b"< hi >", b"< open vcan0 >"),
+        (b"< ok >", b"< rawmode >"),
+        (b"< ok >", b""),
+    ):
+        peer.sendall(words)
+        assert peer.recv(len(answer), socket.MSG_WAITALL) == answer
+    return peer
+
+
+FOREIGN = (  # elements of a server, the bytes that are garbage in each, the frame that is logged
+    ("< frame 123 1.000000 AB >", 0, "123#AB"),
+    ("?!", 2, ""),
+    ("< frame 12 >< frame 123 1.0 AB >< frame 123 1.000000 A >< frame 800 1.000000 >", 4, ""),
+    ("< frame 7FF << frame 00000123 1.000000 >", 2, "00000123#"),
+    (f"< frame 123 1.000000 {'AB' * 9} >", 1, ""),
+    (f"<{'x' * 300}>", 300 + 1 - 220, ""),  # an element has up to 220 characters
+    (f"< frame 100 1.000000 {'12' * 64} >", 0, "100##0" + 8 * "12"),
+)
+
+
+def test_a_member_counts_garbage_and_sees_the_server_leave(tmp_path):
+    """It sends nothing, so only reading shows that the other side has closed."""
+    text = "".join(words for words, _, _ in FOREIGN)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        listener.settimeout(20)
+        spec = f"socketcand:127.0.0.1:{listener.getsockname()[1]}"
+        words = ("--role", "node", "--bus", spec, "--seconds", "10")
+        member = start(tmp_path, STEERING, *words, *setting("status.period_ms=60000"))
+        with welcome(listener) as peer:
+            for byte in text.encode():
+                peer.sendall(bytes([byte]))
+            peer.shutdown(socket.SHUT_WR)
+            while peer.recv(4096):
+                pass
+        result = finished(tmp_path, member)
+    assert (result.code, result.err.count("\n")) == (1, 1)
+    assert result.err.startswith(f"error: --bus {spec}: the bus is gone after ")
+    logged = [line.split()[2] for line in result.log.read_text().splitlines()]
+    due = [frame for _, _, frame in FOREIGN if frame]
+    assert [line for line in logged if not line.startswith("120#")] == due
+    assert result.summary["bus_counts"]["garbage"] == sum(bad for _, bad, _ in FOREIGN)
 
 
 ABSENT = [  # bus, reason of the system

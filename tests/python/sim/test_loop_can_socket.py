@@ -61,6 +61,7 @@ def test_a_node_answers_angles_and_counts_other_frames(tmp_path, planted):
     assert (node["ok"], node["format"], node["ignored"], node["bus_off"]) == (20, 4, 1, 1)
     assert (node["rearm"], node["crc"], node["lost"]) == (3, 0, 0)
     assert (counts["garbage"], counts["error_frames"], counts["dropped"]) == (1, 1, 0)
+    assert " can0 100#R8\n" in result.log.read_text()
 
 
 def test_only_the_bus_off_of_error_frames_reaches_the_nodes(tmp_path, planted, monkeypatch):

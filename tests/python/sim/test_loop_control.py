@@ -177,7 +177,8 @@ def turns(signs: np.ndarray) -> int:
     return np.count_nonzero(np.diff(signs[signs != 0]))
 
 
-DROPS = ("friction.max_step=100000", "faults.drop=0.45", "friction.ramp_ms=0")
+DROPS = ("friction.max_step=100000", "faults.drop=0.45", "faults.silence=0.01")
+DROPS += ("friction.ramp_ms=0",)
 BACKWARD = [f"motion.theta{k}={end}" for k, end in ((1, -100000), (2, -90000), (3, -100000))]
 DRIVEN = [  # scene, settings, kp, kd, limit
     ("parking", (), 60, 2, 8),
@@ -224,20 +225,6 @@ def test_a_driven_shaft_is_read_to_the_count_until_its_motor_ends(traced):
     assert not trace["compensation"].any()
 
 
-def test_presliding_creep(traced):
-    """The torque stays below Fc. A constant torque moves the shaft once, a vibration lets it
-    creep.
-    """
-    steady, *_ = traced("creep", "motor.amplitude=0")
-    held = steady["angle"][-1]
-    assert steady["friction"][-1] == pytest.approx(0.9, rel=1e-6)
-    assert steady["angle"][-10000] == pytest.approx(held, abs=1e-7)
-    shaken, *_ = traced("creep")
-    assert np.abs(shaken["motor"]).max() < 0.75 * FC
-    cycles = shaken["angle"][::500]
-    assert (np.diff(cycles)[1:] > 0).all() and cycles[-1] > 2 * held
-
-
 @pytest.mark.parametrize("scene", ["slow-reversal", "parking"])
 def test_compensation_divides_the_error_by_five_without_chatter(traced, scene):
     """The motor torque changes its sign at most once for each reversal of the reference."""
@@ -248,17 +235,6 @@ def test_compensation_divides_the_error_by_five_without_chatter(traced, scene):
     assert without["control"]["rms_error_rad"] >= 5 * told["rms_error_rad"]
     assert told["torque_alternations"] <= told["reference_reversals"]
     assert turns(np.sign(trace["compensation"])) <= told["reference_reversals"]
-
-
-def test_overcompensation_runs_ahead_of_the_reference(traced):
-    behind, *_ = traced("slow-reversal")
-    ahead, summary, _ = traced("over-compensation")
-    at = slice(1000, 1600)
-    lag = behind["reference"][at] - behind["angle"][at]
-    lead = ahead["angle"][at] - ahead["reference"][at]
-    assert (lag > 0).all() and (lead > 0).all()
-    assert lead.mean() == pytest.approx((2.4 - FC) / 60, rel=0.1)
-    assert summary["control"]["rms_error_rad"] > 2 * np.sqrt(np.mean(lag**2))
 
 
 AWAY = [  # scene, settings, largest count of the message

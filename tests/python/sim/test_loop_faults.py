@@ -196,17 +196,6 @@ def test_every_fault_of_a_storm_is_counted(tmp_path, rate):
         assert wanted - 8 <= summary["node"][name] <= wanted, name
 
 
-@pytest.mark.parametrize(
-    "seed", [2, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(3, 6))]
-)
-def test_a_million_frames_need_no_more_memory(tmp_path, seed):
-    options = ("--seed", seed, "--log", "/dev/null")
-    summary = storm(tmp_path, *options, keys=("motion.seconds=1000",)).summary
-    assert summary["frames_sent"] == 1_000_000
-    assert sum(summary["faults"]["injected"].values()) > 90_000
-    assert summary["max_rss_kib"] < 16 * 1024
-
-
 @pytest.mark.parametrize("ms", [30.6, 400])
 def test_a_silence_is_reported_in_the_tick_after_the_timeout(tmp_path, ms):
     """The silence of the faults is longer than the timeout."""

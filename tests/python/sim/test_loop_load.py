@@ -69,6 +69,7 @@ def test_the_summary_has_latencies_and_load_of_the_log(tmp_path, rate, nodes, se
     assert np.cumsum(counts).tolist() == below
     total = sum(bits(frame) for frame in log if frame.time <= seconds)
     assert summary["bus_load"] == pytest.approx(total / seconds / rate, rel=3e-3)
+    assert round(log[0].time * 1e6) == np.ceil(bits(log[0]) * 1e6 / rate)  # not before its end
 
 
 def test_a_bus_that_is_too_slow_loses_frames_and_counts_them(tmp_path):

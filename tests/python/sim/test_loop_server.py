@@ -166,6 +166,9 @@ def test_sixteen_clients_fit_and_the_next_is_refused(tmp_path):
         inside = [raw_client(port) for _ in range(16)]
         with pytest.raises(can.CanError, match=f"got: '< error {refused} >'"), client(port):
             pass
+        with socket.create_connection(("127.0.0.1", port), 10) as last:
+            text = b"".join(iter(lambda: last.recv(100), b""))  # until it is closed
+        assert text == f"< error {refused} >".encode()
         joined = run(tmp_path / "joined", STEERING, "--bus", f"socketcand:127.0.0.1:{port}")
         assert joined.code == 1 and joined.err.startswith("error: --bus socketcand:127.0.0.1:")
         inside.pop().close()
@@ -266,21 +269,6 @@ def test_ctrl_c_ends_the_wait_for_clients(tmp_path, clients):
     assert 0 < result.summary["ticks"] < 30000 if clients else result.summary["ticks"] == 0
 
 
-def test_neither_a_flood_nor_a_slow_client_stops_the_loop(tmp_path):
-    options = ("--wait-clients", "2", "--seconds", "2")
-    with serving(tmp_path, STEERING, *options) as (process, port):
-        slow, peer = raw_client(port, receive_buffer=4096), raw_client(port)
-        assert peer.recv(8) == b"< frame "  # both clients count: the run has begun
-        peer.setblocking(False)
-        while process.poll() is None:
-            flood(peer, b"< send 7FF 1 0 >")
-        result = finished(tmp_path, process)
-        closed(slow, peer)
-    assert result.code == 0, result.err
-    node = result.summary["node"]
-    assert (result.summary["frames_lost"], node["ok"], node["ignored"] > 1000) == (0, 2000, True)
-
-
 # --- ports and other servers ----------------------------------------------------------------------
 
 
@@ -317,27 +305,3 @@ def test_a_peer_with_another_protocol_is_refused_at_its_first_word(tmp_path, gre
         peer.close()
     assert (result.code, result.summary, result.err.count("\n")) == (1, {}, 1)
     assert result.err.startswith(f"error: --bus {bus}: Protocol error")
-
-
-def can_bind(address: str) -> bool:
-    try:
-        socket.create_server((address, 0), family=socket.AF_INET6).close()
-    except OSError:
-        return False
-    return True
-
-
-@pytest.mark.skipif(
-    not (socket.has_ipv6 and can_bind("::1")),
-    reason="unproven: a bus at an address with colons: this machine has no ::1",
-)
-def test_a_bus_can_be_at_an_ipv6_address(tmp_path):
-    with socket.create_server(("::1", 0), family=socket.AF_INET6) as listener:
-        port = listener.getsockname()[1]
-        process = start(tmp_path, STEERING, "--bus", f"socketcand:::1:{port}", "--seconds", "0.1")
-        listener.settimeout(10)
-        peer, _ = listener.accept()
-        peer.sendall(b"< hi >< ok >< ok >")
-        result = finished(tmp_path, process)
-        peer.close()
-    assert (result.code, result.err, result.summary["frames_sent"]) == (0, "", 100)

@@ -69,25 +69,6 @@ def test_counts_follow_the_scene_and_the_answers_those_of_a_node(
     assert [f.time for f in log if f.id == 0x100] == [tick / 1000 for tick in range(len(counts))]
 
 
-SETTINGS = [
-    ("friction.gain=0.5", "friction.limit=0.25", "friction.ramp_ms=300"),
-    ("friction.timeout_ms=30.4", "status.period_ms=30.4"),
-    ("friction.timeout_ms=3000", "status.period_ms=1234.5", "friction.max_step=1"),
-    ("friction.max_step=2", "motion.speed=2000", "friction.node=9"),
-    ("friction.max_step=1", "motion.speed=2000"),  # each move is a jump
-]
-
-
-@pytest.mark.parametrize("sets", SETTINGS)
-def test_each_setting_of_a_scene_reaches_the_node(tmp_path, sets):
-    path = scene_with(tmp_path, "segments", *sets)
-    result = run(tmp_path, path, "--virtual")
-    number = 9 if "friction.node=9" in sets else 0
-    frames = check_node(result, path, number)
-    assert (result.summary["node"]["jump"] > 0) == (sets[0] == "friction.max_step=1")
-    assert {identifier & 15 for identifier, _ in frames} == {number}
-
-
 @pytest.mark.parametrize("name", ["segments", "steering", "parking", "fault-storm"])
 def test_same_seed_same_bytes(tmp_path, name):
     words = (SCENES / f"{name}.ini", "--virtual")
