@@ -8,14 +8,16 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
+import tarfile
 from pathlib import Path
 
 import cantools
 import dahl
 import pytest
 import yaml
-from conftest import ROOT
+from conftest import ROOT, from_pypi
 
 PUBLIC = {
     f"lib/include/{name}"
@@ -38,6 +40,7 @@ ASSEMBLY = of("lib/cores", "S", "inc", "c")
 NEEDED = PUBLIC | CORE | NODE | {"LICENSE", "README.md"}
 ESP_IDF = {"CMakeLists.txt", "idf_component.yml", "port/esp_idf/component.cmake"}
 ESP_IDF |= of("examples/esp_idf", "txt", "yml", "c")  # no ESP has a core of Arm's
+ESP_IDF |= of("examples/can_esp32_twai", "txt", "yml", "c", "h")
 HEADER = (ROOT / "lib/include/dahl.h").read_text()
 VERSION = re.search(r'#define DAHL_VERSION "([\d.]+)"', HEADER)[1]
 
@@ -47,6 +50,14 @@ def matching(globs: list[str]) -> set[str]:
     for glob in globs:
         assert list(ROOT.glob(glob)), f"{glob} matches no file"
     return {path.relative_to(ROOT).as_posix() for glob in globs for path in ROOT.glob(glob)}
+
+
+def west_project() -> dict[str, str]:
+    """Return the entry of west.yml that the page shows."""
+    page = (ROOT / "docs/microcontroller.md").read_text()
+    (block,) = re.findall(r"```yaml\n(.*?)```", page, re.S)
+    (project,) = yaml.safe_load(block)["manifest"]["projects"]
+    return project
 
 
 def test_every_manifest_has_the_version_of_the_header() -> None:
@@ -59,6 +70,7 @@ def test_every_manifest_has_the_version_of_the_header() -> None:
         )[1],
         "lib/node/dahl.dbc": cantools.database.load_file(ROOT / "lib/node/dahl.dbc").version,
         "tools/dahl/version.py": dahl.__version__,
+        "docs/microcontroller.md": west_project()["revision"].removeprefix("v"),
         "CHANGELOG.md": re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.M)[1],
     }
     assert stated == dict.fromkeys(stated, VERSION)
@@ -89,7 +101,8 @@ def test_all_manifests_name_one_author_and_one_address() -> None:
     arduino = dict(line.split("=", 1) for line in lines)
     home = {pio["homepage"], idf["url"], arduino["url"], *(one["url"] for one in pio["authors"])}
     assert len(home) == 1 and ADDRESS.fullmatch(home.pop())
-    assert pio["repository"]["url"] == idf["repository"] and ADDRESS.fullmatch(idf["repository"])
+    repositories = {pio["repository"]["url"], idf["repository"], west_project()["url"]}
+    assert len(repositories) == 1 and ADDRESS.fullmatch(repositories.pop())
     (author,) = {one["name"] for one in pio["authors"]}
     assert [author] == idf["maintainers"] and author == arduino["author"] == arduino["maintainer"]
 
@@ -100,6 +113,26 @@ def test_zephyr_finds_the_module_and_its_options() -> None:
     options = re.findall(r"^config (\w+)$", (ROOT / module["build"]["kconfig"]).read_text(), re.M)
     assert options == ["DAHL", "DAHL_NODE"]
     assert (ROOT / module["build"]["cmake"] / "CMakeLists.txt").exists()
+    assert module["name"] == west_project()["name"]
+
+
+# Keys of a test in twister's schema that a sample needs.
+TWISTER = {"tags", "depends_on", "filter", "integration_platforms", "harness", "harness_config"}
+
+
+def test_twister_finds_the_samples() -> None:
+    module = yaml.safe_load((ROOT / "zephyr/module.yml").read_text())
+    assert module["samples"]
+    for folder in (ROOT / name for name in module["samples"]):
+        metadata = yaml.safe_load((folder / "sample.yaml").read_text())
+        assert metadata["sample"]["name"]
+        for name, test in metadata["tests"].items():
+            assert name.startswith("sample.") and set(metadata["common"] | test) <= TWISTER
+            assert test["harness"] == "console" and test["harness_config"]["regex"]
+        chosen = re.findall(r"^CONFIG_(\w+)=y$", (folder / "prj.conf").read_text(), re.M)
+        assert {"CAN", "DAHL", "DAHL_NODE"} <= set(chosen)
+        listed = re.findall(r"src/\w+\.c", (folder / "CMakeLists.txt").read_text())
+        assert {folder / one for one in listed} == set(folder.glob("src/*.c"))
 
 
 # Functions of the frameworks; replacements print their arguments.
@@ -133,3 +166,52 @@ def test_esp_idf_packs_the_needed_files() -> None:
     assert component["license"] == "MIT"
     assert component["files"]["exclude"] == ["**/*"]
     assert matching(component["files"]["include"]) == NEEDED | ESP_IDF
+    for example in component["examples"]:
+        assert f"{example['path']}/CMakeLists.txt" in ESP_IDF
+
+
+@pytest.fixture(scope="module")
+def packers() -> Path:
+    """Return the folder of `pio` and `compote`, from PyPI."""
+    wanted = (ROOT / "tests/consume/requirements.txt").read_text()
+    return from_pypi("packers", wanted, "the packers of PlatformIO and ESP-IDF")
+
+
+# PlatformIO would download the names of licences.
+PACK = """
+import sys
+from platformio.package.manifest.schema import ManifestSchema
+from platformio.package.pack import PackagePacker
+ManifestSchema.load_spdx_licenses = staticmethod(lambda: {"licenses": [{"licenseId": "MIT"}]})
+PackagePacker(sys.argv[1]).pack(sys.argv[2])
+"""
+
+
+def packed(archive: Path) -> set[str]:
+    assert archive.stat().st_size < 120_000  # without pictures, tests and tools
+    with tarfile.open(archive) as tar:
+        files = {member.name.removeprefix("./") for member in tar if member.isfile()}
+    return files
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    """Return a copy of the project, because packers write into it."""
+    ignored = shutil.ignore_patterns("build", ".git", "__pycache__")
+    return Path(shutil.copytree(ROOT, tmp_path / "dahl", ignore=ignored))
+
+
+@pytest.mark.long
+def test_pio_packs_the_needed_files(packers: Path, tree: Path, tmp_path: Path) -> None:
+    archive, home = (tmp_path / "dahl.tar.gz", {**os.environ, "PLATFORMIO_CORE_DIR": str(tmp_path)})
+    command = [packers / "python", "-c", PACK, tree, archive]
+    subprocess.run([str(word) for word in command], check=True, env=home, timeout=120)
+    include = json.loads((ROOT / "library.json").read_text())["export"]["include"]
+    assert packed(archive) == matching(include)
+
+
+@pytest.mark.long
+def test_compote_packs_the_needed_files(packers: Path, tree: Path) -> None:
+    command = [str(packers / "compote"), "component", "pack", "--name", "dahl"]
+    subprocess.run(command, check=True, cwd=tree, timeout=120)
+    assert packed(tree / f"dist/dahl_{VERSION}.tgz") == NEEDED | ESP_IDF

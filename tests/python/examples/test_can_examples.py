@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: MIT
+"""examples/can_* and zephyr_node on models of their controllers, compared with dahl.Node."""
+
+from __future__ import annotations
+
+import math
+import random
+import re
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import can
+import dahl
+import pytest
+import yaml
+from can_controllers import CONTROLLERS, EXAMPLES, MOCKS, STRICT, Controller, standard
+from conftest import need
+from dahl import codec
+from dahl.codec import EncoderState, FrictionTorque, ParamWrite, Reset
+
+MS = 1000  # us
+PARAMS = (100.0, 0.5, 6.2831853 / 16384)  # sigma0, Fc, theta_per_count of the examples
+PERIODS = 12  # longer than any transmit queue
+MASK = 0x70F  # ids of node 0 are 0x100, 0x110 .. 0x170
+
+
+@pytest.fixture(params=CONTROLLERS)
+def off(request: pytest.FixtureRequest, tmp_path: Path, library: Path) -> Controller:
+    """A controller before its program starts."""
+    return CONTROLLERS[request.param](tmp_path, library)
+
+
+@pytest.fixture
+def controller(off: Controller) -> Controller:
+    assert off.init() == 0
+    return off
+
+
+class Pair:
+    """A controller with its example, and dahl.Node with the same frames at the same times."""
+
+    def __init__(self, controller: Controller) -> None:
+        self.controller, self.node = controller, dahl.Node(dahl.Plan(*PARAMS))
+        self.counter, self.count = 0, 0
+        self.due: list[can.Message] = []
+
+    def expect(self, message: can.Message | None) -> None:
+        self.due += [message] if message else []
+
+    def tick(self) -> None:
+        self.controller.tick()
+        self.expect(self.node.tick(self.controller.now_us / 1e6))
+
+    def receive(self, message: can.Message) -> None:
+        if self.controller.accepts(message):
+            self.controller.receive(message)
+            self.expect(self.node.receive(message, self.controller.now_us / 1e6))
+
+    def encoder(self, step: int = 1, dcounts: int = 3) -> can.Message:
+        self.counter, self.count = (self.counter + step) % 16, self.count + dcounts
+        return codec.pack(EncoderState(self.count, self.counter))
+
+    def bus_off(self) -> None:
+        """Off the bus, and back after 128 times 11 bits of 2 us."""
+        self.controller.go_off()
+        error = can.Message(is_error_frame=True, arbitration_id=0x40, dlc=8, is_extended_id=False)
+        self.expect(self.node.receive(error, self.controller.now_us / 1e6))
+        self.tick()
+        self.controller.recover()
+        self.tick()
+        self.controller.now_us += 3 * MS
+
+    def check(self) -> None:
+        """The same frames were sent."""
+        assert fields(self.controller.take_sent()) == fields(self.due)
+        assert self.controller.faults == []
+        self.due = []
+
+
+def fields(messages: list[can.Message]) -> list[tuple[int, int, bytes]]:
+    return [(one.arbitration_id, one.dlc, bytes(one.data)) for one in messages]
+
+
+def damaged(message: can.Message) -> can.Message:
+    message.data[5] ^= 0x10
+    return message
+
+
+def gain(value: int) -> can.Message:
+    return codec.pack(
+        ParamWrite(param=codec.Param.GAIN, value=value, counter=1, write=codec.Write.WRITE)
+    )
+
+
+EVENTS: dict[str, tuple[int, Callable[[Pair, random.Random], can.Message]]] = {  # with a weight
+    "next": (20, lambda pair, chance: pair.encoder(1, chance.randint(-40, 40))),
+    "same counter": (1, lambda pair, _: pair.encoder(0)),
+    "lost frames": (2, lambda pair, chance: pair.encoder(chance.randint(2, 6))),
+    "wrong CRC": (1, lambda pair, _: damaged(pair.encoder())),
+    "short": (1, lambda pair, _: standard(0x100, 7, bytes(pair.encoder().data))),
+    "empty": (1, lambda _, __: standard(0x100, 0, b"")),
+    "other node": (2, lambda pair, chance: codec.pack(EncoderState(9, 9), chance.randint(1, 15))),
+    "other id": (2, lambda _, chance: standard(chance.randrange(0x200, 0x800), 8, bytes(8))),
+    "own answer": (1, lambda _, __: codec.pack(FrictionTorque(5))),
+    "remote": (1, lambda _, __: can.Message(0, 0x100, False, True, dlc=8)),
+    "extended": (1, lambda _, __: can.Message(0, 0x100, True, dlc=8, data=bytes(8))),
+    "gain": (1, lambda _, chance: gain(chance.randint(0, 65536))),
+    "reset": (1, lambda _, chance: codec.pack(Reset(counter=2, what=chance.randint(1, 2)))),
+}
+
+
+def test_the_example_sends_the_frames_of_dahl_node(controller: Controller) -> None:
+    """On good, bad and foreign frames, silences and bus-offs."""
+    pair, chance, seen = Pair(controller), random.Random(3), set()
+    weights = [weight for weight, _ in EVENTS.values()]
+    for number in range(600):
+        controller.now_us += chance.choice([MS] * 20 + [150 * MS])
+        if number % 100 == 99:
+            pair.bus_off()
+        (name,) = chance.choices(list(EVENTS), weights)
+        pair.receive(EVENTS[name][1](pair, chance))
+        pair.tick()
+        seen |= {one.arbitration_id for one in pair.due}
+        pair.check()
+    assert seen == {0x110, 0x120, 0x140}
+    assert pair.node.counts.bus_off == 6 and pair.node.counts.ok > 200
+    assert controller.dropped == 0
+
+
+def test_one_frame_gives_one_answer(controller: Controller) -> None:
+    """By hand: id, length, counter, and the torque after 100 counts."""
+    pair = Pair(controller)
+    pair.receive(pair.encoder())
+    pair.receive(pair.encoder(1, 100))
+    pair.due = []
+    answer = [one for one in controller.take_sent() if one.arbitration_id == 0x110][-1]
+    torque = codec.unpack(answer, FrictionTorque)
+    assert (answer.dlc, torque.echo) == (8, 2)
+    assert torque.torque_q30 == dahl.Friction(dahl.Plan(*PARAMS)).step_counts_q30(100)
+
+
+def test_the_filter_passes_the_ids_of_the_node(controller: Controller) -> None:
+    accepted = {one for one in range(0x800) if controller.accepts(standard(one, 8, bytes(8)))}
+    assert accepted == {one for one in range(0x800) if one & MASK == 0x100}
+
+
+def test_a_stuck_bus_drops_frames_and_blocks_nothing(controller: Controller) -> None:
+    pair = Pair(controller)
+    pair.receive(pair.encoder())
+    pair.tick()
+    pair.check()
+    controller.room = 0
+    for _ in range(PERIODS):
+        controller.now_us += MS
+        pair.receive(pair.encoder())
+        pair.tick()
+    assert controller.take_sent() == []
+    assert controller.dropped == PERIODS - controller.capacity
+    pair.due = pair.due[: controller.capacity]  # the oldest
+    controller.let_go(room=1)  # the next answer fills this place and is sent last
+    pair.receive(pair.encoder())
+    controller.let_go()
+    pair.check()
+    pair.receive(pair.encoder())
+    assert len(pair.due) == 1
+    pair.check()
+
+
+def test_bus_off_drops_old_torques_and_ends(controller: Controller) -> None:
+    """Silence for the timeout of 100 ms, then the third good frame is answered."""
+    pair = Pair(controller)
+    pair.receive(pair.encoder())
+    pair.tick()
+    pair.check()
+    controller.room = 0
+    pair.receive(pair.encoder())
+    assert pair.due.pop().arbitration_id == 0x110  # it waits, and must not be sent
+    controller.room = math.inf
+    pair.bus_off()
+    assert [one.arbitration_id for one in pair.due] == [0x120]
+    pair.check()
+    for answers, silence in ((0, 0), (1, 100 * MS)):
+        controller.now_us += silence
+        for _ in range(3):
+            controller.now_us += MS
+            pair.receive(pair.encoder())
+            pair.tick()
+        assert [one.arbitration_id for one in pair.due].count(0x110) == answers
+        pair.check()
+
+
+@pytest.mark.parametrize("off", ["FdCan", "Mcp2515"], indirect=True)
+def test_one_interrupt_serves_all_frames(controller: Controller) -> None:
+    """It has an edge or a flag that a second frame would not set again."""
+    pair = Pair(controller)
+    for _ in range(2):
+        frame = pair.encoder()
+        controller.store(frame)
+        pair.expect(pair.node.receive(frame, 0.0))
+    controller.interrupt()
+    pair.check()
+
+
+@pytest.mark.parametrize("off", ["BxCan", "FdCan", "Mcp2515", "Twai"], indirect=True)
+def test_the_bit_rate_is_500_kbit_per_s(controller: Controller) -> None:
+    rate, sample_point = controller.bit_timing()
+    assert rate == 500e3 and 0.8 <= sample_point <= 0.9
+
+
+def test_a_controller_that_does_not_answer_is_an_error(off: Controller) -> None:
+    off.has_clock = False
+    assert off.init() > 0
+    if hasattr(off, "nvic"):
+        assert off.nvic.value == 0
+
+
+SAMPLE = """
+    #include <stdarg.h>
+    #include <stdio.h>
+    #include <stdlib.h>
+    const struct device mock_zephyr_canbus = {"can0"};
+    int printk(const char *format, ...)
+    {
+        va_list values;
+        va_start(values, format);
+        return vprintf(format, values);
+    }
+    static bool ready(const struct device *can) { return can == &mock_zephyr_canbus; }
+    static void watch(const struct device *can, can_state_change_callback_t *call, void *data)
+    { (void)can, (void)call, (void)data; }
+    static int add(const struct device *can, struct k_msgq *queue, const struct can_filter *rule)
+    { return can == 0 || queue == 0 || rule == 0; }
+    static int start(const struct device *can) { return can != &mock_zephyr_canbus; }
+    static int get(struct k_msgq *queue, void *frame, k_timeout_t wait)
+    { exit(queue == 0 || frame == 0 || wait == 0); }
+    __attribute__((constructor)) static void connect(void)
+    {
+        device_is_ready = ready, can_set_state_change_callback = watch;
+        can_add_rx_filter_msgq = add, can_start = start, k_msgq_get = get;
+    }
+    """
+
+
+def test_the_zephyr_sample_prints_the_line_of_its_metadata(
+    root: Path, tmp_path: Path, library: Path
+) -> None:
+    """Twister waits for it. The program then serves frames until it is stopped."""
+    (mock := tmp_path / "mock.c").write_text(CONTROLLERS["Zephyr"].seams + SAMPLE)
+    sources = [mock, *EXAMPLES.glob("zephyr_node/src/*.c"), library]
+    words = ["gcc", "-std=c11", *MOCKS, f"-I{root}/lib/include", f"-I{EXAMPLES}/zephyr_node/src"]
+    words += [*sources, f"-Wl,-rpath,{library.parent}", "-o", tmp_path / "sample"]
+    subprocess.run([str(one) for one in words], check=True)
+    printed = subprocess.run([tmp_path / "sample"], check=True, capture_output=True, text=True)
+    metadata = yaml.safe_load((EXAMPLES / "zephyr_node/sample.yaml").read_text())
+    (line,) = metadata["tests"]["sample.dahl.node"]["harness_config"]["regex"]
+    assert re.fullmatch(line, printed.stdout.strip())
+
+
+CORES = {
+    "can_stm32_bxcan": "arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb -mfloat-abi=soft",
+    "can_stm32_fdcan": "arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb -mfloat-abi=soft",
+    "can_mcp2515": "avr-gcc -mmcu=atmega2560",
+    "zephyr_node": "arm-none-eabi-gcc -mcpu=cortex-m0 -mthumb",
+    "can_esp32_twai": "riscv64-unknown-elf-gcc -march=rv32imc -mabi=ilp32 --specs=picolibc.specs",
+}
+
+
+@pytest.mark.checks
+@pytest.mark.parametrize("name", CORES)
+def test_the_example_compiles_for_its_core(name: str, root: Path, tmp_path: Path) -> None:
+    """TWAI and Zephyr with the mock of their headers, the first for an ESP32-C3."""
+    compiler, *target = CORES[name].split()
+    need(compiler, f"examples/{name} compiles for its core")
+    words = [compiler, *target, *STRICT, f"-I{root}/lib/include", *MOCKS, "-c"]
+    for source in EXAMPLES.glob(f"{name}/**/*.c"):
+        subprocess.run([*words, str(source), "-o", str(tmp_path / "made.o")], check=True)
