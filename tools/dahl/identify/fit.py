@@ -15,14 +15,15 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.signal import filtfilt, lfilter
 
 from dahl.identify import models
 from dahl.identify.models import LAWS, Law
 from dahl.identify.samples import Samples, delayed
 
-LAGS = ("none", "damping", "delay", "low pass", "play", "delay+filter")
-DELAYED = ("delay", "low pass", "delay+filter")  # the last parameter is a number of samples
+LAGS = ("none", "damping", "delay", "low pass", "zero-phase filter", "play", "delay+filter")
+FILTERS = ("low pass", "zero-phase filter")  # the latter runs forward and backward
+DELAYED = ("delay", *FILTERS, "delay+filter")  # the last parameter is a number of samples
 ROUNDS = 8  # Gauss-Newton steps of a fit, at most
 MAX_STEP, MAX_DELAY_STEP = 0.4, 6.0  # of a Gauss-Newton step: in ln a and shapes, in samples
 MIN_GAIN, SETTLED_STEP = 1e-4, 1e-3  # of the cost and of ln a, below which the fit has converged
@@ -230,9 +231,10 @@ class Fitter:
             each = p[len(p) - s.logs :]
             parts = zip(s.pieces, s.log_of, strict=True)
             return np.concatenate([delayed(x[rows], each[k]) for rows, k in parts])
-        if h.lag == "low pass":
+        if h.lag in FILTERS:
+            run = lfilter if h.lag == "low pass" else filtfilt
             kept = np.exp(-1 / max(p[-1], 1e-2))
-            return s.by_piece(lambda y: lfilter([1 - kept], [1, -kept], y), x)
+            return s.by_piece(lambda y: run([1 - kept], [1, -kept], y), x)
         return x
 
     def columns(
@@ -319,7 +321,7 @@ class Fitter:
         step: np.ndarray = np.clip(wanted, -MAX_STEP, MAX_STEP)
         for k in self._row_parameters(h, p):
             step[k] = np.clip(wanted[k], -MAX_DELAY_STEP, MAX_DELAY_STEP)
-        if h.lag == "low pass":
+        if h.lag in FILTERS:
             step[-1] = max(step[-1], MIN_LOW_PASS - p[-1])
         return step
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dahl.identify.fit import Fit, Fitter, Hypothesis, Optimum, solve
+from dahl.identify.fit import DELAYED, Fit, Fitter, Hypothesis, Optimum, solve
 from dahl.identify.models import ONE_ELEMENT
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, samples_of
 from dahl.io.log import Log, resolution_of
@@ -239,7 +239,7 @@ class Result:
         fit = self.chosen
         if self.hypothesis.angle not in samples.angles:
             samples = samples.with_angle(self.hypothesis.angle, samples.angles["between counts"])
-        if samples.block != self.samples.block and "delay" in self.hypothesis.lag:
+        if samples.block != self.samples.block and self.hypothesis.lag in (*DELAYED, "delays"):
             p = fit.p.copy()
             p[-1] *= self.samples.block / samples.block
             fit = replace(fit, p=p)

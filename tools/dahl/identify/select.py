@@ -15,7 +15,7 @@ from itertools import product
 import numpy as np
 
 from dahl.identify import models
-from dahl.identify.fit import LAGS, MAX_LINEAR, Fit, Fitter, Hypothesis, excess
+from dahl.identify.fit import FILTERS, LAGS, MAX_LINEAR, Fit, Fitter, Hypothesis, excess
 from dahl.identify.models import LAWS
 from dahl.identify.start import pair_starts, slip_start
 from dahl.io.log import TERMS
@@ -100,6 +100,7 @@ def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: Search
         "delay+filter": delay,
         "delays": delay,
         "low pass": max(delay, 3.0),
+        "zero-phase filter": 3.0,
         "play": float(np.log(0.2 / a)),
     }
     lags = [*space.lags]
@@ -117,7 +118,7 @@ def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: Search
 
 def _smooths_counts(h: Hypothesis) -> bool:
     """Whether a filter would smooth the steps of an angle as read, which no torque has."""
-    return h.angle == "as read" and h.lag in ("low pass", "delay+filter")
+    return h.angle == "as read" and h.lag in (*FILTERS, "delay+filter")
 
 
 def _subsets(fitter: Fitter, h: Hypothesis, p: np.ndarray, space: SearchSpace) -> list[Fit]:
