@@ -68,6 +68,16 @@ def few(cycles: float) -> Log:
     return synthetic(int(cycles), 0.01, rows=900 + 100 * int(cycles), cycles=cycles)
 
 
+def fading_peak() -> Log:
+    """A peak of 40 % of Fc after each turn, which fades over five presliding lengths."""
+    theta = chirp(4000, amplitude=0.075, first=6)
+    travel, side = np.cumsum(np.abs(np.diff(theta, prepend=0.0))), np.sign(np.gradient(theta))
+    turned = np.diff(side, prepend=side[0]) != 0
+    since = SIGMA0 / FC * (travel - np.maximum.accumulate(np.where(turned, travel, 0.0)))
+    peak = 0.4 * FC * side * np.exp(-since / 5) * (1 - np.exp(-since))
+    return log_of(theta, dahl_torque(theta) + peak, 0.01)
+
+
 YES, NO, EITHER = True, False, None
 CASES: dict[str, tuple[Callable[[], list[Log]], tuple[bool | None, bool | None], str]] = {
     # logs; whether sigma0 and Fc are claimed; words of the verdict
@@ -80,6 +90,7 @@ CASES: dict[str, tuple[Callable[[], list[Log]], tuple[bool | None, bool | None],
     "three and four": (lambda: [few(3.6), few(4.6)], (EITHER, YES), "Fc = "),
     "1.5 counts": (lambda: [coarse(1.5)], (EITHER, YES), "Fc = "),
     "a bare sign": (lambda: [coulomb()], (NO, YES), "sigma0 is not identifiable"),
+    "fading peak": (lambda: [fading_peak()], (NO, NO), "shape since the turn"),
     "never slips": (lambda: [never_slips()], (EITHER, NO), "Fc is not identifiable"),
     "two of one": (lambda: [machine(1), machine(2)], (YES, YES), ""),
     "sensor turned in one": (lambda: [machine(1), machine(2, side=-1)], (EITHER, EITHER), ""),

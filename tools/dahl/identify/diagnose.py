@@ -19,6 +19,7 @@ from dahl.identify.samples import MIN_TURN_LENGTHS, Samples
 
 SURE = 2.0  # standard errors of the gain on cycles left out
 MIN_RESIDUAL_GAIN = 0.02  # of the residual, that a row must explain
+MAX_GAIN = 0.3  # times the rest of the residual; a row that explains more shows a wrong hypothesis
 EXTRA_MOVE = 0.5  # of the move by a row: its columns are one of many descriptions of an effect
 ENCODER_PERIODS = (8, 16, 32, 64, 128, 256, 512, 1024)  # counts
 SHAPE_KNOTS = (0.15, 0.5, 1.2, 2.5, 5.0, 10.0)  # presliding lengths since the last turn
@@ -137,14 +138,12 @@ class _Judge:
 
 
 def _withdraws(row: Row, moved: np.ndarray, gain: float) -> tuple[bool, bool]:
-    """Return whether sigma0 and Fc move too far.
-
-    A row that explains most of the residual, `gain` times the rest, shows that the hypothesis is
-    wrong.
+    """Return whether the claims of sigma0 and Fc are withdrawn: they move too far, or a row with
+    such a limit explains so much that the hypothesis is wrong.
     """
+    is_wrong = bool(np.isfinite(row.max_move)) and gain > MAX_GAIN
     far = np.abs(moved) > row.max_move
-    wrong = bool(np.isfinite(row.max_move)) and gain > 1
-    return bool(far[0]) or wrong, bool(far[1])
+    return bool(far[0]) or is_wrong, bool(far[1]) or is_wrong
 
 
 def _at_ends(
