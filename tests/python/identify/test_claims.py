@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
+import hostile_logs
 import numpy as np
 import pytest
 from dahl import Error
@@ -78,6 +79,10 @@ def fading_peak() -> Log:
     return log_of(theta, dahl_torque(theta) + peak, 0.01)
 
 
+def by_angle() -> Log:
+    return hostile_logs.KINDS["Fc by angle 12 %"](9048)
+
+
 YES, NO, EITHER = True, False, None
 CASES: dict[str, tuple[Callable[[], list[Log]], tuple[bool | None, bool | None], str]] = {
     # logs; whether sigma0 and Fc are claimed; words of the verdict
@@ -91,6 +96,7 @@ CASES: dict[str, tuple[Callable[[], list[Log]], tuple[bool | None, bool | None],
     "1.5 counts": (lambda: [coarse(1.5)], (EITHER, YES), "Fc = "),
     "a bare sign": (lambda: [coulomb()], (NO, YES), "sigma0 is not identifiable"),
     "fading peak": (lambda: [fading_peak()], (NO, NO), "shape since the turn"),
+    "Fc by angle": (lambda: [by_angle()], (EITHER, EITHER), "Fc by angle"),
     "never slips": (lambda: [never_slips()], (EITHER, NO), "Fc is not identifiable"),
     "two of one": (lambda: [machine(1), machine(2)], (YES, YES), ""),
     "sensor turned in one": (lambda: [machine(1), machine(2, side=-1)], (EITHER, EITHER), ""),
