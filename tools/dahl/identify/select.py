@@ -160,7 +160,7 @@ def _law_starts(
     starts = {law: fitter.start(replace(plain, law=law), a) for law in laws}
     starts |= pair_starts(fitter, plain, a)
     several = slip_start(fitter, plain, a)
-    if several is not None and several[0].friction.elements > 2:
+    if several is not None:
         starts[several[0].law] = several[1]
     if space.wanted in LAWS:
         starts.setdefault(space.wanted, fitter.start(replace(plain, law=space.wanted), a))
