@@ -29,6 +29,7 @@ from identify_tools import (
     synthetic,
     width,
 )
+from scipy.signal import lfilter
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -266,6 +267,18 @@ def test_a_log_that_was_not_fitted_is_predicted():
     assert check(plain(), replace(other, torque=3 * other.torque)) < 0.7
     with pytest.raises(Error, match="angle is constant"):
         check(plain(), replace(other, theta=np.zeros(other.rows)))
+
+
+def test_a_filter_keeps_its_time_on_a_log_with_other_blocks():
+    """The long log is thinned to samples of several rows, the short one is not."""
+    logs = []
+    for rows in (40_000, 8_000):
+        theta = chirp(rows, first=8 * rows / 40_000, last=12 * rows / 40_000)
+        torque = lfilter([1 / 200], [1, 1 / 200 - 1], dahl_torque(theta))
+        logs.append(log_of(theta, torque))
+    result = identify(logs[:1])
+    assert result.samples.block > 1 and result.hypothesis.lag == "low pass"
+    assert check(result, logs[1]) > 0.995
 
 
 @pytest.mark.parametrize("term", ["viscous", "inertia"])
