@@ -139,8 +139,10 @@ class _Judge:
 
 
 def _withdraws(row: Row, moved: np.ndarray, gain: float) -> tuple[bool, bool]:
-    """Return whether the claims of sigma0 and Fc are withdrawn: they move too far, or a row with
-    such a limit explains so much that the hypothesis is wrong.
+    """Return whether the claims of sigma0 and Fc are withdrawn.
+
+    A parameter must not move too far. If a row with a limit of its moves explains much of the
+    residual, the hypothesis is wrong, and neither parameter is claimed.
     """
     is_wrong = bool(np.isfinite(row.max_move)) and gain > MAX_GAIN
     far = np.abs(moved) > row.max_move

@@ -183,7 +183,7 @@ class Fitter:
             width = float(np.exp(p[-1]))
             moves = self.samples.moves(models.behind_play(angle, self.samples.pieces, width))
         found = self.friction(h, p, moves, self.samples.pieces)
-        return [self._lagged(h, p, self.samples.delayed(x, h.skew)) for x in found]
+        return [self._apply_lag(h, p, self.samples.delayed(x, h.skew)) for x in found]
 
     def friction(
         self, h: Hypothesis, p: np.ndarray, moves: np.ndarray, pieces: models.Pieces
@@ -222,7 +222,7 @@ class Fitter:
         limits: np.ndarray = np.maximum(1 + strength * change, MIN_LIMIT)
         return limits
 
-    def _lagged(self, h: Hypothesis, p: np.ndarray, x: np.ndarray) -> np.ndarray:
+    def _apply_lag(self, h: Hypothesis, p: np.ndarray, x: np.ndarray) -> np.ndarray:
         """x as a late or slow torque sensor shows it."""
         s = self.samples
         if h.lag in ("delay", "delay+filter"):
@@ -325,7 +325,7 @@ class Fitter:
             step[-1] = max(step[-1], MIN_LOW_PASS - p[-1])
         return step
 
-    def scored(self, h: Hypothesis, at: Optimum, columns: Sequence[int]) -> Fit | None:
+    def score(self, h: Hypothesis, at: Optimum, columns: Sequence[int]) -> Fit | None:
         """The score of some columns on cycles left out; None if the result is no friction."""
         whole, m = at.grams.sum(axis=0), len(at.limits)
         full, left = solve(whole, columns), solve(whole - at.grams, columns)
@@ -373,9 +373,9 @@ class Fitter:
     def fit(self, h: Hypothesis, p: np.ndarray, rounds: int = ROUNDS) -> Fit | None:
         """Fit and score one hypothesis from start values p."""
         at = self.optimum(h, p, rounds)
-        return None if at is None else self.scored(h, at, range(at.grams.shape[-1] - 1))
+        return None if at is None else self.score(h, at, range(at.grams.shape[-1] - 1))
 
-    def fit_subsets(
+    def fit_term_sets(
         self, h: Hypothesis, p: np.ndarray, pool: Sequence[str], waves: bool = True
     ) -> list[Fit]:
         """Fit with all terms of the pool, then score every subset from the same Gram matrices."""
@@ -388,9 +388,9 @@ class Fitter:
         base = len(limits) + len(at.p) + h.lag_columns
         term_of = [name for name in names for _ in self.term_columns([name])]
         found = []
-        for terms in _subsets(names):
+        for terms in _term_sets(names):
             own = [base + k for term in terms for k, name in enumerate(term_of) if name == term]
-            found.append(self.scored(replace(h, terms=terms), at, [*range(base), *own]))
+            found.append(self.score(replace(h, terms=terms), at, [*range(base), *own]))
         return [fit for fit in found if fit is not None]
 
     def predicted(self, fit: Fit) -> np.ndarray:
@@ -401,7 +401,7 @@ class Fitter:
         return torque
 
 
-def _subsets(names: Sequence[str]) -> list[tuple[str, ...]]:
+def _term_sets(names: Sequence[str]) -> list[tuple[str, ...]]:
     """Sets of terms worth a trial: one shape over the angle, with any of the terms by time."""
     shapes = [("offset",), ("offset", "spring"), ("offset", "spring", "cubic"), ("offset", "waves")]
     timed = [name for name in ("viscous", "inertia") if name in names]
