@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
+import hostile_logs
 import numpy as np
 import pytest
 from dahl import Error
@@ -28,6 +29,7 @@ from identify_tools import (
     synthetic,
     width,
 )
+from scipy.signal import lfilter
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -68,6 +70,20 @@ def few(cycles: float) -> Log:
     return synthetic(int(cycles), 0.01, rows=900 + 100 * int(cycles), cycles=cycles)
 
 
+def fading_peak() -> Log:
+    """A peak of 40 % of Fc after each turn, which fades over five presliding lengths."""
+    theta = chirp(4000, amplitude=0.075, first=6)
+    travel, side = np.cumsum(np.abs(np.diff(theta, prepend=0.0))), np.sign(np.gradient(theta))
+    turned = np.diff(side, prepend=side[0]) != 0
+    since = SIGMA0 / FC * (travel - np.maximum.accumulate(np.where(turned, travel, 0.0)))
+    peak = 0.4 * FC * side * np.exp(-since / 5) * (1 - np.exp(-since))
+    return log_of(theta, dahl_torque(theta) + peak, 0.01)
+
+
+def by_angle() -> Log:
+    return hostile_logs.KINDS["Fc by angle 12 %"](9048)
+
+
 YES, NO, EITHER = True, False, None
 CASES: dict[str, tuple[Callable[[], list[Log]], tuple[bool | None, bool | None], str]] = {
     # logs; whether sigma0 and Fc are claimed; words of the verdict
@@ -80,6 +96,8 @@ CASES: dict[str, tuple[Callable[[], list[Log]], tuple[bool | None, bool | None],
     "three and four": (lambda: [few(3.6), few(4.6)], (EITHER, YES), "Fc = "),
     "1.5 counts": (lambda: [coarse(1.5)], (EITHER, YES), "Fc = "),
     "a bare sign": (lambda: [coulomb()], (NO, YES), "sigma0 is not identifiable"),
+    "fading peak": (lambda: [fading_peak()], (NO, NO), "shape since the turn"),
+    "Fc by angle": (lambda: [by_angle()], (EITHER, EITHER), "Fc by angle"),
     "never slips": (lambda: [never_slips()], (EITHER, NO), "Fc is not identifiable"),
     "two of one": (lambda: [machine(1), machine(2)], (YES, YES), ""),
     "sensor turned in one": (lambda: [machine(1), machine(2, side=-1)], (EITHER, EITHER), ""),
@@ -249,6 +267,18 @@ def test_a_log_that_was_not_fitted_is_predicted():
     assert check(plain(), replace(other, torque=3 * other.torque)) < 0.7
     with pytest.raises(Error, match="angle is constant"):
         check(plain(), replace(other, theta=np.zeros(other.rows)))
+
+
+def test_a_filter_keeps_its_time_on_a_log_with_other_blocks():
+    """The long log is thinned to samples of several rows, the short one is not."""
+    logs = []
+    for rows in (40_000, 8_000):
+        theta = chirp(rows, first=8 * rows / 40_000, last=12 * rows / 40_000)
+        torque = lfilter([1 / 200], [1, 1 / 200 - 1], dahl_torque(theta))
+        logs.append(log_of(theta, torque))
+    result = identify(logs[:1])
+    assert result.samples.block > 1 and result.hypothesis.lag == "low pass"
+    assert check(result, logs[1]) > 0.995
 
 
 @pytest.mark.parametrize("term", ["viscous", "inertia"])

@@ -181,7 +181,7 @@ def run(args: argparse.Namespace) -> int:
     if [bool(args.logs), bool(args.each), args.follow].count(True) != 1:
         raise Error("give LOGs, or --each DIR, or --follow (see dahl identify --help)")
     _refuse_unused(args)
-    _refuse_twice(args)
+    _refuse_duplicates(args)
     if args.each:
         return _each(args)
     if args.follow:
@@ -189,9 +189,9 @@ def run(args: argparse.Namespace) -> int:
     if folder := next((log for log in args.logs if log.is_dir()), None):
         raise Error(f"{folder}: a folder; --each {folder} takes the logs in it one by one")
     source, options = source_of(args), options_of(args)
-    name = plan_header.identifier(args.name or _named_after(args.logs[0]))
-    _spare(args, name)
-    logs, broken = _readable(args, source, options)
+    name = plan_header.identifier(args.name or _name_of(args.logs[0]))
+    _refuse_overwriting(args, name)
+    logs, broken = _read_logs(args, source, options)
     try:
         result = estimate.identify(logs, options)
     except MemoryError:
@@ -211,7 +211,7 @@ def _refuse_unused(args: argparse.Namespace) -> None:
             raise Error(f"--{name.replace('_', '-')}: has no use with {kind}")
 
 
-def _refuse_twice(args: argparse.Namespace) -> None:
+def _refuse_duplicates(args: argparse.Namespace) -> None:
     """Raise dahl.Error for a log that is given twice: its rows would count twice."""
     known: list[Path] = []
     for log in filter(Path.exists, (*args.logs, *args.check)):
@@ -220,12 +220,12 @@ def _refuse_twice(args: argparse.Namespace) -> None:
         known.append(log)
 
 
-def _named_after(log: Path) -> str:
+def _name_of(log: Path) -> str:
     """Return the name of a log, or "log" if it has no character that C allows in a name."""
     return log.stem if re.search(r"\w", log.stem, re.ASCII) else "log"
 
 
-def _spare(args: argparse.Namespace, name: str) -> None:
+def _refuse_overwriting(args: argparse.Namespace, name: str) -> None:
     """Raise dahl.Error if this run would overwrite a log that it reads, or a foreign file."""
     from dahl.io.files import refuse_foreign_files
 
@@ -242,7 +242,7 @@ def _spare(args: argparse.Namespace, name: str) -> None:
         )
 
 
-def _readable(
+def _read_logs(
     args: argparse.Namespace, source: Source, options: Options
 ) -> tuple[list[Log], list[Error]]:
     """Return the logs that a fit can use, and print an error for each other one.
@@ -262,13 +262,13 @@ def _readable(
             broken.append(error)
     if not logs:
         *first, last = broken
-        _complain(first)
+        _print_errors(first)
         raise last
-    _complain(broken)
+    _print_errors(broken)
     return logs, broken
 
 
-def _complain(errors: list[Error]) -> None:
+def _print_errors(errors: list[Error]) -> None:
     for error in errors:
         print(f"error: {error}", file=sys.stderr)
 
@@ -307,7 +307,7 @@ def _each(args: argparse.Namespace) -> int:
         soft_wrap=True,
     )
     broken = [Error(row["error"]) for row in rows.values() if "error" in row]
-    _complain(broken)
+    _print_errors(broken)
     return 2 if broken else 0
 
 
@@ -319,17 +319,19 @@ def _follow(args: argparse.Namespace) -> int:
     from dahl.interrupt import Stop
 
     source, name = source_of(args), plan_header.identifier(args.name or "bus")
-    _spare(args, name)
+    _refuse_overwriting(args, name)
     follow.signals_of(source)  # report a bad DBC before any bus is opened
     with open_from(args) as bus, Stop() as stop:
         frames = read_ahead(Reception(bus, stop, args.seconds, args.frames))
         with contextlib.closing(frames):
-            result = follow.follow(frames, source, options_of(args), args.within / 100, _shown)
+            result = follow.follow(
+                frames, source, options_of(args), args.within / 100, _print_estimate
+            )
     _report(args, result, name)
     return 0
 
 
-def _shown(rows: int, result: Result | None, why: str) -> None:
+def _print_estimate(rows: int, result: Result | None, why: str) -> None:
     """Print one line for each estimate on a live bus."""
     numbers = ""
     if result is not None:

@@ -138,7 +138,7 @@ def white_noise(theta: np.ndarray, count: float) -> float:
     return float(np.sqrt(max(usual**2 / THIRD_DIFFERENCE_GAIN - count**2 / 12, 0.0)))
 
 
-def smoothed(theta: np.ndarray, count: float, noise: float) -> np.ndarray:
+def smooth_angle(theta: np.ndarray, count: float, noise: float) -> np.ndarray:
     """Between the counts or, if the angle has noise beyond them, the widest cubic it supports."""
     if not noise:
         return between_counts(theta, count)

@@ -19,8 +19,10 @@ from dahl.identify.samples import MIN_TURN_LENGTHS, Samples
 
 SURE = 2.0  # standard errors of the gain on cycles left out
 MIN_RESIDUAL_GAIN = 0.02  # of the residual, that a row must explain
+MAX_GAIN = 0.3  # times the rest of the residual; a row that explains more shows a wrong hypothesis
 EXTRA_MOVE = 0.5  # of the move by a row: its columns are one of many descriptions of an effect
 ENCODER_PERIODS = (8, 16, 32, 64, 128, 256, 512, 1024)  # counts
+ANGLE_KNOTS = 7  # of a friction that depends on the angle
 SHAPE_KNOTS = (0.15, 0.5, 1.2, 2.5, 5.0, 10.0)  # presliding lengths since the last turn
 ENCODER_ERROR = 0.5  # counts, at which the effect of an encoder error is linearised
 CORRECTABLE = "encoder error"  # rows whose name begins so can be taken out of the angle
@@ -137,14 +139,14 @@ class _Judge:
 
 
 def _withdraws(row: Row, moved: np.ndarray, gain: float) -> tuple[bool, bool]:
-    """Return whether sigma0 and Fc move too far.
+    """Return whether the claims of sigma0 and Fc are withdrawn.
 
-    A row that explains most of the residual, `gain` times the rest, shows that the hypothesis is
-    wrong.
+    A parameter must not move too far. If a row with a limit of its moves explains much of the
+    residual, the hypothesis is wrong, and neither parameter is claimed.
     """
+    is_wrong = bool(np.isfinite(row.max_move)) and gain > MAX_GAIN
     far = np.abs(moved) > row.max_move
-    wrong = bool(np.isfinite(row.max_move)) and gain > 1
-    return bool(far[0]) or wrong, bool(far[1])
+    return bool(far[0]) or is_wrong, bool(far[1]) or is_wrong
 
 
 def _at_ends(
@@ -242,10 +244,19 @@ def _angle(x: Context) -> list[Row]:
     rows = [Row("cubic spring", np.column_stack((z, z**3, z**5)))]
     if "waves" not in x.fit.hypothesis.terms:
         rows.append(Row("angle ripple", waves, max_move=0.2))
-    rows.append(
-        Row("Fc by angle", x.friction[:, None] * waves[:, ::3], max_move=0.2, min_gain=0.05)
-    )
+    rows.append(_friction_by_angle(x, z))
     return rows
+
+
+def _friction_by_angle(x: Context, z: np.ndarray) -> Row:
+    """sigma0 and Fc that depend on the angle: hat functions, each without its mean."""
+    hats = np.eye(ANGLE_KNOTS)[:, 1:]
+    places = np.linspace(-1, 1, ANGLE_KNOTS)
+    at = np.column_stack([np.interp(z, places, hat) for hat in hats.T])
+    mean = np.average(at, axis=0, weights=x.samples.used)
+    sizes = hats - mean
+    columns = x.friction[:, None] * (at - mean)
+    return Row("Fc by angle", columns, min_gain=0.05, ends=np.stack((0 * sizes, sizes)))
 
 
 def _encoder(x: Context) -> list[Row]:

@@ -218,11 +218,8 @@ def header(
         f"{result.verdict}.",
         about(result, model),
         *(
-            f"{what} [{unit}]: 95 % within {p.low:.5g} to {p.high:.5g}."
-            for what, p, unit in (
-                ("sigma0", result.sigma0, log.slope_unit),
-                ("Fc", result.Fc, log.unit),
-            )
+            f"{name} [{result.units[name]}]: 95 % within {p.low:.5g} to {p.high:.5g}."
+            for name, p in (("sigma0", result.sigma0), ("Fc", result.Fc))
         ),
         f"R2 on cycles left out {result.r2_of(model.fit):.4f}; of this plan alone on the raw motion"
         f" {quality.r2:.4f}.",

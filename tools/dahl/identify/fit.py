@@ -15,14 +15,15 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.signal import filtfilt, lfilter
 
 from dahl.identify import models
 from dahl.identify.models import LAWS, Law
 from dahl.identify.samples import Samples, delayed
 
-LAGS = ("none", "damping", "delay", "low pass", "play", "delay+filter")
-DELAYED = ("delay", "low pass", "delay+filter")  # the last parameter is a number of samples
+LAGS = ("none", "damping", "delay", "low pass", "zero-phase filter", "play", "delay+filter")
+FILTERS = ("low pass", "zero-phase filter")  # the latter runs forward and backward
+DELAYED = ("delay", *FILTERS, "delay+filter")  # the last parameter is a number of samples
 ROUNDS = 8  # Gauss-Newton steps of a fit, at most
 MAX_STEP, MAX_DELAY_STEP = 0.4, 6.0  # of a Gauss-Newton step: in ln a and shapes, in samples
 MIN_GAIN, SETTLED_STEP = 1e-4, 1e-3  # of the cost and of ln a, below which the fit has converged
@@ -182,7 +183,7 @@ class Fitter:
             width = float(np.exp(p[-1]))
             moves = self.samples.moves(models.behind_play(angle, self.samples.pieces, width))
         found = self.friction(h, p, moves, self.samples.pieces)
-        return [self._lagged(h, p, self.samples.delayed(x, h.skew)) for x in found]
+        return [self._apply_lag(h, p, self.samples.delayed(x, h.skew)) for x in found]
 
     def friction(
         self, h: Hypothesis, p: np.ndarray, moves: np.ndarray, pieces: models.Pieces
@@ -221,7 +222,7 @@ class Fitter:
         limits: np.ndarray = np.maximum(1 + strength * change, MIN_LIMIT)
         return limits
 
-    def _lagged(self, h: Hypothesis, p: np.ndarray, x: np.ndarray) -> np.ndarray:
+    def _apply_lag(self, h: Hypothesis, p: np.ndarray, x: np.ndarray) -> np.ndarray:
         """x as a late or slow torque sensor shows it."""
         s = self.samples
         if h.lag in ("delay", "delay+filter"):
@@ -230,9 +231,10 @@ class Fitter:
             each = p[len(p) - s.logs :]
             parts = zip(s.pieces, s.log_of, strict=True)
             return np.concatenate([delayed(x[rows], each[k]) for rows, k in parts])
-        if h.lag == "low pass":
+        if h.lag in FILTERS:
+            run = lfilter if h.lag == "low pass" else filtfilt
             kept = np.exp(-1 / max(p[-1], 1e-2))
-            return s.by_piece(lambda y: lfilter([1 - kept], [1, -kept], y), x)
+            return s.by_piece(lambda y: run([1 - kept], [1, -kept], y), x)
         return x
 
     def columns(
@@ -319,11 +321,11 @@ class Fitter:
         step: np.ndarray = np.clip(wanted, -MAX_STEP, MAX_STEP)
         for k in self._row_parameters(h, p):
             step[k] = np.clip(wanted[k], -MAX_DELAY_STEP, MAX_DELAY_STEP)
-        if h.lag == "low pass":
+        if h.lag in FILTERS:
             step[-1] = max(step[-1], MIN_LOW_PASS - p[-1])
         return step
 
-    def scored(self, h: Hypothesis, at: Optimum, columns: Sequence[int]) -> Fit | None:
+    def score(self, h: Hypothesis, at: Optimum, columns: Sequence[int]) -> Fit | None:
         """The score of some columns on cycles left out; None if the result is no friction."""
         whole, m = at.grams.sum(axis=0), len(at.limits)
         full, left = solve(whole, columns), solve(whole - at.grams, columns)
@@ -371,9 +373,9 @@ class Fitter:
     def fit(self, h: Hypothesis, p: np.ndarray, rounds: int = ROUNDS) -> Fit | None:
         """Fit and score one hypothesis from start values p."""
         at = self.optimum(h, p, rounds)
-        return None if at is None else self.scored(h, at, range(at.grams.shape[-1] - 1))
+        return None if at is None else self.score(h, at, range(at.grams.shape[-1] - 1))
 
-    def fit_subsets(
+    def fit_term_sets(
         self, h: Hypothesis, p: np.ndarray, pool: Sequence[str], waves: bool = True
     ) -> list[Fit]:
         """Fit with all terms of the pool, then score every subset from the same Gram matrices."""
@@ -386,9 +388,9 @@ class Fitter:
         base = len(limits) + len(at.p) + h.lag_columns
         term_of = [name for name in names for _ in self.term_columns([name])]
         found = []
-        for terms in _subsets(names):
+        for terms in _term_sets(names):
             own = [base + k for term in terms for k, name in enumerate(term_of) if name == term]
-            found.append(self.scored(replace(h, terms=terms), at, [*range(base), *own]))
+            found.append(self.score(replace(h, terms=terms), at, [*range(base), *own]))
         return [fit for fit in found if fit is not None]
 
     def predicted(self, fit: Fit) -> np.ndarray:
@@ -399,7 +401,7 @@ class Fitter:
         return torque
 
 
-def _subsets(names: Sequence[str]) -> list[tuple[str, ...]]:
+def _term_sets(names: Sequence[str]) -> list[tuple[str, ...]]:
     """Sets of terms worth a trial: one shape over the angle, with any of the terms by time."""
     shapes = [("offset",), ("offset", "spring"), ("offset", "spring", "cubic"), ("offset", "waves")]
     timed = [name for name in ("viscous", "inertia") if name in names]

@@ -38,11 +38,8 @@ def draw(path: Path, result: Result, title: str) -> None:
             color="#555555",
             wrap=True,
         )
-        log = result.logs[0]
-        numbers = (
-            f"sigma0 = {result.sigma0.value:.4g} {log.slope_unit},"
-            f" Fc = {result.Fc.value:.4g} {log.unit}"
-        )
+        found = {name: f"{getattr(result, name).value:.4g} {result.units[name]}" for name in NAMES}
+        numbers = ", ".join(f"{name} = {words}" for name, words in found.items())
         words = f"{plots.escape(title)}\n{result.hypothesis.friction.label}: {numbers}"
         figure.suptitle(words, fontsize=14, fontweight="bold", x=0.01, ha="left")
         plots.save(figure, path)
@@ -133,11 +130,12 @@ def _draw_hypotheses(axes: Axes, result: Result) -> None:
 
 def _draw_cycles(pair: np.ndarray, result: Result) -> None:
     """Draw sigma0 and Fc cycle by cycle with their intervals."""
-    log, cycles = result.logs[0], result.by_cycle()
-    for axes, name, unit in zip(pair, NAMES, (log.slope_unit, log.unit), strict=True):
+    cycles = result.by_cycle()
+    for axes, name in zip(pair, NAMES, strict=True):
         p = getattr(result, name)
         if np.isfinite(p.high):
             axes.axhspan(p.low, p.high, color=COMPUTED, alpha=0.25)
         axes.axhline(p.value, color=COMPUTED, linewidth=1)
         axes.plot(np.arange(len(cycles[name])) + 1, cycles[name], "o", color=MEASURED, ms=4)
-        axes.set(xlabel="cycle (shaded: 95 % of the whole log)", ylabel=f"{name} [{unit}]")
+        axes.set(xlabel="cycle (shaded: 95 % of the whole log)")
+        axes.set_ylabel(f"{name} [{result.units[name]}]")

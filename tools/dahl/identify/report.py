@@ -77,7 +77,7 @@ def numbers(result: Result) -> dict[str, Any]:
         "logs": list(dict.fromkeys(one.name for one in result.raw)),
         "rows": sum(one.rows for one in result.logs),
         "linear": log.linear,
-        "units": {"sigma0": log.slope_unit, "Fc": log.unit, "a": f"1/{log.angle_unit}"},
+        "units": result.units,
         **{name: getattr(result, name).value for name in ("sigma0", "Fc", "a")},
         "ci95": {name: _ends(getattr(result, name)) for name in ("sigma0", "Fc", "a")},
         "uncertainty": {name: getattr(result, name).uncertainty for name in NAMES},
@@ -137,9 +137,7 @@ def notes(result: Result) -> list[str]:
 
 def _coefficient_errors(result: Result) -> np.ndarray:
     """Return the standard errors of all linear coefficients, by the jackknife over cycles."""
-    fit, h = result.chosen, result.hypothesis
-    table, _ = result.fitter.columns(h, fit.p, fit.limits, h.terms)
-    return jackknife(_left_out_solutions(result.samples.grams(table)))
+    return jackknife(_left_out_solutions(result.optimum().grams))
 
 
 def _left_out_solutions(grams: np.ndarray) -> np.ndarray:
@@ -266,9 +264,8 @@ def _how(result: Result) -> dict[str, Any]:
 
 def _models(result: Result, model: RunnableModel) -> dict[str, Any]:
     """Return the laws, each with its best fit, and the best hypotheses."""
-    ordered = sorted(result.fits, key=lambda f: f.total)[:MAX_CHOICES]
-    if all(f is not result.chosen for f in ordered):
-        ordered.append(result.chosen)
+    others = [f for f in result.fits if f is not result.chosen]
+    ordered = [*sorted(others, key=lambda f: f.total)[:MAX_CHOICES], result.chosen]
     return {
         "model": result.hypothesis.friction.label,
         "exported_model": model.fit.hypothesis.friction.label,
@@ -338,7 +335,7 @@ def table(result: Result) -> Table:
     shown = Table(show_header=False, title=title_of(result), width=TABLE_COLUMNS)
     shown.title_justify = "left"
     shown.add_row("verdict", result.verdict)
-    for name, unit in (("sigma0", log.slope_unit), ("Fc", log.unit), ("a", f"1/{log.angle_unit}")):
+    for name, unit in result.units.items():
         p = getattr(result, name)
         high = f"{p.high:.5g}" if math.isfinite(p.high) else "no end"
         shown.add_row(name, f"{p.value:.5g} {unit}, 95 %: {p.low:.5g} to {high}")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dahl.identify.fit import Fit, Fitter, Hypothesis, Optimum, solve
+from dahl.identify.fit import DELAYED, Fit, Fitter, Hypothesis, Optimum, solve
 from dahl.identify.models import ONE_ELEMENT
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, samples_of
 from dahl.io.log import Log, resolution_of
@@ -88,6 +88,12 @@ class Result:
     checks: dict[str, float] = field(default_factory=dict)  # log not fitted -> R2
 
     # --- numbers ---
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of sigma0, Fc and a."""
+        log = self.logs[0]
+        return {"sigma0": log.slope_unit, "Fc": log.unit, "a": f"1/{log.angle_unit}"}
 
     @property
     def chosen(self) -> Fit:
@@ -202,14 +208,15 @@ class Result:
             }
         )
 
-    def _optimum(self) -> Optimum:
+    def optimum(self) -> Optimum:
+        """Columns of the chosen hypothesis, linearised at its fit, as products by cycle."""
         fit, h = self.chosen, self.hypothesis
         table, limits = self.fitter.columns(h, fit.p, fit.limits, h.terms)
         return Optimum(fit.p, self.samples.grams(table), limits, np.ones(len(limits)))
 
     def bootstrap(self, draws: int = 1000, seed: int = 0) -> np.ndarray:
         """sigma0 and Fc of resampled cycles, (draws, 2): the noise part of the uncertainty."""
-        at = self._optimum()
+        at = self.optimum()
         n = len(at.grams)
         times = np.random.default_rng(seed).multinomial(n, np.full(n, 1 / n), size=draws)
         grams = np.tensordot(times.astype(float), at.grams, axes=1)
@@ -222,7 +229,7 @@ class Result:
 
     def by_cycle(self) -> dict[str, np.ndarray]:
         """sigma0, Fc and offset of each scored cycle alone, in the linearised model: (cycles,)."""
-        at = self._optimum()
+        at = self.optimum()
         m, k = len(at.limits), at.grams.shape[-1] - 1
         kept = [*range(2 * m), *range(m + len(at.p), k)]  # shapes and lags are those of all cycles
         c = np.zeros((len(at.grams), k))
@@ -239,7 +246,7 @@ class Result:
         fit = self.chosen
         if self.hypothesis.angle not in samples.angles:
             samples = samples.with_angle(self.hypothesis.angle, samples.angles["between counts"])
-        if samples.block != self.samples.block and "delay" in self.hypothesis.lag:
+        if samples.block != self.samples.block and self.hypothesis.lag in (*DELAYED, "delays"):
             p = fit.p.copy()
             p[-1] *= self.samples.block / samples.block
             fit = replace(fit, p=p)
@@ -251,14 +258,11 @@ class Result:
     @property
     def verdict(self) -> str:
         """One line: the claims, how well they are known, and the dominant uncertainty."""
-        log, words = self.logs[0], []
-        for name, p, unit in (
-            ("sigma0", self.sigma0, log.slope_unit),
-            ("Fc", self.Fc, log.unit),
-        ):
+        words = []
+        for name, p in zip(NAMES, (self.sigma0, self.Fc), strict=True):
             within = f"within {100 * p.half_width:.2g} %, mostly {SOURCES[p.uncertainty]}"
             if p.claimed:
-                words.append(f"{name} = {p.value:.4g} {unit} {within}")
+                words.append(f"{name} = {p.value:.4g} {self.units[name]} {within}")
             else:
                 words.append(f"{name} is not identifiable")
         return "; ".join([*words, *self.reasons])

@@ -312,7 +312,7 @@ def _columns_of(
     log: Log, noise: float, timed: bool, angles: Sequence[str]
 ) -> dict[str, np.ndarray]:
     """All arrays of a log at its own rows."""
-    smooth = treatments.smoothed(log.theta, log.resolution, noise)
+    smooth = treatments.smooth_angle(log.theta, log.resolution, noise)
     time = log.time if timed and log.time is not None else NO_CLOCK_STEP * np.arange(log.rows)
     step = np.gradient(time)
     usual = float(np.median(step)) or 1.0

@@ -15,7 +15,7 @@ from itertools import product
 import numpy as np
 
 from dahl.identify import models
-from dahl.identify.fit import LAGS, MAX_LINEAR, Fit, Fitter, Hypothesis, excess
+from dahl.identify.fit import FILTERS, LAGS, MAX_LINEAR, Fit, Fitter, Hypothesis, excess
 from dahl.identify.models import LAWS
 from dahl.identify.start import pair_starts, slip_start
 from dahl.io.log import TERMS
@@ -75,7 +75,7 @@ def fit_all(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[
         lags = [lag for lag in ("none", "delay") if lag in space.lags]
         for angle, lag in product(fitter.samples.angles, lags):
             h = Hypothesis("loaded", lag, angle)
-            fits += _subsets(fitter, h, fitter.start(h, a, delay or 1.0), space)
+            fits += _fit_term_sets(fitter, h, fitter.start(h, a, delay or 1.0), space)
     fits += _other_laws(fitter, fits, space)
     fits = [f for f in fits if np.isfinite(f.value).all() and np.isfinite(f.cost).all()]
     fits = [f for f in fits if f.step < MAX_LINEAR] or fits
@@ -100,6 +100,7 @@ def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: Search
         "delay+filter": delay,
         "delays": delay,
         "low pass": max(delay, 3.0),
+        "zero-phase filter": 3.0,
         "play": float(np.log(0.2 / a)),
     }
     lags = [*space.lags]
@@ -111,22 +112,22 @@ def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: Search
             h = Hypothesis("dahl", lag, angle)
             if _smooths_counts(h):
                 continue
-            fits += _subsets(fitter, h, fitter.start(h, a, starts.get(lag, 0.0)), space)
+            fits += _fit_term_sets(fitter, h, fitter.start(h, a, starts.get(lag, 0.0)), space)
     return fits
 
 
 def _smooths_counts(h: Hypothesis) -> bool:
     """Whether a filter would smooth the steps of an angle as read, which no torque has."""
-    return h.angle == "as read" and h.lag in ("low pass", "delay+filter")
+    return h.angle == "as read" and h.lag in (*FILTERS, "delay+filter")
 
 
-def _subsets(fitter: Fitter, h: Hypothesis, p: np.ndarray, space: SearchSpace) -> list[Fit]:
+def _fit_term_sets(fitter: Fitter, h: Hypothesis, p: np.ndarray, space: SearchSpace) -> list[Fit]:
     """Return all sets of terms that come near the best one of this law and lag."""
     if space.terms is not None:
         one = fitter.fit(replace(h, terms=space.pool), p)
         return [one] if one is not None else []
     pool = [name for name in space.pool if fitter.samples.timed or name in ("offset", "spring")]
-    fits = sorted(fitter.fit_subsets(h, p, pool, space.shapes), key=lambda f: f.total)
+    fits = sorted(fitter.fit_term_sets(h, p, pool, space.shapes), key=lambda f: f.total)
     return [f for k, f in enumerate(fits) if k < 3 or f.total < MAX_COST_RATIO * fits[0].total]
 
 
@@ -143,7 +144,7 @@ def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit
         lead = own.p[own.hypothesis.friction.elements :]  # lag of the Dahl fit
         for law, p in starts.items():
             h = Hypothesis(law, lag, angle, terms)
-            found += _subsets(fitter, h, np.append(p, lead), space)
+            found += _fit_term_sets(fitter, h, np.append(p, lead), space)
     return found + _with_other_angles(fitter, found, angle)
 
 
@@ -159,7 +160,7 @@ def _law_starts(
     starts = {law: fitter.start(replace(plain, law=law), a) for law in laws}
     starts |= pair_starts(fitter, plain, a)
     several = slip_start(fitter, plain, a)
-    if several is not None and several[0].friction.elements > 2:
+    if several is not None:
         starts[several[0].law] = several[1]
     if space.wanted in LAWS:
         starts.setdefault(space.wanted, fitter.start(replace(plain, law=space.wanted), a))

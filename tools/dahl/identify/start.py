@@ -91,7 +91,10 @@ def pair_starts(fitter: Fitter, h: Hypothesis, a: float) -> dict[str, np.ndarray
 
 
 def slip_start(fitter: Fitter, h: Hypothesis, a: float) -> tuple[Hypothesis, np.ndarray] | None:
-    """A sum of slip elements: non-negative least squares on a grid, with neighbours joined."""
+    """A sum of slip elements: non-negative least squares on a grid, with neighbours joined.
+
+    None for fewer than three, since pair_starts() has the best pair.
+    """
     grid = a * SLIP_GRID
     w = [models.slip(fitter.moves[h.angle], fitter.samples.pieces, x) for x in grid]
     c = _non_negative(fitter, np.column_stack((*w, *fitter.term_columns(h.terms))), len(grid))
@@ -101,7 +104,7 @@ def slip_start(fitter: Fitter, h: Hypothesis, a: float) -> tuple[Hypothesis, np.
             groups[-1].append(k)
         else:
             groups.append([k])
-    if len(groups) < 2:
+    if len(groups) < 3:
         return None
     while len(groups) > MAX_SLIPS:
         groups.pop(int(np.argmin([c[group].sum() for group in groups])))
