@@ -11,6 +11,7 @@
 # Examples:  tools/demo.sh
 #            tools/demo.sh --scene steering
 #            tools/demo.sh --scene compensation   laws of friction compensation, without a bus: compensation.png, summary.json
+#            tools/demo.sh --scene park-steer     a power steering with two nodes: park-steer.png, run.log, summary.json
 #            tools/demo.sh --target m4f     the torque from firmware on an emulated Cortex-M4F
 #            tools/demo.sh shaft.csv --angle angle_deg --torque torque_Nm --sigma0 120 --fc 0.8 --counts-per-turn 16384
 set -euo pipefail

@@ -159,7 +159,7 @@ def test_bash_completes_commands_options_and_values(dahl, root):
         names = {name for names in options for name in names.split("/")}
         assert set(completed(verb, "-")) == {*names, "-h", "--help"}
     scenes = {path.stem for path in (root / "host_sim" / "scenes").glob("*.ini")}
-    assert set(completed("demo", "--scene", "")) == scenes | {"compensation"}
+    assert set(completed("demo", "--scene", "")) == scenes | {"compensation", "park-steer"}
     assert completed("plan", "--model", "asy") == ["asymmetric"]
     for name in ("-i", "--interface"):
         assert "socketcand" in completed("node", name, "socketcan")

@@ -70,11 +70,12 @@ def test_the_demo_writes_picture_and_numbers(
     assert (tmp_path / "compensation.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.parametrize("scene", ["compensation", "park-steer"])
 @pytest.mark.parametrize("option", [["--bus", "socketcand"], ["--seconds", "3"], ["--fc", "1"]])
 def test_options_of_a_bus_or_a_log_are_refused(
-    option: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    option: list[str], scene: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["demo", "--scene", "compensation", *option, "-o", str(tmp_path)]
+    words = ["demo", "--scene", scene, *option, "-o", str(tmp_path)]
     assert cli.main(words) != 0
     said = capsys.readouterr().err
     assert said.startswith("error: ") and option[0] in said and said.count("\n") == 1

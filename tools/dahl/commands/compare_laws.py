@@ -31,10 +31,7 @@ def run(args: argparse.Namespace, console: Any) -> int:
     from dahl.io import files
     from dahl.report import compensation as picture
 
-    given = [name for name in FOREIGN if getattr(args, name) is not None]
-    if given:
-        names = ", ".join("LOG" if one == "log" else f"--{one.replace('_', '-')}" for one in given)
-        raise Error(f"--scene {SCENE} has no bus and no log; leave out {names}")
+    refuse_options(args, SCENE, "has no bus and no log", FOREIGN)
     seed = DEFAULT_SEED if args.seed is None else args.seed
     comparison = _compare_with_progress(seed, console)
     numbers = {"scene": SCENE, "seed": seed, "version": __version__, **comparison.numbers}
@@ -47,6 +44,16 @@ def run(args: argparse.Namespace, console: Any) -> int:
     if args.json:
         print(json.dumps(numbers, indent=2))
     return 0
+
+
+def refuse_options(
+    args: argparse.Namespace, scene: str, reason: str, foreign: tuple[str, ...]
+) -> None:
+    """Raise dahl.Error if one of these options is given."""
+    given = [name for name in foreign if getattr(args, name) is not None]
+    if given:
+        names = ", ".join("LOG" if one == "log" else f"--{one.replace('_', '-')}" for one in given)
+        raise Error(f"--scene {scene} {reason}; leave out {names}")
 
 
 def _compare_with_progress(seed: int, console: Any) -> Comparison:

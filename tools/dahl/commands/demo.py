@@ -101,7 +101,8 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scene",
         metavar="NAME",
-        help="a shipped scene, the path of a scene file, or compensation (laws compared, no bus)",
+        help="a shipped scene, the path of a scene file, compensation (laws compared, no bus) or"
+        " park-steer (a power steering, two nodes)",
     )
     parser.add_argument(
         "--bus", metavar="SPEC", help="socketcan:IF or socketcand (default: the best there is)"
@@ -133,13 +134,15 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from dahl.commands import compare_laws
+    from dahl.commands import compare_laws, park_steer
     from dahl.report import terminal
 
     console = terminal.console(stderr=args.json, soft_wrap=True)
     with paths.lock_folder(args.output):
         if args.scene == compare_laws.SCENE:
             return compare_laws.run(args, console)
+        if args.scene == park_steer.SCENE:
+            return park_steer.run(args, console)
         _refuse_overwriting(args.log, args.output)
         scene, log, recorded = _choose(args, console)
         numbers, trace = _play(args, scene, log, recorded, console)
@@ -189,7 +192,7 @@ def _not_compared(numbers: dict[str, Any], not_recorded: int) -> str:
 
 def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None, Recorded | None]:
     """Return scene, log and recording, checked before any program starts."""
-    from dahl.commands.compare_laws import SCENE
+    from dahl.commands import compare_laws, park_steer
     from dahl.io import data
     from dahl.sim import scene
 
@@ -201,7 +204,8 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
     given = ["--" + name.replace("_", "-") for name in _given(args) if name != "log"]
     if given:
         raise Error(f"only with a LOG of your own: {', '.join(given)}")
-    chosen = scene.read(scene.find(args.scene, SCENE)) if args.scene else _default(console)
+    others = compare_laws.SCENE, park_steer.SCENE
+    chosen = scene.read(scene.find(args.scene, *others)) if args.scene else _default(console)
     if not chosen.log:
         return chosen, None, None
     log = data.find_log(chosen.log, chosen.path.parent)

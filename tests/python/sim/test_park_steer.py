@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: MIT
+"""`dahl demo --scene park-steer`: the loop of hand torque over angle, its work, and its files."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dahl import cli
+from dahl.io import can_logs
+from dahl.sim import park_steer as scene
+from scipy.integrate import solve_ivp
+
+pytestmark = pytest.mark.usefixtures("library")
+GAINS = {"without": 0.0, "with": scene.GAIN}
+
+
+@pytest.fixture(scope="module")
+def runs(library) -> dict[str, scene.Run]:
+    return {name: scene.simulate(gain) for name, gain in GAINS.items()}
+
+
+def exact_run(gain: float) -> tuple[np.ndarray, float]:
+    """Solve pinion and friction as an ODE. Return the torques of the hand and the work of the
+    tyres in the last cycle. The compensation follows the friction without a delay."""
+    plan, end = scene.tyre_plan(), scene.CYCLES / scene.HAND_HZ
+    time = np.arange(scene.count_ticks() + 1) * scene.PERIOD_S
+
+    def slope(t: float, state: np.ndarray) -> list[float]:
+        angle, speed, friction, _ = state
+        twist = -scene.TORSION_BAR * (scene.HAND_AMPLITUDE * np.cos(scene.RATE * t) + angle)
+        torque = twist - scene.PINION_DAMPING * speed - (1 - gain) * friction
+        bristle = plan.sigma0 * (speed - abs(speed) * friction / plan.Fc)
+        return [speed, torque / scene.PINION_INERTIA, bristle, friction * speed]
+
+    start = [-scene.HAND_AMPLITUDE, 0, 0, 0]
+    done = solve_ivp(slope, (0, end), start, "DOP853", time, rtol=1e-9, atol=1e-9, max_step=0.02)
+    angle, speed, acceleration = np.array([scene.hand_motion(t) for t in time]).T
+    inertia = scene.HAND_WHEEL_INERTIA * acceleration
+    hand = inertia + scene.COLUMN_DAMPING * speed + scene.TORSION_BAR * (angle - done.y[0])
+    return hand, done.y[3, -1] - done.y[3, -1 - round(1 / scene.HAND_HZ / scene.PERIOD_S)]
+
+
+@pytest.mark.parametrize("name", GAINS)
+def test_the_width_is_twice_the_torque_that_is_not_compensated(name: str, runs) -> None:
+    numbers = runs[name].numbers()
+    sticking = numbers["width_Nm"] - numbers["drag_Nm"]
+    assert sticking == pytest.approx(2 * (1 - GAINS[name]) * scene.sticking_torque(), rel=0.02)
+
+
+@pytest.mark.parametrize("name", GAINS)
+def test_torque_and_work_are_those_of_the_ode(name: str, runs) -> None:
+    hand, tyres_work = exact_run(GAINS[name])
+    assert np.abs(runs[name].hand - hand).max() < 1e-3 * scene.sticking_torque()
+    numbers = runs[name].numbers()
+    assert numbers["tyres_J"] == pytest.approx(tyres_work, rel=1e-4)
+    assert numbers["assist_J"] == pytest.approx(GAINS[name] * tyres_work, rel=1e-4)
+
+
+def test_the_page_has_the_numbers_of_the_scene(runs, root: Path) -> None:
+    text = (root / "docs/steering.md").read_text()
+    rows = re.findall(r"^\|[^|]*\[(?:N m|J)\] \| ([\d.]+) \| ([\d.]+) \|$", text, re.M)
+    due = zip(*(runs[name].numbers().values() for name in GAINS), strict=True)
+    assert np.array(rows, float) == pytest.approx(np.array(list(due)), abs=0.011)
+
+
+def test_the_demo_writes_numbers_frames_and_picture(runs, tmp_path: Path, monkeypatch) -> None:
+    by_gain = {gain: runs[name] for name, gain in GAINS.items()}
+    monkeypatch.setattr(scene, "simulate", lambda gain, _progress: by_gain[gain])
+    assert cli.main(["demo", "--scene", "park-steer", "-o", str(tmp_path)]) == 0
+    written = json.loads((tmp_path / "summary.json").read_text())
+    assert all(written[name] == run.numbers() for name, run in runs.items())
+    ids = [message.arbitration_id for message in can_logs.read_candump(tmp_path / "run.log")]
+    ticks = scene.count_ticks() + 1
+    assert {one: ids.count(one) for one in ids[:4]} == dict.fromkeys((256, 257, 272, 273), ticks)
+    assert (tmp_path / "park-steer.png").read_bytes().startswith(b"\x89PNG")

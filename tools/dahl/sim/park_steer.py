@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: MIT
+"""Simulate parking at standstill: a hand turns the wheel against the sticking torque of the tyres.
+
+Two friction nodes answer the count of the pinion on a bus of python-can inside this process. Node 0
+is the tyres: its torque brakes the pinion. Node 1 is the assist: its motor pushes with a share of
+the same torque. The clock is virtual, so the numbers are the same on every machine.
+docs/steering.md has the source of each parameter.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+
+import can
+import numpy as np
+
+from dahl.binding.friction import Plan
+from dahl.can import codec
+from dahl.can.bus import VCAN, open_bus
+from dahl.can.node import Node
+from dahl.errors import RunError
+
+NAME = "park-steer"
+# Steering and car
+HAND_WHEEL_INERTIA = 0.046  # kg m2, with the upper column
+COLUMN_DAMPING = 0.361  # N m s/rad
+TORSION_BAR = 115.0  # N m/rad
+PINION_RADIUS = 0.0071  # m
+RACK_MASS, RACK_DAMPING = 32.0, 3620.0  # kg, N s/m
+MOTOR_INERTIA, MOTOR_DAMPING = 0.00045, 0.0033  # kg m2, N m s/rad
+MOTOR_RATIO = 22.0  # turns of the motor in a turn of the pinion
+STEERING_RATIO = 16.5  # turns of the pinion in a turn of the road wheels
+CAR_MASS, FRONT_ARM, REAR_ARM = 1296.0, 1.01, 1.56  # kg; m from the centre of mass to an axle
+GRAVITY = 9.81  # m/s2
+# Tyres
+TYRE_GRIP = 0.7
+TYRE_PRESSURE = 220e3  # Pa
+TYRE_PRESLIDING = math.radians(2.0)  # rad of the road wheels: Fc/sigma0
+# Hand, nodes and clock
+HAND_AMPLITUDE, HAND_HZ = math.pi, 0.1  # rad
+CYCLES = 1.5  # the last whole cycle is measured
+GAIN = 0.8  # share of the sticking torque that the assist pushes with
+COUNTS_PER_TURN = 16384
+PERIOD_S, SUBSTEPS = 1e-3, 8
+TYRES, ASSIST = 0, 1  # numbers of the nodes
+
+PINION_INERTIA = MOTOR_INERTIA * MOTOR_RATIO**2 + RACK_MASS * PINION_RADIUS**2  # kg m2
+PINION_DAMPING = MOTOR_DAMPING * MOTOR_RATIO**2 + RACK_DAMPING * PINION_RADIUS**2  # N m s/rad
+RATE = 2 * math.pi * HAND_HZ  # rad/s
+THETA_PER_COUNT = 2 * math.pi / COUNTS_PER_TURN
+
+
+def sticking_torque() -> float:
+    """Return the largest torque of both tyres at the pinion in N m: grip/3 sqrt(W^3/p) for each."""
+    load = CAR_MASS * GRAVITY * REAR_ARM / (FRONT_ARM + REAR_ARM) / 2  # N on a tyre
+    return 2 * TYRE_GRIP / 3 * math.sqrt(load**3 / TYRE_PRESSURE) / STEERING_RATIO
+
+
+def tyre_plan() -> Plan:
+    """Return the friction of both tyres at the pinion."""
+    Fc = sticking_torque()  # noqa: N806
+    return Plan(Fc / (TYRE_PRESLIDING * STEERING_RATIO), Fc, THETA_PER_COUNT)
+
+
+def hand_motion(t: float) -> tuple[float, float, float]:
+    """Return angle, speed and acceleration of the hand wheel in rad and s. It starts at rest."""
+    sine, cosine = math.sin(RATE * t), math.cos(RATE * t)
+    angle = -HAND_AMPLITUDE * cosine
+    return angle, HAND_AMPLITUDE * RATE * sine, -(RATE**2) * angle
+
+
+class Pinion:
+    """Pinion, rack and motor behind the torsion bar, whose other end the hand turns."""
+
+    def __init__(self) -> None:
+        self.angle, self.speed, self.time = hand_motion(0)[0], 0.0, 0.0  # rad, rad/s, s
+
+    def twist(self) -> float:
+        """Return the torque of the torsion bar in N m."""
+        return TORSION_BAR * (hand_motion(self.time)[0] - self.angle)
+
+    def advance(self, torque: float) -> None:
+        """Move for a period under a torque in N m that is constant in it."""
+        step = PERIOD_S / SUBSTEPS
+        for _ in range(SUBSTEPS):
+            total = self.twist() - PINION_DAMPING * self.speed + torque
+            self.speed += total / PINION_INERTIA * step
+            self.angle += self.speed * step
+            self.time += step
+
+    def hand_torque(self) -> float:
+        """Return the torque in N m that the hand needs for its motion."""
+        _, speed, acceleration = hand_motion(self.time)
+        return HAND_WHEEL_INERTIA * acceleration + COLUMN_DAMPING * speed + self.twist()
+
+
+class Station:
+    """A friction node with its own access to the bus."""
+
+    def __init__(self, bus: can.BusABC, node: Node) -> None:
+        self._bus, self._node = bus, node
+
+    def serve(self, now: float) -> list[can.Message]:
+        """Answer all frames that wait. Return the answers."""
+        answers = []
+        while (message := self._bus.recv(0)) is not None:
+            if answer := self._node.receive(message, now):
+                self._bus.send(answer)
+                answers.append(answer)
+        return answers
+
+
+class Column:
+    """The sensor and the motor of the column: sends counts, receives torques, in lockstep."""
+
+    def __init__(self, bus: can.BusABC, stations: list[Station]) -> None:
+        self._bus, self._stations = bus, stations
+        self._counters = itertools.cycle(range(codec.COUNTERS))
+        self.frames: list[can.Message] = []  # all of the bus, with their time
+
+    def exchange(self, angle: float, now: float) -> list[float]:
+        """Return the torque over Fc of each node for an angle in rad at a time in s. Raises
+        RunError if a node does not answer.
+        """
+        state = codec.EncoderState(round(angle / THETA_PER_COUNT), next(self._counters))
+        sent = [codec.pack(state, number) for number in range(len(self._stations))]
+        for message in sent:
+            self._bus.send(message)
+        for station in self._stations:
+            sent += station.serve(now)
+        for message in sent:
+            message.timestamp, message.channel = now, VCAN
+        self.frames += sent
+        return self._receive(now)
+
+    def _receive(self, now: float) -> list[float]:
+        ratios = {}
+        while (message := self._bus.recv(0)) is not None:
+            frame = codec.unpack(message, codec.FrictionTorque)
+            ratios[message.arbitration_id % codec.NODES] = frame.ratio
+        if len(ratios) < len(self._stations):
+            raise RunError(f"a node did not answer the count at {now:.3f} s")
+        return [ratios[number] for number in sorted(ratios)]
+
+
+@dataclass(frozen=True)
+class Run:
+    """A row per tick of angles in rad and torques in N m, and the frames of the bus."""
+
+    time: np.ndarray
+    hand_angle: np.ndarray
+    pinion_angle: np.ndarray
+    hand: np.ndarray
+    tyres: np.ndarray
+    assist: np.ndarray
+    frames: list[can.Message]
+
+    def numbers(self) -> dict[str, float]:
+        """Return width and work of the last cycle. The width is that of the loop of hand torque
+        over hand angle as the wheel passes straight ahead; drag is its viscous part.
+        """
+        quarter = _ticks(0.25 / HAND_HZ)
+        cycle = slice(-4 * quarter - 1, None)
+        forward, backward = self.hand[-1 - quarter], self.hand[-1 - 3 * quarter]
+        return {
+            "width_Nm": float(forward - backward),
+            "drag_Nm": 2 * (COLUMN_DAMPING + PINION_DAMPING) * HAND_AMPLITUDE * RATE,
+            "largest_hand_Nm": float(np.abs(self.hand[cycle]).max()),
+            "hand_J": work(self.hand[cycle], self.hand_angle[cycle]),
+            "tyres_J": work(self.tyres[cycle], self.pinion_angle[cycle]),
+            "assist_J": work(self.assist[cycle], self.pinion_angle[cycle]),
+        }
+
+
+def work(torque: np.ndarray, angle: np.ndarray) -> float:
+    """Return the work in J of a torque along an angle."""
+    return float(np.trapezoid(torque, angle))
+
+
+def _ticks(seconds: float) -> int:
+    return round(seconds / PERIOD_S)
+
+
+def simulate(gain: float, progress: Callable[[], None] = lambda: None) -> Run:
+    """Run the closed loop with an assist of this gain, 0 .. 1. Calls progress() after each tick."""
+    plan, pinion = tyre_plan(), Pinion()
+    nodes = Node(plan, TYRES), Node(plan, ASSIST, gain=gain)
+    rows = []
+    with ExitStack() as stack:
+        buses = [stack.enter_context(open_bus(interface="virtual", channel=NAME)) for _ in range(3)]
+        column = Column(buses[0], [Station(*pair) for pair in zip(buses[1:], nodes, strict=True)])
+        for tick in range(count_ticks() + 1):
+            now = tick * PERIOD_S
+            tyres, assist = (plan.Fc * ratio for ratio in column.exchange(pinion.angle, now))
+            angles = hand_motion(now)[0], pinion.angle
+            rows.append((now, *angles, pinion.hand_torque(), tyres, assist))
+            pinion.advance(assist - tyres)
+            progress()
+    time, hand_angle, pinion_angle, hand, tyre_torques, assist_torques = np.array(rows).T
+    return Run(time, hand_angle, pinion_angle, hand, tyre_torques, assist_torques, column.frames)
+
+
+def count_ticks() -> int:
+    """Return the number of ticks of a run."""
+    return _ticks(CYCLES / HAND_HZ)
