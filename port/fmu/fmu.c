@@ -100,6 +100,7 @@ static void read_parameters(friction_t *f, const fmu_start_t *start, const doubl
     }
 }
 
+/* Return the torque after a long move. Its rounding may differ from that of the sum of Fc. */
 static double largest_torque(const friction_t *f)
 {
     friction_state_t state[DAHL_SLIP_MAX] = {0};
@@ -268,7 +269,7 @@ FMI2_FUNCTION(fmi2Status, fmi2SetReal, fmi2Component c, const fmi2ValueReference
     FMI2_FUNCTION(fmi2Status, call, fmi2Component c, const fmi2ValueReference vr[], size_t n, type value[])                    \
     {                                                                                                                          \
         (void)vr, (void)value;                                                                                                 \
-        return n == 0 && c != NULL ? fmi2OK : fail(c, #call ": all variables are Real");                                        \
+        return n == 0 && c != NULL ? fmi2OK : fail(c, #call ": all variables are Real");                                       \
     }
 NO_VARIABLES(fmi2GetInteger, fmi2Integer)
 NO_VARIABLES(fmi2GetBoolean, fmi2Boolean)

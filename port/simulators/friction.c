@@ -4,8 +4,8 @@
 
 #include <string.h>
 
-#define ONE_Q30 1073741824.0
-#define FINE_TRAVEL 0x1p-20f /* [1] of a count, in presliding lengths */
+#define ONE_Q30 0x1p30
+#define FINE_TRAVEL 0x1p-20f /* [presliding lengths] of one count */
 #define COUNTS_MAX 0x1p36    /* 64 presliding lengths or more: every element is at its end */
 #define TWO_52 0x1p52        /* a double from here on is an integer */
 
@@ -85,7 +85,7 @@ static float fine_count(const friction_t *f)
     return FINE_TRAVEL * least;
 }
 
-static double largest_torque(const friction_t *f)
+static double full_torque(const friction_t *f)
 {
     const double first = (double)f->params.Fc[0], second = (double)f->params.Fc[1];
     if (friction_models[f->model].Fcs == 2) {
@@ -106,11 +106,11 @@ dahl_err_t friction_prepare(friction_t *f)
     if (f->model != FRICTION_DAHL && !f->is_stiffness_fixed && !(f->params.theta_per_count > 0.0f)) {
         f->params.theta_per_count = fine_count(f);
     }
-    f->Fc = largest_torque(f);
+    f->Fc = full_torque(f);
     return prepare_plan(f);
 }
 
-/* Round to the nearest integer, a half to the even one. */
+/* Round to the nearest integer, a half to the even one, as rint() does. An FMU is not linked with libm. */
 static double nearest(double x)
 {
     const double shift = x < 0.0 ? -TWO_52 : TWO_52;
@@ -161,6 +161,7 @@ static int32_t step_counts_q30(const friction_t *f, friction_state_t *state, int
     }
 }
 
+/* NaN becomes -limit. */
 static double clamp(double x, double limit)
 {
     return x > limit ? limit : x > -limit ? x : -limit;
