@@ -42,7 +42,7 @@ SEVERAL = {
     f"of {name}": {"joint" if name in "ab" else "tendon": name, "sigma0": sigma0, "Fc": Fc}
     for name, (sigma0, Fc) in PARAMETERS.items()
 }
-REST, FULL = 0.25, 0.5  # of the load [1], [N m]
+REST, FULL = 0.25, 0.25  # of the load [1], [N m]; large torques exceed a load of 1
 
 
 def made(instances: dict[str, dict[str, Any]], integrator: str = "Euler") -> Any:
