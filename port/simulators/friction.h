@@ -49,8 +49,8 @@ typedef union {
 /* Return FRICTION_..., or FRICTION_MODELS if there is no such model. */
 uint32_t friction_find(const char *name);
 
-/* Prepare the model. If theta_per_count is 0, dahl moves by angle. Another model gets a fine count, 2^-20 of the least presliding
- * length Fc/sigma0, so that a count changes F by at most 1e-6 of Fc. Return the error of the library. */
+/* Prepare the model. If theta_per_count is 0, dahl moves by angle. Another model gets a fine count, 2^-20 of the least
+ * presliding length Fc/sigma0, so that a count changes F by at most 1e-6 of Fc. Return the error of the library. */
 dahl_err_t friction_prepare(friction_t *f);
 
 /* Return the number of states, each of one part. */
