@@ -40,7 +40,7 @@ static void place(const mjData *d, const instance_t *self, mjtNum *state, double
 /* Return the number of 32-bit words of the friction's state. */
 static uint32_t count_words(const friction_t *f)
 {
-    return friction_states(f) * FRICTION_STATE_WORDS;
+    return friction_count_states(f) * FRICTION_STATE_WORDS;
 }
 
 static void save(mjtNum *numbers, const friction_t *f, const friction_state_t *from)

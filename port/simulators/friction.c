@@ -21,9 +21,14 @@ uint32_t friction_find(const char *name)
     return model;
 }
 
-uint32_t friction_states(const friction_t *f)
+uint32_t friction_count_states(const friction_t *f)
 {
     return f->model == FRICTION_PARALLEL ? f->params.elements : 1;
+}
+
+static bool is_slip(const friction_t *f, uint32_t k)
+{
+    return (f->slips >> k & 1u) != 0;
 }
 
 static void join_parts(const friction_t *f, friction_state_t *state, dahl_part_t *parts)
@@ -31,7 +36,7 @@ static void join_parts(const friction_t *f, friction_state_t *state, dahl_part_t
     for (uint32_t k = 0; k < f->params.elements; k++) {
         const dahl_part_t dahl = DAHL_PART(&f->plan[k].dahl, &state[k].bristle.bristle);
         const dahl_part_t slip = DAHL_SLIP_PART(&f->plan[k].slip, &state[k].slip);
-        parts[k] = (f->slips >> k & 1u) != 0 ? slip : dahl;
+        parts[k] = is_slip(f, k) ? slip : dahl;
     }
 }
 
@@ -43,8 +48,8 @@ static dahl_err_t prepare_parallel(friction_t *f)
         const float sigma0 = f->params.sigma0[k], Fc = f->params.Fc[k], theta = f->params.theta_per_count;
         const dahl_params_t dahl = {sigma0, Fc, theta};
         const dahl_slip_params_t slip = {1, theta, {sigma0}, {Fc}};
-        const bool is_slip = (f->slips >> k & 1u) != 0;
-        const dahl_err_t err = is_slip ? dahl_slip_prepare(&f->plan[k].slip, &slip) : dahl_prepare(&f->plan[k].dahl, &dahl);
+        friction_plan_t *plan = &f->plan[k];
+        const dahl_err_t err = is_slip(f, k) ? dahl_slip_prepare(&plan->slip, &slip) : dahl_prepare(&plan->dahl, &dahl);
         if (err != DAHL_OK) {
             return err;
         }

@@ -33,7 +33,7 @@ typedef struct {
     uint32_t slips;            /* of parallel: bit k is set if element k slips, else it is a Dahl element */
     bool is_stiffness_fixed;   /* of loaded: sigma0 does not follow the load, and moves are by angle */
     double Fc;                 /* [N m] torque at a ratio of 1: the sum, or the larger one of two directions */
-    friction_plan_t plan[DAHL_SLIP_MAX]; /* of each part of parallel; other models use the first */
+    friction_plan_t plan[DAHL_SLIP_MAX]; /* of each part; only parallel has more than one */
     int32_t share[DAHL_SLIP_MAX];        /* of each part of parallel */
 } friction_t;
 
@@ -53,8 +53,8 @@ uint32_t friction_find(const char *name);
  * presliding length Fc/sigma0, so that a count changes F by at most 1e-6 of Fc. Return the error of the library. */
 dahl_err_t friction_prepare(friction_t *f);
 
-/* Return the number of states, each of one part. */
-uint32_t friction_states(const friction_t *f);
+/* Return the length of the array of states: one state for each part. */
+uint32_t friction_count_states(const friction_t *f);
 
 /* Return the position at an angle: the nearest count, or the angle itself if the model moves by angle. */
 double friction_position(const friction_t *f, double angle);
@@ -62,7 +62,7 @@ double friction_position(const friction_t *f, double angle);
 /* Move by a difference of positions under a load, 0 <= load < 2, and return F [N m]. Only loaded reads the load. */
 float friction_move(const friction_t *f, friction_state_t *state, double distance, double load);
 
-/* Move in the same way by counts and return F over its largest value at load 1, in Q30. */
+/* Move in the same way by counts and return F over the member Fc, in Q30. */
 int32_t friction_move_q30(const friction_t *f, friction_state_t *state, double counts, double load);
 
 #endif
