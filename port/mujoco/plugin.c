@@ -45,14 +45,14 @@ static uint32_t count_words(const friction_t *f)
 
 static void save(mjtNum *numbers, const friction_t *f, const friction_state_t *from)
 {
-    for (uint32_t k = 0; k < count_words(f); k++) {
+    for (uint32_t k = 0, words = count_words(f); k < words; k++) {
         numbers[k] = from[k / FRICTION_STATE_WORDS].word[k % FRICTION_STATE_WORDS];
     }
 }
 
 static void restore(friction_state_t *to, const friction_t *f, const mjtNum *numbers)
 {
-    for (uint32_t k = 0; k < count_words(f); k++) {
+    for (uint32_t k = 0, words = count_words(f); k < words; k++) {
         const bool is_word = numbers[k] >= 0.0 && numbers[k] <= UINT32_MAX;
         to[k / FRICTION_STATE_WORDS].word[k % FRICTION_STATE_WORDS] = is_word ? (uint32_t)numbers[k] : 0;
     }
