@@ -45,10 +45,9 @@ function(dahl_install_wheel)
     install(DIRECTORY lib/include/ DESTINATION dahl/share/include COMPONENT python)
     install(FILES lib/node/dahl.dbc LICENSE DESTINATION dahl/share COMPONENT python)
     install(DIRECTORY lib/arith lib/model lib/parts DESTINATION dahl/share/lib COMPONENT python) # sources of an FMU
-    install(DIRECTORY port/fmu DESTINATION dahl/share COMPONENT python FILES_MATCHING PATTERN "*.[ch]")
+    install(DIRECTORY port/fmu port/mujoco port/simulators DESTINATION dahl/share COMPONENT python FILES_MATCHING PATTERN "*.[ch]")
     install(FILES host_sim/scene_keys.def host_sim/timing.h DESTINATION dahl/share COMPONENT python)
     install(DIRECTORY host_sim/scenes DESTINATION dahl/share COMPONENT python)
-    install(DIRECTORY port/mujoco DESTINATION dahl/share COMPONENT python) # compiled when Python imports dahl.mujoco
     if(TARGET dahl-loop)
         install(TARGETS dahl-loop RUNTIME DESTINATION dahl/bin COMPONENT python)
     else()

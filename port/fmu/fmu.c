@@ -1,17 +1,16 @@
 /* SPDX-License-Identifier: MIT */
-/* Co-simulation interface of FMI 2.0 around one friction element. A communication step moves the element from the angle of
+/* Co-simulation interface of FMI 2.0 around one friction model. A communication step moves the friction from the angle of
  * the last step to the present angle. Its duration does not matter, so a step may be split. */
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "element.h"
+#include "../simulators/friction.h"
 #include "fmi2.h"
 #include "start.h"
-
-#define ONE_Q30 1073741824.0
-#define TWO_52 4503599627370496.0 /* a double from here on is an integer */
+#include "variables.h"
 
 /* volatile: `dahl fmu` replaces this block in the compiled file, so the compiler must not use its values. */
 static const volatile fmu_start_t start_block = FMU_START;
@@ -27,18 +26,19 @@ typedef struct {
     uint64_t mode;
     double position; /* [rad], or [counts] if theta_per_count is not 0: where the last step ended */
     double value[FMU_VALUES];
-    fmu_state_t state;
+    friction_state_t state[DAHL_SLIP_MAX];
 } snapshot_t;
 
 typedef struct {
     fmi2CallbackFunctions callback;
     char name[64];
     fmu_start_t start;
-    fmu_element_t element;
+    friction_t friction;
+    double largest_torque; /* [N m] at load 1 */
     snapshot_t now;
 } instance_t;
 
-/* Send an error to the simulator in one line. */
+/* Send an error to the simulator in one line. An instance that is NULL has no logger. */
 FMI2_PRINTF(2, 3)
 static fmi2Status fail(const instance_t *m, const char *format, ...)
 {
@@ -47,7 +47,7 @@ static fmi2Status fail(const instance_t *m, const char *format, ...)
     va_start(arguments, format);
     (void)vsnprintf(message, sizeof message, format, arguments);
     va_end(arguments);
-    if (m->callback.logger != NULL) {
+    if (m != NULL && m->callback.logger != NULL) {
         m->callback.logger(m->callback.componentEnvironment, m->name, fmi2Error, "logStatusError", message);
     }
     return fmi2Error;
@@ -62,11 +62,6 @@ static instance_t *in_mode(fmi2Component c, uint64_t mode, const char *call)
         return NULL;
     }
     return m;
-}
-
-static fmi2Status refuse(fmi2Component c, const char *call, const char *reason)
-{
-    return c == NULL ? fmi2Error : fail(c, "%s: %s", call, reason);
 }
 
 static void reset(instance_t *m)
@@ -92,46 +87,52 @@ static fmi2Status check_value(const instance_t *m, const char *call, fmi2ValueRe
                : fail(m, "%s: %s = %.9g is outside %.9g <= %s < %.9g", call, name, value, low, name, high);
 }
 
-/* Round to the nearest integer, a half to the even one, without libm. */
-static double nearest(double x)
+static void read_parameters(friction_t *f, const fmu_start_t *start, const double *value)
 {
-    const double shift = x < 0 ? -TWO_52 : TWO_52;
-    return x < TWO_52 && x > -TWO_52 ? (x + shift) - shift : x;
-}
-
-static double theta_per_count(const instance_t *m)
-{
-    return (double)(float)m->now.value[FMU_THETA];
-}
-
-static double position(const instance_t *m)
-{
-    const double angle = m->now.value[FMU_ANGLE];
-    return theta_per_count(m) > 0 ? nearest(angle / theta_per_count(m)) : angle;
-}
-
-static bool is_travel(double u)
-{
-    return u >= DAHL_TRAVEL_MIN && u < DAHL_TRAVEL_MAX;
-}
-
-/* Prepare the element. An error names the first element whose travel of one count is out of range. */
-static fmi2Status prepare(instance_t *m, const char *call)
-{
-    const double *value = m->now.value, theta = theta_per_count(m);
-    if (fmu_prepare(&m->element, &m->start, value) == DAHL_OK) {
-        return fmi2OK;
+    *f = (friction_t){.model = friction_find(start->model),
+                      .params = {.elements = start->Fcs, .theta_per_count = (float)value[FMU_THETA]},
+                      .breakaway = (float)value[FMU_BREAKAWAY],
+                      .slips = start->slips,
+                      .is_stiffness_fixed = start->fixed_stiffness != 0};
+    for (uint32_t k = 0; k < start->Fcs; k++) {
+        f->params.sigma0[k] = (float)value[FMU_SIGMA0 + k];
+        f->params.Fc[k] = (float)value[FMU_FC + k];
     }
+}
+
+/* Return the torque after a long move. Its rounding may differ from that of the sum of Fc. */
+static double largest_torque(const friction_t *f)
+{
+    friction_state_t state[DAHL_SLIP_MAX] = {0};
+    const float forward = friction_move(f, state, (double)INFINITY, 1.0);
+    const float backward = friction_move(f, state, (double)-INFINITY, 1.0);
+    return (double)(forward > -backward ? forward : -backward);
+}
+
+/* Report the first element whose travel of one count is out of range. */
+static fmi2Status fail_travel(const instance_t *m, const char *call)
+{
+    const double *value = m->now.value, theta = (double)m->friction.params.theta_per_count;
     for (uint32_t k = 0; k < m->start.Fcs; k++) {
         const uint32_t sigma0 = FMU_SIGMA0 + (m->start.sigma0s > 1 ? k : 0), Fc = FMU_FC + k;
         const double travel = value[sigma0] / value[Fc] * theta;
-        if (!is_travel(travel)) {
+        if (!(travel >= DAHL_TRAVEL_MIN && travel < DAHL_TRAVEL_MAX)) {
             return fail(m, "%s: %s = %.9g, %s = %.9g, theta_per_count = %.9g: sigma0/Fc theta_per_count = %.9g is outside "
                         "2^-30 <= travel < 2^20", call, m->start.variable[sigma0].name, value[sigma0],
                         m->start.variable[Fc].name, value[Fc], theta, travel);
         }
     }
     return fail(m, "%s: a parameter is out of range after it is rounded to float", call);
+}
+
+static fmi2Status prepare(instance_t *m, const char *call)
+{
+    read_parameters(&m->friction, &m->start, m->now.value);
+    if (friction_prepare(&m->friction) != DAHL_OK) {
+        return fail_travel(m, call);
+    }
+    m->largest_torque = largest_torque(&m->friction);
+    return fmi2OK;
 }
 
 FMI2_FUNCTION(const char *, fmi2GetTypesPlatform, void)
@@ -199,7 +200,7 @@ static fmi2Status advance(fmi2Component c, uint64_t from, const char *call)
     if (m == NULL || (from == INITIALIZING && prepare(m, call) != fmi2OK)) {
         return fmi2Error;
     }
-    m->now.position = position(m);
+    m->now.position = friction_position(&m->friction, m->now.value[FMU_ANGLE]);
     m->now.mode = from + 1;
     return fmi2OK;
 }
@@ -268,7 +269,7 @@ FMI2_FUNCTION(fmi2Status, fmi2SetReal, fmi2Component c, const fmi2ValueReference
     FMI2_FUNCTION(fmi2Status, call, fmi2Component c, const fmi2ValueReference vr[], size_t n, type value[])                    \
     {                                                                                                                          \
         (void)vr, (void)value;                                                                                                 \
-        return n == 0 && c != NULL ? fmi2OK : refuse(c, #call, "all variables are Real");                                      \
+        return n == 0 && c != NULL ? fmi2OK : fail(c, #call ": all variables are Real");                                       \
     }
 NO_VARIABLES(fmi2GetInteger, fmi2Integer)
 NO_VARIABLES(fmi2GetBoolean, fmi2Boolean)
@@ -287,11 +288,11 @@ FMI2_FUNCTION(fmi2Status, fmi2DoStep, fmi2Component c, fmi2Real time, fmi2Real d
     if (!(duration > 0)) {
         return fail(m, "fmi2DoStep: communicationStepSize = %.9g is not above 0", duration);
     }
-    const double end = position(m), load_q30 = nearest(m->now.value[FMU_LOAD] * ONE_Q30);
-    const float torque = fmu_move(&m->element, &m->now.state, end - m->now.position, theta_per_count(m), (uint32_t)load_q30);
+    double *value = m->now.value;
+    const double end = friction_position(&m->friction, value[FMU_ANGLE]);
+    value[FMU_TORQUE] = (double)friction_move(&m->friction, m->now.state, end - m->now.position, value[FMU_LOAD]);
+    value[FMU_RATIO] = value[FMU_TORQUE] / m->largest_torque;
     m->now.position = end;
-    m->now.value[FMU_TORQUE] = (double)torque;
-    m->now.value[FMU_RATIO] = (double)torque / m->element.largest_torque;
     return fmi2OK;
 }
 
@@ -300,26 +301,26 @@ FMI2_FUNCTION(fmi2Status, fmi2SetRealInputDerivatives, fmi2Component c, const fm
               const fmi2Integer order[], const fmi2Real value[])
 {
     (void)vr, (void)n, (void)order, (void)value;
-    return refuse(c, "fmi2SetRealInputDerivatives", "canInterpolateInputs is false");
+    return fail(c, "fmi2SetRealInputDerivatives: canInterpolateInputs is false");
 }
 
 FMI2_FUNCTION(fmi2Status, fmi2GetRealOutputDerivatives, fmi2Component c, const fmi2ValueReference vr[], size_t n,
               const fmi2Integer order[], fmi2Real value[])
 {
     (void)vr, (void)n, (void)order, (void)value;
-    return refuse(c, "fmi2GetRealOutputDerivatives", "maxOutputDerivativeOrder is 0");
+    return fail(c, "fmi2GetRealOutputDerivatives: maxOutputDerivativeOrder is 0");
 }
 
 FMI2_FUNCTION(fmi2Status, fmi2GetDirectionalDerivative, fmi2Component c, const fmi2ValueReference unknown[], size_t unknowns,
               const fmi2ValueReference known[], size_t knowns, const fmi2Real change[], fmi2Real derivative[])
 {
     (void)unknown, (void)unknowns, (void)known, (void)knowns, (void)change, (void)derivative;
-    return refuse(c, "fmi2GetDirectionalDerivative", "providesDirectionalDerivative is false");
+    return fail(c, "fmi2GetDirectionalDerivative: providesDirectionalDerivative is false");
 }
 
 FMI2_FUNCTION(fmi2Status, fmi2CancelStep, fmi2Component c)
 {
-    return refuse(c, "fmi2CancelStep", "canRunAsynchronuously is false");
+    return fail(c, "fmi2CancelStep: canRunAsynchronuously is false");
 }
 
 /* Only an asynchronous or discarded step has a status. */
@@ -357,7 +358,7 @@ FMI2_FUNCTION(fmi2Status, fmi2SetFMUstate, fmi2Component c, fmi2FMUstate state)
 {
     instance_t *m = c;
     if (m == NULL || state == NULL) {
-        return refuse(c, "fmi2SetFMUstate", "the state is NULL");
+        return fail(m, "fmi2SetFMUstate: the state is NULL");
     }
     memcpy(&m->now, state, sizeof m->now);
     return m->now.mode < STEPPING ? fmi2OK : prepare(m, "fmi2SetFMUstate");
@@ -381,13 +382,13 @@ FMI2_FUNCTION(fmi2Status, fmi2SerializedFMUstateSize, fmi2Component c, fmi2FMUst
 FMI2_FUNCTION(fmi2Status, fmi2SerializeFMUstate, fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
 {
     if (c == NULL || state == NULL || size != sizeof(snapshot_t)) {
-        return refuse(c, "fmi2SerializeFMUstate", "the state is NULL, or size is not fmi2SerializedFMUstateSize");
+        return fail(c, "fmi2SerializeFMUstate: the state is NULL, or size is not fmi2SerializedFMUstateSize");
     }
     memcpy(bytes, state, size);
     return fmi2OK;
 }
 
-/* Check bytes from outside. The state of the element needs no check, since any bits are safe. */
+/* Check bytes from outside. The state of the friction needs no check, since any bits are safe. */
 static fmi2Status check_snapshot(const instance_t *m, const char *call, const snapshot_t *from)
 {
     if (memcmp(from->guid, m->start.guid, sizeof from->guid) != 0 || from->mode > TERMINATED) {
@@ -407,7 +408,7 @@ FMI2_FUNCTION(fmi2Status, fmi2DeSerializeFMUstate, fmi2Component c, const fmi2By
     const instance_t *m = c;
     snapshot_t from;
     if (m == NULL || size != sizeof from) {
-        return refuse(c, call, "size is not fmi2SerializedFMUstateSize");
+        return fail(m, "%s: size is not fmi2SerializedFMUstateSize", call);
     }
     memcpy(&from, bytes, sizeof from);
     return check_snapshot(m, call, &from) != fmi2OK ? fmi2Error : copy_state(m, call, &from, state);

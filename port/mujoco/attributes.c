@@ -7,7 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define WORD_SIZE 64 /* [byte] longest word of a list, with its final 0 */
+#define WORD_SIZE 64            /* [byte] longest word of a list, with its final 0 */
+#define PARAM_MIN 0x1p-64       /* as in dahl_prepare() */
+#define PARAM_MAX 0x1.fffffep63 /* largest float below 2^64 */
 
 /* A number, or a list of them. */
 typedef struct {
@@ -21,10 +23,11 @@ typedef struct {
 
 enum { SIGMA0, FC, THETA, BREAKAWAY, FULL, REST, RANGES };
 #define MEMBER(name) offsetof(instance_t, name)
+/* breakaway, full and rest as in host_sim/scene_keys.def */
 static const range_t ranges[RANGES] = {
-    [SIGMA0] = {"sigma0", NULL, true, DAHL_SLIP_MAX, 0x1p-64, 0x1.fffffep63, MEMBER(friction.params.sigma0)},
-    [FC] = {"Fc", NULL, true, DAHL_SLIP_MAX, 0x1p-64, 0x1.fffffep63, MEMBER(friction.params.Fc)},
-    [THETA] = {"theta_per_count", NULL, false, 1, 0x1p-64, 0x1.fffffep63, MEMBER(friction.params.theta_per_count)},
+    [SIGMA0] = {"sigma0", NULL, true, DAHL_SLIP_MAX, PARAM_MIN, PARAM_MAX, MEMBER(friction.params.sigma0)},
+    [FC] = {"Fc", NULL, true, DAHL_SLIP_MAX, PARAM_MIN, PARAM_MAX, MEMBER(friction.params.Fc)},
+    [THETA] = {"theta_per_count", NULL, false, 1, PARAM_MIN, PARAM_MAX, MEMBER(friction.params.theta_per_count)},
     [BREAKAWAY] = {"breakaway", "elastoplastic", true, 1, 1e-37, 0x1.fffffep-1, MEMBER(friction.breakaway)},
     [FULL] = {"full", "loaded", true, 1, 1e-9, 1e12, MEMBER(full)},
     [REST] = {"rest", "loaded", false, 1, 0.0, 1.0, MEMBER(rest)},
@@ -84,14 +87,14 @@ static uint32_t read_numbers(const config_t *c, const range_t *range, float *to)
     return count;
 }
 
-static void check_owner(const config_t *c, const friction_model_t *model, const char *key, const char *owner, bool is_needed)
+static void check_owner(const config_t *c, const char *model, const char *key, const char *owner, bool is_needed)
 {
-    const bool is_owner = owner == NULL || strcmp(owner, model->name) == 0, is_given = *text_of(c, key) != '\0';
+    const bool is_owner = owner == NULL || strcmp(owner, model) == 0, is_given = *text_of(c, key) != '\0';
     if (is_given && !is_owner) {
-        fail(c, "%s = %s is for model = %s, not for %s", key, text_of(c, key), owner, model->name);
+        fail(c, "%s = %s is for model = %s, not for %s", key, text_of(c, key), owner, model);
     }
     if (is_needed && is_owner && !is_given) {
-        fail(c, "model = %s needs %s", model->name, key);
+        fail(c, "model = %s needs %s", model, key);
     }
 }
 
@@ -111,22 +114,28 @@ static uint32_t read_kinds(const config_t *c, friction_t *f)
     return count;
 }
 
+/* Check the numbers of sigma0, Fc and kinds against the model. */
+static void check_counts(const config_t *c, const friction_model_t *model, uint32_t sigma0s, uint32_t Fcs, uint32_t kinds)
+{
+    const uint32_t needed_Fcs = model->Fcs != 0 ? model->Fcs : Fcs;
+    const uint32_t needed_sigma0s = model->sigma0s != 0 ? model->sigma0s : Fcs;
+    if (sigma0s != needed_sigma0s || Fcs != needed_Fcs || (kinds != 0 && kinds != Fcs)) {
+        fail(c, "model = %s with %u kinds does not fit %u sigma0 and %u Fc", model->name, kinds, sigma0s, Fcs);
+    }
+}
+
 static void read_friction(const config_t *c, instance_t *self)
 {
     friction_t *f = &self->friction;
+    const friction_model_t *model = &friction_models[f->model];
     uint32_t counts[RANGES];
     for (int i = 0; i < RANGES; i++) {
-        check_owner(c, f->model, ranges[i].key, ranges[i].model, ranges[i].is_needed);
+        check_owner(c, model->name, ranges[i].key, ranges[i].model, ranges[i].is_needed);
         counts[i] = read_numbers(c, &ranges[i], (float *)(void *)((char *)self + ranges[i].offset));
     }
-    check_owner(c, f->model, "kinds", "parallel", true);
-    const uint32_t kinds = read_kinds(c, f), Fcs = f->model->Fcs != 0 ? f->model->Fcs : counts[FC];
-    const uint32_t sigma0s = f->model->sigma0s != 0 ? f->model->sigma0s : Fcs;
-    if (counts[SIGMA0] != sigma0s || counts[FC] != Fcs || (kinds != 0 && kinds != Fcs)) {
-        fail(c, "model = %s with %u kinds does not fit %u sigma0 and %u Fc", f->model->name, kinds, counts[SIGMA0], counts[FC]);
-    }
-    f->sigma0s = sigma0s;
-    f->params.elements = Fcs;
+    check_owner(c, model->name, "kinds", "parallel", true);
+    check_counts(c, model, counts[SIGMA0], counts[FC], read_kinds(c, f));
+    f->params.elements = counts[FC];
     if (friction_prepare(f) != DAHL_OK) {
         fail(c, "theta_per_count = %g is outside 2^-30 .. 2^20 of Fc/sigma0", (double)f->params.theta_per_count);
     }
@@ -153,7 +162,7 @@ static void read_object(const config_t *c, instance_t *self)
     if (self->joint >= 0 && c->m->jnt_type[self->joint] != mjJNT_HINGE && c->m->jnt_type[self->joint] != mjJNT_SLIDE) {
         fail(c, "joint = %s is neither a hinge nor a slide", text_of(c, "joint"));
     }
-    if (self->tendon >= 0 && strcmp(self->friction.model->name, "loaded") == 0) {
+    if (self->tendon >= 0 && self->friction.model == FRICTION_LOADED) {
         fail(c, "tendon = %s: model = loaded needs a joint", text_of(c, "tendon"));
     }
 }
@@ -166,7 +175,7 @@ instance_t *attributes_read(const mjModel *m, int instance)
     const char *name = *text_of(&c, "model") != '\0' ? text_of(&c, "model") : "dahl";
     instance_t *self = mju_malloc(sizeof *self);
     *self = (instance_t){.friction.model = friction_find(name)};
-    if (self->friction.model == NULL) {
+    if (self->friction.model == FRICTION_MODELS) {
         fail(&c, "model = %s is none of" DAHL_FRAMES_MODELS(NAME), name);
         return self;
     }

@@ -5,7 +5,7 @@
 
 #include <mujoco/mujoco.h>
 
-#include "friction.h"
+#include "../simulators/friction.h"
 
 #define ATTRIBUTES {"joint", "tendon", "model", "kinds", "sigma0", "Fc", "theta_per_count", "breakaway", "full", "rest"}
 

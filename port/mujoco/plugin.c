@@ -16,6 +16,7 @@
 enum { PHASE, TIME, POSITION, LOAD, HEADER };
 #define PLACED 1.0 /* PHASE: relaxed at POSITION since TIME, in the first step */
 #define MOVING 2.0 /* PHASE: a step has ended */
+#define ONE_Q30 1073741824.0
 
 static instance_t *instance_of(const mjData *d, int instance)
 {
@@ -36,11 +37,37 @@ static void place(const mjData *d, const instance_t *self, mjtNum *state, double
     state[LOAD] = (double)self->rest;
 }
 
-/* Move the friction from the committed state and return F. */
-static double move_from(instance_t *self, const mjtNum *state, double position)
+/* Return the number of 32-bit words of the friction's state. */
+static uint32_t count_words(const friction_t *f)
 {
-    friction_restore(&self->friction, state + HEADER);
-    return friction_move(&self->friction, position - state[POSITION], state[LOAD]);
+    return friction_count_states(f) * FRICTION_STATE_WORDS;
+}
+
+static void save(mjtNum *numbers, const friction_t *f, const friction_state_t *from)
+{
+    for (uint32_t k = 0, words = count_words(f); k < words; k++) {
+        numbers[k] = from[k / FRICTION_STATE_WORDS].word[k % FRICTION_STATE_WORDS];
+    }
+}
+
+static void restore(friction_state_t *to, const friction_t *f, const mjtNum *numbers)
+{
+    for (uint32_t k = 0, words = count_words(f); k < words; k++) {
+        const bool is_word = numbers[k] >= 0.0 && numbers[k] <= UINT32_MAX;
+        to[k / FRICTION_STATE_WORDS].word[k % FRICTION_STATE_WORDS] = is_word ? (uint32_t)numbers[k] : 0;
+    }
+}
+
+/* Move from the committed state. Write the new state of the friction and return F. */
+static double move_from(const instance_t *self, const mjtNum *state, double position, friction_state_t *moved)
+{
+    const friction_t *f = &self->friction;
+    const double distance = position - state[POSITION], load = fmax(fmin(state[LOAD], 1.0), 0.0);
+    restore(moved, f, state + HEADER);
+    if (f->model == FRICTION_DAHL) { /* may move by angle */
+        return (double)friction_move(f, moved, distance, load);
+    }
+    return friction_move_q30(f, moved, distance, load) / ONE_Q30 * f->Fc;
 }
 
 /* A reset does not know the positions of a keyframe, and a user may set qpos after it. Therefore each call moves the start until
@@ -54,7 +81,8 @@ static void compute(const mjModel *m, mjData *d, int instance, int capability)
     if (state[PHASE] < PLACED || (state[PHASE] < MOVING && d->time <= state[TIME])) {
         place(d, self, state, position);
     }
-    const double F = move_from(self, state, position);
+    friction_state_t unused[DAHL_SLIP_MAX];
+    const double F = move_from(self, state, position, unused);
     if (self->joint >= 0) {
         d->qfrc_passive[m->jnt_dofadr[self->joint]] -= F;
         return;
@@ -79,8 +107,9 @@ static void advance(const mjModel *m, mjData *d, int instance)
     if (state[PHASE] < PLACED) { /* compute() was not called: passive forces are disabled */
         place(d, self, state, position);
     }
-    (void)move_from(self, state, position);
-    friction_save(&self->friction, state + HEADER);
+    friction_state_t moved[DAHL_SLIP_MAX];
+    (void)move_from(self, state, position, moved);
+    save(state + HEADER, &self->friction, moved);
     state[PHASE] = MOVING;
     state[POSITION] = position;
     if (self->full > 0.0f) {
@@ -91,7 +120,7 @@ static void advance(const mjModel *m, mjData *d, int instance)
 static int nstate(const mjModel *m, int instance)
 {
     instance_t *self = attributes_read(m, instance);
-    const int count = HEADER + friction_words(&self->friction);
+    const int count = HEADER + (int)count_words(&self->friction);
     mju_free(self);
     return count;
 }

@@ -20,10 +20,11 @@ MUJOCO = Path(FOUND.origin).parent if FOUND and FOUND.origin else None  # None: 
 NOT_READ = [*START_UP, *([] if MUJOCO else ROOT.glob("port/mujoco/*.c"))]
 DESK = sorted({*ROOT.glob("port/**/*.c"), *ROOT.glob("host_sim/*.c")} - {*FIRMWARE, *NOT_READ})
 HEADERS = sorted(p for part in ("lib", "port", "host_sim") for p in ROOT.glob(f"{part}/**/*.h"))
+HEADERS = [path for path in HEADERS if MUJOCO or path.parent.name != "mujoco"]
 
 INCLUDES = sources.INCLUDES
-PLAIN = ["-std=c99", "-D_POSIX_C_SOURCE=200809L", *INCLUDES]
-PLAIN += ["-isystem", str(MUJOCO / "include")] if MUJOCO else []
+MUJOCO_INCLUDES = ["-isystem", str(MUJOCO / "include")] if MUJOCO else []
+PLAIN = ["-std=c99", "-D_POSIX_C_SOURCE=200809L", *INCLUDES, *MUJOCO_INCLUDES]
 
 # Warnings for all C of the product. -Wswitch-enum is off because -Wswitch-default requires a
 # branch for all other cases.

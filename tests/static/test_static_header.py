@@ -29,7 +29,7 @@ def compile_all(standard: str, folder: Path, files: dict[str, str], *words: obje
         path.write_text(text)
     for compiler in ("g++", "clang++-19") if is_cpp else ("gcc", "clang-19"):
         options = [f"-std={standard}", "-D_POSIX_C_SOURCE=200809L", *WARNINGS.split()]
-        options += [*static.INCLUDES, *words]
+        options += [*static.INCLUDES, *static.MUJOCO_INCLUDES, *words]
         static.clean(need(compiler, CLAIM), *options, *paths, cwd=folder)
 
 

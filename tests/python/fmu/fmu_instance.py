@@ -35,10 +35,8 @@ class Instance:
         self.callbacks = Callbacks(LOGGER(self._log))
         self.functions.fmi2Instantiate.restype = c_void_p
         guid = wrong.get("guid", self.xml.get("guid")).encode()
-        kind = wrong.get("kind", CO_SIMULATION)
-        made = self.functions.fmi2Instantiate(
-            b"one", kind, guid, b"file:///", ctypes.byref(self.callbacks), 0, 0
-        )
+        words = b"one", wrong.get("kind", CO_SIMULATION), guid, b"file:///"
+        made = self.functions.fmi2Instantiate(*words, ctypes.byref(self.callbacks), 0, 0)
         self.component = c_void_p(made)
 
     def _log(self, _: object, name: bytes, status: int, category: bytes, message: bytes) -> None:
@@ -65,9 +63,11 @@ class Instance:
 
     def step(self, duration: float = 1e-3, **inputs: float) -> float:
         """Set the inputs, take a step and return the torque."""
-        assert self.set(**inputs) == OK, self.messages
-        assert self.call("DoStep", c_double(0), c_double(duration), 0) == OK
+        assert self.set(**inputs) == self.do_step(duration) == OK, self.messages
         return self.get("torque")
+
+    def do_step(self, duration: float) -> int:
+        return self.call("DoStep", c_double(0), c_double(duration), 0)
 
     def save(self) -> bytes:
         state, size = c_void_p(), c_size_t()

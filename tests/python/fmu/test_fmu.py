@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import re
 import struct
-from ctypes import c_double, c_size_t
+from ctypes import c_size_t
 from pathlib import Path
 
 import dahl as package
@@ -95,19 +95,6 @@ def test_a_move_may_have_more_counts_than_an_integer(dahl):
     assert one.step(angle=0.01) == pytest.approx(0.2 * -math.expm1(-5), rel=1e-6)
 
 
-@pytest.mark.parametrize(("is_late", "end"), [(False, 0.1237), (True, 3.529)])
-def test_a_shaft_holds_unless_the_torque_is_one_step_late(dahl, is_late, end):
-    """The table of docs/simulators.md at 2 ms. Half of Fc acts for 10 s."""
-    one = Instance(export(dahl, MODELS[0])).initialize(sigma0=120, Fc=1.8)
-    angle = speed = torque = 0.0
-    for _ in range(5000):
-        before = angle
-        speed += 2e-3 * (0.9 - torque) / 0.00667
-        angle += 2e-3 * speed
-        torque = one.step(2e-3, angle=before if is_late else angle)
-    assert angle == pytest.approx(end, rel=1e-3)
-
-
 @EVERY
 def test_a_saved_state_continues_with_the_same_bits(dahl, model):
     path = export(dahl, model, "--theta-per-count", THETA)
@@ -126,40 +113,39 @@ def test_a_saved_state_continues_with_the_same_bits(dahl, model):
     assert one.save() == Instance(path).save() and len(set(continued)) > 20
 
 
-NOTHING = (None, c_size_t(1), None)  # the arguments of a call for one variable
-EARLY, LATE, ANY = "before the initialization", "after it", ""
-WRONG_CALLS = [  # when, facts that the message names in this order, the call
-    (EARLY, "fmi2DoStep fmi2ExitInitializationMode", lambda one: take_step(one, 1)),
-    (EARLY, "sigma0 -1 5.42101086e-20 1.84467441e+19", lambda one: one.set(sigma0=-1)),
-    (EARLY, "Fc 0 5.42101086e-20", lambda one: one.set(angle=1, Fc=0)),
-    (EARLY, "theta_per_count nan", lambda one: one.set(theta_per_count=math.nan)),
-    (LATE, "sigma0 2 fixed", lambda one: one.set(sigma0=2)),
-    (LATE, "fmi2EnterInitializationMode fmi2Reset", lambda o: o.call("EnterInitializationMode")),
-    (LATE, "communicationStepSize 0", lambda one: take_step(one, 0)),
-    (LATE, "communicationStepSize -1", lambda one: take_step(one, -1)),
-    (LATE, "communicationStepSize nan", lambda one: take_step(one, math.nan)),
-    (ANY, "angle nan -1e+30 1e+30", lambda one: one.set(angle=math.nan)),
-    (ANY, "angle 1e+30", lambda one: one.set(angle=1e30)),
-    (ANY, "torque output", lambda one: one.set(torque=0)),
-    (ANY, "fmi2SetReal 1 dahl", lambda one: one.set(load=1)),
-    (ANY, "fmi2SetReal 99 dahl", lambda one: one.set(none=1)),
-    (ANY, "fmi2GetInteger Real", lambda one: one.call("GetInteger", *NOTHING)),
-    (ANY, "fmi2SetString Real", lambda one: one.call("SetString", *NOTHING)),
-    (ANY, "canInterpolateInputs", lambda o: o.call("SetRealInputDerivatives", *NOTHING, None)),
-    (ANY, "canRunAsynchronuously", lambda one: one.call("CancelStep")),
-    (ANY, "fmi2DeSerializeFMUstate Fc nan", lambda one: one.restore(with_nan(one, "Fc"))),
-    (ANY, "fmi2DeSerializeFMUstate size", lambda one: one.restore(b"x")),
-    (ANY, "fmi2DeSerializeFMUstate no state", lambda one: one.restore(bytes(len(one.save())))),
-]
-
-
 def with_nan(one: Instance, name: str) -> bytes:
     """Return a saved state with NaN in place of a value."""
     return one.save().replace(struct.pack("d", one.get(name)), struct.pack("d", math.nan), 1)
 
 
-def take_step(one: Instance, duration: float) -> int:
-    return one.call("DoStep", c_double(0), c_double(duration), 0)
+NOTHING = (None, c_size_t(1), None)  # the arguments of a call for one variable
+EARLY = [  # before the initialization: facts that the message names in this order, the call
+    ("fmi2DoStep fmi2ExitInitializationMode", lambda one: one.do_step(1)),
+    ("sigma0 -1 5.42101086e-20 1.84467441e+19", lambda one: one.set(sigma0=-1)),
+    ("Fc 0 5.42101086e-20", lambda one: one.set(angle=1, Fc=0)),
+    ("theta_per_count nan", lambda one: one.set(theta_per_count=math.nan)),
+]
+LATE = [  # after it
+    ("sigma0 2 fixed", lambda one: one.set(sigma0=2)),
+    ("fmi2EnterInitializationMode fmi2Reset", lambda one: one.call("EnterInitializationMode")),
+    ("communicationStepSize 0", lambda one: one.do_step(0)),
+    ("communicationStepSize -1", lambda one: one.do_step(-1)),
+    ("communicationStepSize nan", lambda one: one.do_step(math.nan)),
+]
+ALWAYS = [
+    ("angle nan -1e+30 1e+30", lambda one: one.set(angle=math.nan)),
+    ("angle 1e+30", lambda one: one.set(angle=1e30)),
+    ("torque output", lambda one: one.set(torque=0)),
+    ("fmi2SetReal 1 dahl", lambda one: one.set(load=1)),
+    ("fmi2SetReal 99 dahl", lambda one: one.set(none=1)),
+    ("fmi2GetInteger Real", lambda one: one.call("GetInteger", *NOTHING)),
+    ("fmi2SetString Real", lambda one: one.call("SetString", *NOTHING)),
+    ("canInterpolateInputs", lambda one: one.call("SetRealInputDerivatives", *NOTHING, None)),
+    ("canRunAsynchronuously", lambda one: one.call("CancelStep")),
+    ("fmi2DeSerializeFMUstate Fc nan", lambda one: one.restore(with_nan(one, "Fc"))),
+    ("fmi2DeSerializeFMUstate size", lambda one: one.restore(b"x")),
+    ("fmi2DeSerializeFMUstate no state", lambda one: one.restore(bytes(len(one.save())))),
+]
 
 
 @pytest.mark.parametrize("is_ready", [False, True])
@@ -169,14 +155,11 @@ def test_an_error_is_one_line_and_changes_nothing(dahl, is_ready):
     if is_ready:
         one.initialize().step(angle=0.01)
     before = one.save()
-    for when, facts, call in WRONG_CALLS:
-        if when != (EARLY if is_ready else LATE):
-            assert call(one) == ERROR, facts
-            assert re.search(".*".join(map(re.escape, facts.split())), one.messages[-1])
-            assert one.save() == before and "\n" not in one.messages[-1]
-    assert len(one.messages) == sum(
-        when != (EARLY if is_ready else LATE) for when, *_ in WRONG_CALLS
-    )
+    for number, (facts, call) in enumerate((LATE if is_ready else EARLY) + ALWAYS, 1):
+        assert call(one) == ERROR, facts
+        assert re.search(".*".join(map(re.escape, facts.split())), one.messages[-1])
+        assert len(one.messages) == number and "\n" not in one.messages[-1]
+        assert one.save() == before
 
 
 def test_a_travel_out_of_range_is_an_error_of_the_initialization(dahl):

@@ -13,8 +13,9 @@ from pathlib import Path
 import dahl as package
 import numpy as np
 import pytest
+from dahl.binding import models
 from fmu_instance import Instance
-from test_fmu import EVERY, MODELS, export, walk
+from test_fmu import EVERY, export, walk
 
 pytestmark = [pytest.mark.checks, pytest.mark.usefixtures("library")]
 
@@ -38,26 +39,6 @@ def header(fmpy) -> Path:
     return Path(fmpy.__file__).parent / "c-code" / "fmi2Functions.h"
 
 
-@pytest.fixture
-def simulate(fmpy):
-    """Return the torques that fmpy computes along walk(5)."""
-
-    def run(path: Path) -> list[float]:
-        rows = [(row * 1e-3, angle) for row, angle in enumerate(walk(5) * 1e-5)]
-        signal = np.array(rows, dtype=[("time", float), ("angle", float)])
-        stop = rows[-1][0]
-        done = fmpy.simulate_fmu(str(path), stop_time=stop, output_interval=1e-3, input=signal)
-        return done["torque"][1 : len(rows)].tolist()  # a step ends one row after its input
-
-    return run
-
-
-def expected() -> list[float]:
-    angles = walk(5)[:-1] * 1e-5
-    moves = np.diff(angles, prepend=angles[0])  # fmpy initializes with the first row
-    return package.Friction(package.Plan(100, 0.2)).run(moves.astype(np.float32)).tolist()
-
-
 @EVERY
 def test_fmpy_finds_no_problem(dahl, model):
     from fmpy.validation import validate_fmu
@@ -65,30 +46,35 @@ def test_fmpy_finds_no_problem(dahl, model):
     assert not validate_fmu(str(export(dahl, model)))
 
 
-def test_fmpy_simulates_the_bits_of_python(dahl, simulate):
-    assert simulate(export(dahl)) == expected()
-
-
-def test_fmpy_builds_the_sources_to_the_same_bits(dahl, simulate, tmp_path):
+def test_fmpy_simulates_the_bits_of_python_before_and_after_its_own_build(dahl, fmpy, tmp_path):
     from fmpy.build import build_platform_binary
 
-    path = export(dahl)
+    path, angles = export(dahl), walk(5) * 1e-5
+    rows = np.array(list(enumerate(angles)), dtype=[("time", float), ("angle", float)])
+    moves = np.diff(angles[:-1], prepend=angles[0])  # fmpy initializes with the first row
+    expected = package.Friction(package.Plan(100, 0.2)).run(moves.astype(np.float32))
     with zipfile.ZipFile(path) as content:
         names = [name for name in content.namelist() if not name.startswith("binaries")]
         content.extractall(tmp_path / "unit", names)
     build_platform_binary(tmp_path / "unit", all_warnings=True)
-    assert simulate(tmp_path / "unit") == expected()
+    for unit in (path, tmp_path / "unit"):
+        stop = rows["time"][-1]
+        done = fmpy.simulate_fmu(str(unit), stop_time=stop, output_interval=1, input=rows)
+        assert done["torque"][1:].tolist() == expected.tolist()  # one row after the input
 
 
-@EVERY
-def test_a_plain_compiler_builds_the_sources_with_the_headers_of_the_standard(dahl, header, model):
+@pytest.mark.parametrize(
+    "words", [("parallel",), ("elastoplastic",), ("loaded", "--fixed-stiffness")]
+)
+def test_a_plain_compiler_builds_the_sources_with_the_headers_of_the_standard(dahl, header, words):
     """The headers come first, so the compiler compares each declaration with theirs."""
-    path = export(dahl, model)
+    model, *more = words
+    path = export(dahl, models.table()[model], *more)
     with zipfile.ZipFile(path) as content:
         content.extractall("unit")
     sources = sorted(Path("unit/sources").glob("*.c"))
-    words = ["gcc", *FLAGS, "-include", header, *sources, "-o", "unit/built.so"]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    command = ["gcc", *FLAGS, "-include", header, *sources, "-o", "unit/built.so"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     ours, built = Instance(path).initialize(), Instance(path, Path("unit/built.so").resolve())
     built.initialize()
@@ -96,20 +82,12 @@ def test_a_plain_compiler_builds_the_sources_with_the_headers_of_the_standard(da
         assert ours.step(angle=angle) == built.step(angle=angle)
 
 
-def test_a_static_library_has_the_prefix_of_the_tool(dahl):
+def test_the_sources_define_each_function_with_the_prefix_of_the_tool(dahl, header):
     with zipfile.ZipFile(export(dahl)) as content:
         content.extractall("unit")
     words = ["gcc", "-c", "-DFMI2_FUNCTION_PREFIX=shaft_", "unit/sources/fmu.c"]
     subprocess.run(words, check=True)
     names = subprocess.run(["nm", "-g", "fmu.o"], capture_output=True, text=True, check=True)
-    functions = re.findall(r" T (\w+)$", names.stdout, re.MULTILINE)
-    assert len(functions) == 34 and all(name.startswith("shaft_fmi2") for name in functions)
-
-
-def test_all_functions_of_a_co_simulation_are_exported(dahl, header):
-    text = header.read_text()
-    functions = {*re.findall(r"^#define fmi2(\w+) +fmi2FullName", text, re.MULTILINE)}
-    one = Instance(export(dahl, MODELS[0]))
-    assert {name for name in functions if not hasattr(one.functions, f"fmi2{name}")} == (
-        ONLY_MODEL_EXCHANGE
-    )
+    defined = {*re.findall(r" T (\w+)$", names.stdout, re.MULTILINE)}
+    standard = {*re.findall(r"^#define fmi2(\w+) +fmi2FullName", header.read_text(), re.MULTILINE)}
+    assert defined == {f"shaft_fmi2{name}" for name in standard - ONLY_MODEL_EXCHANGE}

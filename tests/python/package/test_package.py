@@ -98,7 +98,8 @@ def listed(*folders: object) -> set[Path]:
 
 SHARED = {f"dahl/share/{name}" for name in ("dahl.dbc", "include/dahl.h", "scenes/steering.ini")}
 SHARED |= {"dahl/share/scene_keys.def", "dahl/share/timing.h", "dahl/share/LICENSE"}
-SHARED |= {"dahl/share/fmu/fmu.c", "dahl/share/lib/model/prepare.c", "dahl/share/mujoco/plugin.c"}
+SHARED |= {"dahl/share/fmu/fmu.c", "dahl/share/mujoco/plugin.c"}
+SHARED |= {"dahl/share/simulators/friction.c", "dahl/share/lib/model/prepare.c"}
 SHARED |= {"dahl/py.typed", "dahl/commands/demo.py"}
 
 

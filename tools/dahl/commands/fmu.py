@@ -18,8 +18,6 @@ from dahl.errors import Error
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import Any
-
     from dahl.binding.models import Model
     from dahl.sim.fmu import Fmu
 
@@ -73,7 +71,7 @@ def _contents(args: argparse.Namespace) -> Fmu:
     sigma0, fc = model_arguments.read_numbers(args, model)
     breakaway = model_arguments.read_breakaway(args, model)
     kinds = _kinds(args, model)
-    _check_elements(args, model, [sigma0, fc, *([kinds] if kinds else [])])
+    _check_elements(args, model, sigma0, fc, kinds)
     if args.fixed_stiffness and model.name != "loaded":
         raise Error(f"--fixed-stiffness: an option of --model loaded, not of {model.name}")
     theta = model_arguments.read_theta_per_count(args)
@@ -81,7 +79,8 @@ def _contents(args: argparse.Namespace) -> Fmu:
         raise Error("--fixed-stiffness: moves are by angle; leave out the option of the encoder")
     if theta is None:
         theta = fmu.default_theta_per_count(model, sigma0, fc)
-    models.make(model, sigma0, fc, theta, breakaway if breakaway is not None else kinds)
+    own = kinds if breakaway is None else breakaway
+    models.make(model, sigma0, fc, theta, own)  # raises dahl.Error if a value is out of range
     name = plan_header.identifier(args.name or args.output.stem)
     if name[0].isdigit():
         raise Error(f"--name {name}: a letter or _ was expected at its start")
@@ -102,17 +101,18 @@ def _kinds(args: argparse.Namespace, model: Model) -> list[str]:
     return kinds
 
 
-def _check_elements(args: argparse.Namespace, model: Model, lists: list[list[Any]]) -> None:
-    """Raise dahl.Error unless a model of several elements has as many values of each kind, and
-    each element is valid by angle.
+def _check_elements(
+    args: argparse.Namespace, model: Model, sigma0: list[float], fc: list[float], kinds: list[str]
+) -> None:
+    """Raise dahl.Error if a model of several elements has different numbers of sigma0, Fc and
+    kinds, or if an element is not valid by angle.
     """
     from dahl.binding.friction import Plan
     from dahl.binding.slip import SLIP_MAX
 
-    sigma0, fc, *_ = lists
-    counts = {len(values) for values in lists}
-    if model.sigma0s == 0 and (len(counts) > 1 or len(fc) > SLIP_MAX):
-        numbers = ", ".join(str(len(values)) for values in lists)
+    counts = [len(values) for values in (sigma0, fc, kinds) if values]
+    if model.sigma0s == 0 and (len(set(counts)) > 1 or len(fc) > SLIP_MAX):
+        numbers = ", ".join(map(str, counts))
         raise Error(
             f"--sigma0 {args.sigma0} --fc {args.fc}: {numbers} values; as many of each, 1 to"
             f" {SLIP_MAX}, were expected"

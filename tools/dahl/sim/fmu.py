@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Functional mock-up units (FMI 2.0, co-simulation) of the friction models.
 
-An FMU is a zip file with modelDescription.xml, a shared object and its C sources (port/fmu). The
-shared object is built once for all models. It contains a block with the model, the names, the
-limits and the start values; write() replaces that block. An FMU therefore needs no compiler when it
-is written, and reads no file when it runs.
+An FMU is a zip file with modelDescription.xml, a shared object and its C sources (port/fmu,
+port/simulators). The shared object is built once for all models. It contains a block with the
+model, the names, the limits and the start values; write() replaces that block. An FMU therefore
+needs no compiler when it is written, and reads no file when it runs.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from dahl.errors import RunError
 from dahl.io import files
 from dahl.version import __version__
 
-# Value references of port/fmu/element.h.
+# Value references of port/fmu/variables.h.
 ANGLE, LOAD, TORQUE, RATIO, THETA, BREAKAWAY, SIGMA0 = range(7)
 FC = SIGMA0 + SLIP_MAX
 VALUES = FC + SLIP_MAX
@@ -40,7 +40,7 @@ ANGLE_MAX = 1e30  # rad
 BREAKAWAY_MIN = 1e-37  # as in scene_keys.def
 TORQUE_LIMITS = parameters.TORQUE_MIN, parameters.TORQUE_MAX  # of sigma0 and Fc
 OUTPUT_LIMITS = -SLIP_MAX * parameters.TORQUE_MAX, SLIP_MAX * parameters.TORQUE_MAX
-DEFAULT_TRAVEL = 2.0**-20  # of one count; rounding to counts changes F by about 1e-6 of Fc
+FINE_TRAVEL = 2.0**-20  # of one count, as in port/simulators/friction.c; changes F by 1e-6 of Fc
 
 UNITS = {  # exponents of the SI base units
     "rad": {"rad": 1},
@@ -84,38 +84,37 @@ class Fmu:
 
     def variables(self) -> dict[int, Variable]:
         """Return the variables by value reference."""
-        found = self._inputs_and_outputs() | self._parameters()
-        return dict(sorted(found.items()))
+        return dict(sorted((self._inputs_and_outputs() | self._parameters()).items()))
 
     def _inputs_and_outputs(self) -> dict[int, Variable]:
-        found = {
+        torque, ratio = "torque with the sign of the motion", "torque over the largest at load 1"
+        variables = {
             ANGLE: Variable("angle", "input", "rad", "angle", 0.0, -ANGLE_MAX, ANGLE_MAX),
-            TORQUE: Variable(
-                "torque", "output", "N.m", "torque with the sign of the motion", 0.0, *OUTPUT_LIMITS
-            ),
-            RATIO: Variable(
-                "ratio", "output", "", "torque over the largest at load 1", 0.0, *OUTPUT_LIMITS
-            ),
+            TORQUE: Variable("torque", "output", "N.m", torque, 0.0, *OUTPUT_LIMITS),
+            RATIO: Variable("ratio", "output", "", ratio, 0.0, *OUTPUT_LIMITS),
         }
         if self.model.name == "loaded":
-            found[LOAD] = Variable("load", "input", "", "load that scales Fc", 1.0, 0.0, 2.0)
-        return found
+            variables[LOAD] = Variable("load", "input", "", "load that scales Fc", 1.0, 0.0, 2.0)
+        return variables
 
     def _parameters(self) -> dict[int, Variable]:
-        found = {}
+        variables = {}
         if not self.fixed_stiffness:
-            found[THETA] = self._theta_per_count()
+            variables[THETA] = self._theta_per_count()
         if self.breakaway is not None:
             text = "fraction of Fc up to which nothing creeps"
-            found[BREAKAWAY] = _parameter("breakaway", "", text, self.breakaway, BREAKAWAY_MIN, 1.0)
-        for k, (name, value) in enumerate(_named("sigma0", self.sigma0)):
-            found[SIGMA0 + k] = _parameter(
-                name, "N.m/rad", "stiffness at rest", value, *TORQUE_LIMITS
-            )
-        names = ["Fc_forward", "Fc_backward"] if self.model.has_directions else []
-        for k, (name, value) in enumerate(_named("Fc", self.Fc, names)):
-            found[FC + k] = _parameter(name, "N.m", "Coulomb torque", value, *TORQUE_LIMITS)
-        return found
+            limits = BREAKAWAY_MIN, 1.0
+            variables[BREAKAWAY] = _parameter("breakaway", "", text, self.breakaway, *limits)
+        names = _names("sigma0", len(self.sigma0))
+        for k, (name, value) in enumerate(zip(names, self.sigma0, strict=True)):
+            text = "stiffness at rest"
+            variables[SIGMA0 + k] = _parameter(name, "N.m/rad", text, value, *TORQUE_LIMITS)
+        names = _names("Fc", len(self.Fc))
+        if self.model.has_directions:
+            names = ["Fc_forward", "Fc_backward"]
+        for k, (name, value) in enumerate(zip(names, self.Fc, strict=True)):
+            variables[FC + k] = _parameter(name, "N.m", "Coulomb torque", value, *TORQUE_LIMITS)
+        return variables
 
     def _theta_per_count(self) -> Variable:
         text, low = "angle of one count, to which the angle is rounded", parameters.TORQUE_MIN
@@ -130,7 +129,7 @@ def default_theta_per_count(model: Model, sigma0: Sequence[float], Fc: Sequence[
     if model.name == "dahl":
         return 0.0
     stiffest = [sigma0[min(k, len(sigma0) - 1)] / torque for k, torque in enumerate(Fc)]
-    return float(np.float32(DEFAULT_TRAVEL / max(stiffest)))
+    return float(np.float32(FINE_TRAVEL / max(stiffest)))
 
 
 def write(path: Path, fmu: Fmu) -> str:
@@ -148,12 +147,9 @@ def _parameter(name: str, unit: str, text: str, *numbers: float) -> Variable:
     return Variable(name, "parameter", unit, text, *numbers)
 
 
-def _named(
-    name: str, values: Sequence[float], names: Sequence[str] = ()
-) -> list[tuple[str, float]]:
-    """Return each value with its name: the given names, else one name, else a name and an index."""
-    indexed = [name] if len(values) == 1 else [f"{name}[{k}]" for k in range(len(values))]
-    return list(zip(names or indexed, values, strict=True))
+def _names(name: str, count: int) -> list[str]:
+    """Return the name of one value, or the names of several with an index."""
+    return [name] if count == 1 else [f"{name}[{k}]" for k in range(count)]
 
 
 def _contents(fmu: Fmu, guid: str) -> dict[str, bytes]:
@@ -177,13 +173,14 @@ def _guid(contents: dict[str, bytes]) -> str:
 
 def _sources() -> dict[str, bytes]:
     """Return the C sources. They share one folder, so that a tool needs no include path."""
-    folders = [paths.FMU, *(paths.LIB / part for part in ("arith", "model", "parts"))]
-    found = [file for folder in folders for file in sorted(folder.glob("*.[ch]"))]
-    found += [paths.INCLUDE / name for name in HEADERS]
+    folders = [paths.PORT / name for name in ("fmu", "simulators")]
+    folders += [paths.LIB / name for name in ("arith", "model", "parts")]
+    sources = [file for folder in folders for file in sorted(folder.glob("*.[ch]"))]
+    sources += [paths.INCLUDE / name for name in HEADERS]
     flat = {
-        file.name: re.sub(rb'(#include ")\.\./\w+/', rb"\1", file.read_bytes()) for file in found
+        file.name: re.sub(rb'(#include ")\.\./\w+/', rb"\1", file.read_bytes()) for file in sources
     }
-    if len(flat) != len(found):
+    if len(flat) != len(sources):
         raise RunError(f"{paths.LIB}: two source files of an FMU have the same name")
     return flat
 

@@ -18,8 +18,8 @@ from dahl import dependencies, paths
 from dahl.binding import library
 from dahl.errors import RunError
 
-OLDEST = 4  # first major version whose tendon Jacobians are always sparse
-SOURCES = paths.SHARE / "mujoco" if paths.INSTALLED else paths.ROOT / "port" / "mujoco"
+MIN_MAJOR_VERSION = 4  # first major version whose tendon Jacobians are always sparse
+FOLDERS = [paths.PORT / name for name in ("mujoco", "simulators")]
 FLAGS = "-std=c99 -O2 -fPIC -shared -ffp-contract=off".split()
 
 
@@ -30,16 +30,18 @@ def load() -> None:
     except ImportError as error:
         reason = f"dahl.mujoco cannot import mujoco ({error})"
         raise RunError(f"{reason}; {dependencies.hint(['mujoco'], 'mujoco')}") from None
-    if int(mujoco.__version__.split(".")[0]) < OLDEST:
-        reason = f"dahl.mujoco needs MuJoCo {OLDEST} or later; this is {mujoco.__version__}"
+    if int(mujoco.__version__.split(".")[0]) < MIN_MAJOR_VERSION:
+        needed = f"dahl.mujoco needs MuJoCo {MIN_MAJOR_VERSION} or later"
+        reason = f"{needed}; this is {mujoco.__version__}"
         raise RunError(f"{reason}; {dependencies.hint(['mujoco'], 'mujoco')}")
     library.load()  # the plugin finds the functions of libdahl.so in this process
-    mujoco.mj_loadPluginLibrary(str(compiled(Path(mujoco.__file__).parent, mujoco.__version__)))
+    plugin = ensure_compiled(Path(mujoco.__file__).parent, mujoco.__version__)
+    mujoco.mj_loadPluginLibrary(str(plugin))
 
 
-def compiled(package: Path, version: str) -> Path:
-    """Return the plugin for this MuJoCo; compile it if sources and version are new."""
-    files = [*SOURCES.glob("*.[ch]"), *paths.INCLUDE.glob("*.h")]
+def ensure_compiled(package: Path, version: str) -> Path:
+    """Return the plugin for this MuJoCo. Compile it if the sources or the version are new."""
+    files = [file for folder in (*FOLDERS, paths.INCLUDE) for file in folder.glob("*.[ch]")]
     content = b"".join(path.read_bytes() for path in sorted(files))
     folder = paths.ROOT / "build"
     if paths.INSTALLED:
@@ -55,7 +57,8 @@ def _compile(package: Path, target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     words = [*shlex.split(os.environ.get("CC") or "cc"), *FLAGS]
     words += [f"-I{paths.INCLUDE}", f"-I{package / 'include'}"]
-    words += map(str, [*SOURCES.glob("*.c"), *package.glob("libmujoco.so*")])
+    sources = [file for folder in FOLDERS for file in folder.glob("*.c")]
+    words += map(str, [*sources, *package.glob("libmujoco.so*")])
     with tempfile.TemporaryDirectory(dir=target.parent) as folder:
         part = Path(folder) / target.name  # another process may compile the same plugin
         try:
