@@ -95,6 +95,19 @@ def test_a_move_may_have_more_counts_than_an_integer(dahl):
     assert one.step(angle=0.01) == pytest.approx(0.2 * -math.expm1(-5), rel=1e-6)
 
 
+@pytest.mark.parametrize(("is_late", "end"), [(False, 0.1237), (True, 3.529)])
+def test_a_shaft_holds_unless_the_torque_is_one_step_late(dahl, is_late, end):
+    """The table of docs/simulators.md at 2 ms. Half of Fc acts for 10 s."""
+    one = Instance(export(dahl)).initialize(sigma0=120, Fc=1.8)
+    angle = speed = torque = 0.0
+    for _ in range(5000):
+        before = angle
+        speed += 2e-3 * (0.9 - torque) / 0.00667
+        angle += 2e-3 * speed
+        torque = one.step(2e-3, angle=before if is_late else angle)
+    assert angle == pytest.approx(end, rel=1e-3)
+
+
 @EVERY
 def test_a_saved_state_continues_with_the_same_bits(dahl, model):
     path = export(dahl, model, "--theta-per-count", THETA)
