@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 # Usage: tests/socketcan/bus_off.sh FOLDER
 #
-# Runs beside tools/vm.sh FOLDER. Makes can0 of the virtual machine go bus-off each time a program in it writes the file
+# Runs at the same time as tools/vm.sh FOLDER. Makes can0 of the virtual machine go bus-off each time a program in it writes the file
 # FOLDER/bus_off.request, which sets the variables of bus_off.gdb. Then moves that file to FOLDER/bus_off.done.
 set -u
 SCRIPT=$(dirname "$(readlink -f "$0")")/bus_off.gdb

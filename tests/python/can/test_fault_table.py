@@ -76,7 +76,7 @@ PLAYS: dict[str, tuple[can.Message | State, ...]] = {
     "BAD_CRC": (FIRST, corrupt(1)),
     "BAD_LENGTH": (FIRST, changed(dlc=7, data=good(1).data[:7])),
     "EXTENDED": (FIRST, changed(is_extended_id=True)),
-    "REMOTE": (FIRST, changed(is_remote_frame=True, dlc=0, data=b"")),
+    "REMOTE": (FIRST, changed(is_remote_frame=True, data=b"")),
     "FD": (FIRST, changed(is_fd=True)),
     "SILENCE": SILENT,
     "BACK_TWO": BACK,
