@@ -3,9 +3,11 @@
 # Usage: tools/vm.sh FOLDER COMMAND [ARGUMENT...]
 #
 # Runs a command in QEMU on a Linux kernel with CAN, if the kernel of this machine has no CAN. The command finds vcan0 and vcan1,
-# the files of this machine (read-only), and FOLDER (an absolute path) for its output. The script prints that output and exits with
-# the code of the command. If no virtual machine can run, it prints the reason and exits with 77. `tools/setup.sh vm` installs it.
-# Example: tools/vm.sh /tmp/out sh -c 'cangen -n 3 vcan0 & candump -n 3 vcan0 >/tmp/out/log'
+# two SJA1000 controllers on one bus of 1 Mbit/s (can0, can1), the files of this machine (read-only), and FOLDER (an absolute path)
+# for its output. The script prints that output and exits with the code of the command. If no virtual machine can run, it prints
+# the reason and exits with 77. `tools/setup.sh vm` installs it. FOLDER/.vm/gdb is a socket for gdb (target remote).
+# Examples: tools/vm.sh /tmp/out sh -c 'cangen -n 3 vcan0 & candump -n 3 vcan0 >/tmp/out/log'
+#           tools/vm.sh /tmp/out sh -c 'candump -n 1 can1 & sleep 1; cansend can0 100#0011'
 #
 # Environment: DAHL_VM_SECONDS  time limit in s (default: 240)
 set -euo pipefail
@@ -14,7 +16,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 PATH=$PATH:/usr/sbin # ip and modprobe, for users other than root
 KERNEL=$BUILD/deps/kernel
-MODULES=(virtio_pci 9pnet_virtio 9p can-raw vcan can-gw sch_tbf)
+MODULES=(virtio_pci 9pnet_virtio 9p can-raw vcan can-gw sch_tbf kvaser_pci)
 
 absent() { say "no virtual machine here: $*"; exit 77; }
 
@@ -82,6 +84,8 @@ write_command() { # FOLDER COMMAND...
         echo 'export PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/tmp'
         # shellcheck disable=SC2016 # expanded by the shell in the virtual machine
         echo 'for bus in vcan0 vcan1; do ip link add dev $bus type vcan && ip link set $bus up; done'
+        # shellcheck disable=SC2016
+        echo 'for bus in $(ls /sys/class/net | grep ^can); do ip link set $bus up type can bitrate 1000000; done'
         printf 'cd %q\n' "$folder"
         printf '%q ' "$@"
         echo
@@ -89,9 +93,11 @@ write_command() { # FOLDER COMMAND...
 }
 
 boot() { # FOLDER
+    cd "$1/.vm" # a path of a socket is limited to 107 characters
     timeout "${DAHL_VM_SECONDS:-240}" qemu-system-x86_64 -accel tcg -cpu max -m 512 -smp 2 -no-reboot -display none \
         -monitor none -serial "file:$1/.vm/console" -kernel "$KERNEL/vmlinuz" -initrd "$1/.vm/initramfs" \
-        -append "console=ttyS0 quiet panic=-1 mitigations=off" \
+        -append "console=ttyS0 quiet panic=-1 mitigations=off" -gdb unix:gdb,server=on,wait=off \
+        -object can-bus,id=bus -device kvaser_pci,canbus=bus -device kvaser_pci,canbus=bus \
         -virtfs local,path=/,mount_tag=root,security_model=none,readonly=on,multidevs=remap \
         -virtfs "local,path=${1//,/,,},mount_tag=work,security_model=none,multidevs=remap" </dev/null >"$1/.vm/qemu" 2>&1
 }

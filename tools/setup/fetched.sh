@@ -9,7 +9,7 @@ UNITY_SUMS='2e3a0610268455520a5796345b503d00c34a47fe97ed3750349cbd4b2b1990f3  un
 681ac98a63ac11effb11e59d580f6ca82abca1bd34069465c38e3b15344256c0  unity.h
 adfd612c217e59468c5ebe978640e77e5f539e820ffc0c195a98c5a36f0ac868  unity_internals.h'
 KERNEL_PARTS=(net/can net/9p net/sched/sch_tbf fs/9p fs/netfs fs/fscache drivers/virtio drivers/net/can/vcan
-    drivers/net/can/dev)
+    drivers/net/can/dev drivers/net/can/sja1000)
 CBMC_SUITE=trixie # has CBMC 6.6; Debian 12 has no CBMC
 
 check_fetched() {
@@ -85,7 +85,8 @@ get_unity() {
 # --- A kernel with CAN --------------------------------------------------------------------------------------------
 
 kernel_is_here() {
-    [ -s "$BUILD/deps/kernel/vmlinuz" ] || [ "$(uname -m)" != x86_64 ] || ! has_apt ||
+    local driver="$BUILD/deps/kernel/lib/modules/*/kernel/drivers/net/can/sja1000/kvaser_pci.ko"
+    compgen -G "$driver" >/dev/null || [ "$(uname -m)" != x86_64 ] || ! has_apt ||
         python3 -c 'import socket; socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)' 2>/dev/null
 }
 

@@ -30,7 +30,7 @@ ${CC:-cc} -v >/dev/null 2>&1 || MUST[demo]+=' gcc'
 # Optional Debian packages: tests that need a missing one are skipped and say so.
 declare -A MAY=(
     [test]='valgrind'
-    [vm]='can-utils qemu-system-x86 busybox-static kmod cpio iproute2'
+    [vm]='can-utils qemu-system-x86 busybox-static kmod cpio iproute2 gdb'
     # clang builds the big-endian programs, because Debian's s390x gcc conflicts with gcc-multilib.
     [checks]='tcc clang libclang-rt-14-dev gcc-multilib g++-multilib
         qemu-user-static binutils-s390x-linux-gnu libgcc-12-dev-s390x-cross libc6-dev-s390x-cross
