@@ -208,7 +208,7 @@ def measure_calls() -> dict[str, Any]:
     return calls
 
 
-def of_a_tick(calls: dict[str, Any]) -> dict[str, float]:
+def ns_per_tick(calls: dict[str, Any]) -> dict[str, float]:
     """Return ns per tick from Python: one call per tick, and one call for all ticks."""
     longest, ns = calls["logs"]["ticks"][-1], calls["logs"]["ns"]
     return {
@@ -278,7 +278,7 @@ def measure(quick: bool) -> dict[str, Any]:
         "parts": measure_parts(sizes, list(errors)),
         "rates": measure_rates(),
         "speed": measure_speed(sizes),
-        "python": of_a_tick(calls),
+        "python": ns_per_tick(calls),
         "calls": calls,
         "threads": measure_threads(sizes.threads),
         "mixes": measure_mixes(),
