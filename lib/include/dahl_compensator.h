@@ -56,9 +56,8 @@
  * behind it: a loop of amplitude A has the area 4 Fc (A - tanh(a A)/a), a = sigma0/Fc. If slip
  * elements make the presliding, give three times the measured length.
  *
- * A play of 2 noise makes small motions lighter, but is outside the guarantee. If the noise is
- * added before the rounding, the axis can keep moving at 0.08 rad/s, with fewer than 14 bits at
- * 0.15 rad/s. If it is of whole counts, at 0.42 rad/s.
+ * A play of 2 noise or 2 noise + 1 makes small motions lighter, but is outside the guarantee: the
+ * axis can keep moving, at the speeds in docs/compensation.md.
  *
  * @par Energy (measured law)
  * If an external force moves the axis in strokes longer than the play and the presliding length,
@@ -194,7 +193,6 @@ typedef struct {
  * @param      params parameters; both pointers must be valid
  * @return #DAHL_COMPENSATOR_OK, or why the parameters are rejected. Of several reasons, the first
  *   in the order of dahl_compensator_err_t.
- *   A play from 2 noise to 2 noise + 1 is accepted, but is outside the guarantee.
  * @note Bounds are compared exactly. A length_long one float above Fc/sigma0 passes, so that sigma0
  *   = Fc/length_long is accepted in float. Cost: 7000 instructions at most.
  */

@@ -74,7 +74,6 @@ def build() -> None:
 
 
 def rows(*arguments: object, timeout: float = 1500) -> list[dict[str, Any]]:
-    """Run host_bench and return its lines."""
     text = run(PROGRAM, *arguments, timeout=timeout)
     return [json.loads(line) for line in text.splitlines()]
 

@@ -279,7 +279,6 @@ def _encoder(x: Context) -> list[Row]:
 
 
 def _between_logs(x: Context) -> list[Row]:
-    """Logs that differ."""
     logs = np.unique(x.samples.log_of)
     if len(logs) < 2:
         return []

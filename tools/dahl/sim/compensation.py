@@ -106,8 +106,6 @@ class Law(Protocol):
 
 
 class NoLaw:
-    """No compensation."""
-
     def torque(self, dcounts: int, reference_move: int, reference_speed: float) -> float:
         """Return 0."""
         return 0.0

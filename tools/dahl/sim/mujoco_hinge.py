@@ -35,7 +35,6 @@ DAHL = f"""<plugin plugin="dahl.friction"><instance name="hinge"><config key="jo
 
 
 def model(step: float, damping: float = 0.0, hinges: tuple[str, ...] = ("native", "dahl")) -> Any:
-    """Return a model with one or both hinges, each with a motor."""
     bodies = "".join(HINGE.format(name=name, damping=damping) for name in hinges)
     motors = "".join(f'<motor joint="{name}"/>' for name in hinges)
     return mujoco.MjModel.from_xml_string(
