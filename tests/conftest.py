@@ -163,7 +163,6 @@ def built(*parts: str) -> Path:
 
 @pytest.fixture(scope="session")
 def library() -> Path:
-    """Return the shared library."""
     path = built("lib", "libdahl.so")
     os.environ.setdefault("DAHL_LIBRARY", str(path))
     return path
@@ -171,7 +170,6 @@ def library() -> Path:
 
 @pytest.fixture(scope="session")
 def dahl_loop() -> Path:
-    """Return the program dahl-loop."""
     path = built("host_sim", "dahl-loop")
     os.environ.setdefault("DAHL_LOOP", str(path))
     return path

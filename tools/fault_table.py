@@ -21,7 +21,6 @@ ROW = re.compile(r'ROW\(\w+, "([^"]*)", "([^"]*)", (\w+), "([^"]*)", (true|false
 
 
 def markdown() -> str:
-    """Return the table as Markdown."""
     rows = [
         (*cells, "yes" if answered == "true" else "no")
         for *cells, answered in ROW.findall(TABLE.read_text(encoding="utf-8"))

@@ -27,7 +27,6 @@ WHOLE = {0: "the sum of Fc", 1: "Fc", 2: "the larger Fc"}  # by the number of Fc
 
 
 def row(model: models.Model) -> tuple[str, ...]:
-    """Return the cells of a model."""
     own = f"`{model.key}`, {model.meaning}" if model.key else model.meaning
     keys = KEYS[model.sigma0s, model.Fcs] + (f"; {own}" if own else "")
     number = str(model.number)

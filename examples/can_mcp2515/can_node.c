@@ -15,12 +15,12 @@ static const can_board_t *board;
 static bool is_off; /* the bus */
 volatile uint32_t can_dropped;
 
-int can_node_init(const can_board_t *its_board)
+int can_node_init(const can_board_t *functions)
 {
     static const uint8_t setup[3][14] = {{MCP_WRITE, MCP_RXF0SIDH, ID, ID, ID},
                                          {MCP_WRITE, MCP_RXF3SIDH, ID, ID, ID},
                                          {MCP_WRITE, MCP_RXM0SIDH, MASK, MASK, BIT_TIMING, MCP_RX0IF | MCP_RX1IF | MCP_ERRIF}};
-    board = its_board;
+    board = functions;
     int code = mcp_reset(board) ? dahl_node_init(&node, &params, 0) : CAN_NODE_NO_CHIP;
     for (int k = 0; k < 3 && code == DAHL_OK; k++) {
         mcp_command(board, setup[k], sizeof setup[k]);

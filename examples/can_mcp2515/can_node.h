@@ -18,8 +18,8 @@ extern volatile uint32_t can_dropped; /* frames that were not sent, because thei
 
 #define CAN_NODE_NO_CHIP 1
 
-/* Start node and controller. `board` must stay valid. Returns 0, CAN_NODE_NO_CHIP or the code of dahl_node_init(). */
-int can_node_init(const can_board_t *board);
+/* Start node and controller. `functions` must stay valid. Returns 0, CAN_NODE_NO_CHIP or the code of dahl_node_init(). */
+int can_node_init(const can_board_t *functions);
 
 void can_node_interrupt(void); /* call it if pin INT falls */
 

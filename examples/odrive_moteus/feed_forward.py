@@ -33,8 +33,6 @@ def float_at(data: bytes | bytearray, place: int) -> float | None:
 
 
 class Drive(Protocol):
-    """Frames of a drive."""
-
     def turns(self, message: can.Message) -> float | None: ...
     def command(self, torque: float) -> can.Message: ...
 

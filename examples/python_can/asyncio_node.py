@@ -45,7 +45,6 @@ class Node:
 
 
 def open_bus(port: int) -> can.BusABC:
-    """Open the bus that the node serves."""
     logging.getLogger("can").setLevel(logging.ERROR)  # hide the log lines of connection attempts
     try:
         return can.Bus(interface="socketcand", channel="vcan0", host="127.0.0.1", port=port)

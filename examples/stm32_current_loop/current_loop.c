@@ -57,7 +57,7 @@ static float clamp(float x, float limit)
     return x > limit ? limit : x < -limit ? -limit : x;
 }
 
-/* N m. */
+/* Return the compensation in N m. */
 static float compensate(void)
 {
     int32_t move = dahl_compensator_move(&plan, &compensator, dahl_encoder_move(&encoder, TIM3->CNT), encoder_is_good);

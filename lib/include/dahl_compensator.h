@@ -56,19 +56,21 @@
  * behind it: a loop of amplitude A has the area 4 Fc (A - tanh(a A)/a), a = sigma0/Fc. If slip
  * elements make the presliding, give three times the measured length.
  *
- * A play of 2 noise makes small motions lighter, but is outside the guarantee. If the noise is
- * added before the rounding, the axis can keep moving at 0.08 rad/s, with fewer than 14 bits at
- * 0.15 rad/s. If it is of whole counts, at 0.42 rad/s.
+ * A play of 2 noise or 2 noise + 1 makes small motions lighter, but is outside the guarantee: the
+ * axis can keep moving, at the speeds in docs/compensation.md.
  *
  * @par Energy (measured law)
- * Led by an external force, strokes longer than the play and the presliding length get no energy
- * from the law. A shorter stroke hides in the play: the torque stays while the friction relaxes.
- * Such a stroke and the way back get at most 2 gain Fc play, in J with the play in rad.
+ * If an external force moves the axis in strokes longer than the play and the presliding length,
+ * the law adds no energy. It does not see a stroke within the play: the torque stays while the
+ * friction relaxes. Such a stroke to and fro gets at most 2 gain Fc play, in J with the play in rad.
  *
  * @par Not promised
- * A benefit with 12 bits or fewer, passivity of the reference law, and rest on a machine that
- * shakes: a vibration within the play lets the shaft creep in the direction of its last motion. Nor
- * faults that the caller does not report: an encoder that repeats its last count looks like rest.
+ * - A benefit with 12 bits or fewer.
+ * - Passivity of the reference law.
+ * - Rest on a machine that shakes: a vibration within the play lets the shaft creep in the
+ *   direction of its last motion.
+ * - A reaction to faults that the caller does not report: an encoder that repeats its last count
+ *   looks like rest.
  *
  * @par Properties
  * As in dahl.h: integers only, equal bits everywhere, no heap, no global variable, no libm, no
@@ -76,9 +78,9 @@
  * is relaxed and fades in. Any bits are a safe state: the torque stays within the limit.
  *
  * @par Cost
- * On top of the tick of the element, worst case: 96 instructions, 111 on Cortex-M0. This includes
- * 11 of the function that makes both calls. A pull adds 12, or 13 on M0, and one more element. The
- * three calls alone then execute 97, or 113 on M0.
+ * In addition to the tick of the element, worst case: 96 instructions for move and torque, 111 on
+ * Cortex-M0. This includes 11 of the function that calls both. A pull adds 12, or 13 on M0, and the
+ * tick of a second element. The three calls alone then execute 97, or 113 on M0.
  */
 #ifndef DAHL_COMPENSATOR_H
 #define DAHL_COMPENSATOR_H
@@ -191,7 +193,6 @@ typedef struct {
  * @param      params parameters; both pointers must be valid
  * @return #DAHL_COMPENSATOR_OK, or why the parameters are rejected. Of several reasons, the first
  *   in the order of dahl_compensator_err_t.
- *   A play from 2 noise to 2 noise + 1 is accepted, but is outside the guarantee.
  * @note Bounds are compared exactly. A length_long one float above Fc/sigma0 passes, so that sigma0
  *   = Fc/length_long is accepted in float. Cost: 7000 instructions at most.
  */
@@ -207,7 +208,7 @@ DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
  * @param is_good     0 if the reading is bad or stale: CRC error, timeout, lost magnet
  * @return [counts] move for the element of the measured law; 0 if the reading is rejected. After
  *   a rejected reading, the next one counts from the new position.
- * @note Cost: half of the 96 instructions.
+ * @note Cost: about half of the 96 instructions.
  */
 int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator,
                               int32_t dcounts, int is_good);
@@ -220,8 +221,8 @@ int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensa
  * @return [Q30 of Fc] torque to add to the command, within the limit
  * @note Error: 2.3 x 2^-15 of ratio_q30 at most, from the fades. It is ratio_q30 with gain 1, if
  *   no fade, slew or limit is in reach. The opposite input from the opposite state gives the
- *   opposite torque within 2^-30, also in a run: the mean of the speed is symmetric. Cost: the
- *   other half.
+ *   opposite torque within 2^-30, also in a run: the mean of the speed is symmetric. Cost: about
+ *   half of the 96 instructions.
  */
 int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
                                 dahl_compensator_t *compensator, int32_t ratio_q30);

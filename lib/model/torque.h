@@ -20,7 +20,7 @@ static inline uint32_t dahl_torque_bits(dahl_real_t Fc, uint32_t s, uint32_t zer
     return dahl_round_to_float(product << missing, (uint32_t)Fc.exponent + 2 - zeros - missing);
 }
 
-/** Return w Fc. The top bit of the mantissa of Fc must be set. */
+/** Return w Fc, computed inline. The top bit of the mantissa of Fc must be set. */
 static inline float dahl_torque_inline(dahl_real_t Fc, uint64_t w)
 {
     uint32_t sign = (uint32_t)(w >> 32) & DAHL_BITS_SIGN, high, low, zeros, s;
@@ -40,8 +40,8 @@ static inline float dahl_torque_inline(dahl_real_t Fc, uint64_t w)
     return dahl_float_of(sign | dahl_torque_bits(Fc, s, zeros));
 }
 
-/** The same for all calls that have no tick in assembly. ARMv6-M has one copy of it (torque_from.c), in assembly in
- * lib/cores. */
+/** Return w Fc. On ARMv6-M all calls but the ticks in C share one copy of it: torque_from.c or, in assembly,
+ * lib/cores/torque_v6m.S. */
 #if DAHL_V6M
 float dahl_torque_from(dahl_real_t Fc, uint64_t w);
 #else
@@ -59,7 +59,7 @@ static inline float dahl_torque_of(const dahl_plan_t *plan, uint64_t w)
     return plan->Fc_mantissa == 0 ? 0.0f : dahl_torque_from(Fc, w);
 }
 
-/** The same for the ticks in C. */
+/** Do the same inline, for the ticks in C. */
 static inline float dahl_torque_of_inline(const dahl_plan_t *plan, uint64_t w)
 {
     dahl_real_t Fc = {plan->Fc_mantissa | 1, plan->Fc_exponent};

@@ -14,9 +14,9 @@
 /* A number, or a list of them. */
 typedef struct {
     const char *key;
-    const char *model; /* that alone has it; NULL: any model */
+    const char *model; /* the only one with this key; NULL: any model */
     bool is_needed;
-    uint32_t most;    /* number of values */
+    uint32_t max_values;
     double low, high; /* both allowed */
     size_t offset;    /* of a float or an array, in instance_t */
 } range_t;
@@ -78,8 +78,8 @@ static uint32_t read_numbers(const config_t *c, const range_t *range, float *to)
         if (*end != '\0' || !(value >= range->low && value <= range->high)) {
             fail(c, "%s = %s is outside %g .. %g", range->key, word, range->low, range->high);
         }
-        if (count == range->most) {
-            fail(c, "%s = %s has more than %u values", range->key, text_of(c, range->key), range->most);
+        if (count == range->max_values) {
+            fail(c, "%s = %s has more than %u values", range->key, text_of(c, range->key), range->max_values);
             return 0;
         }
         to[count++] = (float)value;

@@ -51,7 +51,6 @@ class Piece:
 
 
 def constants_of(sollya: str, generator: Path) -> Constants:
-    """Return the constants that the kernel's generator prints."""
     text = run([sollya, str(generator)], "")
     rows = re.findall(r"{(-?\d+), (-?\d+), (-?\d+), (\d+)u}", text)
     if len(rows) != CUBICS:
@@ -257,5 +256,4 @@ def certificate(c: Constants, sollya: str, gappa: str) -> list[Piece]:
 
 
 def worst(pieces: list[Piece]) -> Piece:
-    """The piece with the largest error."""
     return max(pieces, key=lambda piece: max(-piece.error.a, piece.error.b))

@@ -74,7 +74,6 @@ def build() -> None:
 
 
 def rows(*arguments: object, timeout: float = 1500) -> list[dict[str, Any]]:
-    """Run host_bench and return its lines."""
     text = run(PROGRAM, *arguments, timeout=timeout)
     return [json.loads(line) for line in text.splitlines()]
 
@@ -208,7 +207,7 @@ def measure_calls() -> dict[str, Any]:
     return calls
 
 
-def of_a_tick(calls: dict[str, Any]) -> dict[str, float]:
+def ns_per_tick(calls: dict[str, Any]) -> dict[str, float]:
     """Return ns per tick from Python: one call per tick, and one call for all ticks."""
     longest, ns = calls["logs"]["ticks"][-1], calls["logs"]["ns"]
     return {
@@ -278,7 +277,7 @@ def measure(quick: bool) -> dict[str, Any]:
         "parts": measure_parts(sizes, list(errors)),
         "rates": measure_rates(),
         "speed": measure_speed(sizes),
-        "python": of_a_tick(calls),
+        "python": ns_per_tick(calls),
         "calls": calls,
         "threads": measure_threads(sizes.threads),
         "mixes": measure_mixes(),

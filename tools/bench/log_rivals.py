@@ -48,7 +48,7 @@ def jax_scan(dtype: str) -> Log:
         _, w = jax.lax.associative_scan(join, (1 - g, jnp.sign(u) * g))
         return (Fc * w).astype("float32")
 
-    def completed(moves: Any, scale: float, Fc: float) -> Any:  # noqa: N803
+    def wait_for_torques(moves: Any, scale: float, Fc: float) -> Any:  # noqa: N803
         return torques(moves, scale, Fc).block_until_ready()
 
-    return completed
+    return wait_for_torques

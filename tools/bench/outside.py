@@ -142,7 +142,7 @@ def errors(got: Any, exact: list[float]) -> list[float]:
     return [max(differences), (sum(d * d for d in differences) / len(differences)) ** 0.5]
 
 
-def timed(run: Way, scenario: Task) -> tuple[float, Any]:
+def time_run(run: Way, scenario: Task) -> tuple[float, Any]:
     """Return ns of a tick and the result."""
     start = time.perf_counter()
     got = run(scenario)
@@ -154,7 +154,7 @@ def measure(make: Callable[[Task], Way], task: Task) -> dict[str, Any]:
     result, ticks, times = {}, 0, []
     for name, scenario in task["scenarios"].items():
         run(scenario)  # compiles, which must not be timed
-        rounds = [timed(run, scenario) for _ in range(ROUNDS)]
+        rounds = [time_run(run, scenario) for _ in range(ROUNDS)]
         times.append(min(ns for ns, _ in rounds))
         got = rounds[0][1]
         ticks += len(got)

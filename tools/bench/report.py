@@ -147,7 +147,6 @@ def host_block(result: dict[str, Any]) -> str:
 
 
 def single_lines(calls: dict[str, Any]) -> list[str]:
-    """List what single calls from Python cost."""
     single = calls["single"]
     pairs = (
         ("`Friction.step_counts`", "step_counts", "float", '`float("1.5")`'),
@@ -161,7 +160,6 @@ def single_lines(calls: dict[str, Any]) -> list[str]:
 
 
 def log_rows(calls: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
-    """Return the head and the rows of the table of calls for logs."""
     logs = calls["logs"]
     head = ["us a call, by ticks of the log", *(f"{n:,}" for n in logs["ticks"])]
     rows = [

@@ -262,7 +262,6 @@ def worst_block(result: dict[str, dict[str, Any]]) -> str:
 
 
 def show(result: dict[str, dict[str, Any]]) -> None:
-    """Print a table in the terminal."""
     table = Table(title="Instructions per call, entry to return; bytes")
     table.add_column("")
     for core in result.values():

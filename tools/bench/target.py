@@ -186,7 +186,6 @@ def read_cases(text: str, counts: str) -> tuple[dict[str, list[Call]], dict[str,
 
 
 def instructions(calls: dict[str, list[Call]]) -> dict[str, list[int]]:
-    """Return the instructions of each call, by case."""
     return {name: [call.count for call in each] for name, each in calls.items()}
 
 
@@ -253,7 +252,6 @@ def cache_value(core: Core, key: str) -> str:
 
 
 def link_path(core: Core, name: str, archive: Path | None = None) -> Path:
-    """Link an image of one path and its dependencies."""
     image = core.build / "bench" / f"size_{name}.elf"
     flags = cache_value(core, "CMAKE_C_FLAGS").split()
     wanted = [f"-Wl,-u,{symbol}" for symbol in PATHS[name]]
@@ -389,7 +387,6 @@ def motion_numbers(cases: dict[str, list[int]]) -> dict[str, dict[str, float]]:
 
 
 def measure(core: Core, libcs: list[str]) -> dict[str, object]:
-    """Measure one core."""
     build(core, *(f"bench_{libc}" for libc in libcs))
     result: dict[str, Any] = {
         "core": core.title,
@@ -442,7 +439,6 @@ def measure_all(names: list[str], quick: bool) -> dict[str, dict[str, Any]]:
 
 
 def clock(word: str) -> float:
-    """Return a clock in MHz."""
     try:
         mhz = float(word)
     except ValueError:

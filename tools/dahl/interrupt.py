@@ -21,8 +21,6 @@ MESSAGE = "interrupted"
 
 
 class _Process:
-    """The state of this process."""
-
     is_asked = False  # Ctrl-C came since run_guarded() was entered
     is_running = False  # run_guarded() is in run(), which an exception can end
 

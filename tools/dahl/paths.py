@@ -60,7 +60,6 @@ def _missing_reason() -> str:
 
 
 def library() -> Path:
-    """Return the path of the shared library of lib/."""
     return built_file("DAHL_LIBRARY", "lib/libdahl.so", "lib", "libdahl.so")
 
 
@@ -75,7 +74,6 @@ def binding(name: str) -> Path:
 
 
 def loop_program() -> Path:
-    """Return the path of the program dahl-loop."""
     return built_file("DAHL_LOOP", "bin/dahl-loop", "host_sim", "dahl-loop")
 
 

@@ -100,8 +100,6 @@ FRAMES = {
 
 @dataclass(frozen=True)
 class Field:
-    """A field of a structure, with its place in the frame."""
-
     name: str
     signal: str
     start: int

@@ -25,7 +25,6 @@ EVERY = pytest.mark.parametrize("model", MODELS, ids=lambda model: model.name)
 
 
 def export(dahl, model: models.Model = MODELS[0], *more: object, name: str = "shaft.fmu") -> Path:
-    """Write an FMU of the example of a model."""
     own = OWN.get(model.key)
     values = [*numbers(model), *([own if isinstance(own, list) else [own]] if own else [])]
     options = zip(("--sigma0", "--fc", f"--{model.key}"), values, strict=False)

@@ -35,7 +35,6 @@ def fmpy():
 
 @pytest.fixture
 def header(fmpy) -> Path:
-    """Return the header of the standard."""
     return Path(fmpy.__file__).parent / "c-code" / "fmi2Functions.h"
 
 

@@ -56,7 +56,6 @@ class Rig:
         return dahl(self.theta, Fc=FC if factor is None else FC * factor / factor[LEAD:].mean())
 
     def noise(self, part: float) -> np.ndarray:
-        """Noise of `part` of Fc."""
         return part * FC * self.random.normal(size=len(self.theta))
 
     def log(self, torque: np.ndarray, noise: float = 0.03, theta: np.ndarray | None = None) -> Log:

@@ -54,7 +54,6 @@ def parts(file: Path) -> dict[str, set[str]]:
 
 
 def test_a_part_that_is_not_called_is_not_linked(tmp_path: Path) -> None:
-    """Link each function of the library alone."""
     library, main, program = built("lib", "libdahl.a"), tmp_path / "main.c", tmp_path / "program"
     calls = parts(library)
     assert {"slip", "parallel"} <= set().union(*calls.values())

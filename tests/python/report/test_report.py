@@ -278,7 +278,6 @@ def test_the_summary_describes_the_record(run):
 
 
 def page_of(folder: Path, numbers: dict) -> tuple[list[str], str]:
-    """Cells of the page of a summary, and the page."""
     (folder / "loop.png").touch()
     (folder / "summary.json").write_text(json.dumps({"scene_file": "x.ini"} | numbers))
     assert command("report", folder).returncode == 0

@@ -425,7 +425,6 @@ class Node:
 
 
 def status_in(frame: Logged) -> Status:
-    """The Status in a frame."""
     assert is_good(frame, 5)
     first, *sums, _, timeout = frame.data[1:]
     return Status(round(frame.time, 6), first & 15, first >> 4, *sums, timeout)

@@ -227,7 +227,6 @@ def torques_of(log: list[Logged]) -> list[tuple[int, int]]:
 
 
 def raw_client(port: int, receive_buffer: int | None = None) -> socket.socket:
-    """A client in raw mode, without python-can."""
     peer = socket.socket()
     peer.settimeout(10)
     if receive_buffer:

@@ -21,13 +21,13 @@ FRICTION = ("sigma0", "Fc", "theta_per_count")
 @checks.calls_checked
 class Adaptation(Copied):
     """Follow an Fc that drifts with temperature or wear (dahl_adaptation_t), for a Compensator with
-    reference=True. It cannot separate viscous friction or the force of a hand from Fc.
+    reference=True. Viscous friction and the force of a hand look like Fc to it.
 
     sigma0, Fc, theta_per_count, period  those of the compensator
     inertia      kg m2  rotor and all that moves with it
 
-    Two are equal if parameters and state are; picklable; a copy has a state of its own. A tick
-    costs about 2 us from Python. Raises dahl.Error with the parameter, its value and its limit.
+    Objects are equal if parameters and state are. They can be pickled; a copy has a separate state.
+    A tick costs about 2 us. Raises dahl.Error with the parameter, its value and its limit.
 
     >>> friction = (100.0, 0.5, 3.8e-4)
     >>> bearing = dahl.Friction(dahl.Plan(*friction))
@@ -123,7 +123,7 @@ class Adaptation(Copied):
         self.step_q24(compensator, round(min(max(ratio, -limit), limit) * ONE_Q24))
 
     def step_q24(self, compensator: Compensator, motor_q24: int) -> None:
-        """Do as step(), with the motor torque over Fc in Q24, a whole number within int32."""
+        """Do the same as step(). motor_q24 is motor over Fc in Q24, a whole number within int32."""
         checks.instance("compensator", compensator, Compensator)
         motor_q24 = checks.whole("motor_q24", motor_q24, INT32_MIN, INT32_MAX)
         if not compensator.reference:

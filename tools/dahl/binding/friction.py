@@ -81,7 +81,6 @@ class Plan(parameters.Counts, Copied):
             raise Error(parameters.refusal(self.sigma0, self.Fc, self.theta_per_count))
 
     def _params(self) -> Any:
-        """A dahl_params_t."""
         return c.new("dahl_params_t *", (self.sigma0, self.Fc, self.theta_per_count))
 
     @property

@@ -155,7 +155,6 @@ def _rounded(value: float, towards: float) -> float:
 
 
 def _float(value: float) -> str:
-    """Return a float literal of C."""
     text = f"{value:.9g}"
     return f"{text}f" if re.search(r"[.e]", text) else f"{text}.0f"
 

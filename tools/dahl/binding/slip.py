@@ -119,7 +119,6 @@ class Slip(SlipParameters, RatioElement):
             raise Error(f"{self!r} is refused by dahl_slip_prepare")
 
     def _params(self) -> Any:
-        """A dahl_slip_params_t."""
         values = len(self._sigma0), self._theta_per_count, self._sigma0, self._Fc
         return c.new("dahl_slip_params_t *", values)
 

@@ -46,7 +46,6 @@ class Throughput(parameters.Counts):
             raise Error(parameters.refusal(self.sigma0, self.Fc, self.theta_per_count))
 
     def _params(self) -> Any:
-        """A dahl_throughput_params_t."""
         values = self.sigma0, self.Fc, self.theta_per_count
         return c.new("dahl_throughput_params_t *", values)
 

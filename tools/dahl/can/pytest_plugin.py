@@ -143,7 +143,6 @@ def _one_line() -> Iterator[None]:
 
 
 def _mark_arguments(request: pytest.FixtureRequest) -> Settings:
-    """Return the arguments of the mark dahl."""
     mark = request.node.get_closest_marker("dahl")
     if mark is not None and mark.args:
         pytest.fail(f"mark dahl: {mark.args[0]!r} has no name, such as plan=", pytrace=False)

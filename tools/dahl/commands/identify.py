@@ -154,7 +154,6 @@ def source_of(args: argparse.Namespace) -> Source:
 
 
 def options_of(args: argparse.Namespace) -> Options:
-    """Return the options of the fit."""
     from dahl.identify.estimate import Options
     from dahl.identify.models import OPTIONS
     from dahl.io.can_logs import meant

@@ -44,7 +44,7 @@ def add_encoder(parser: argparse.ArgumentParser, required: bool, help_theta: str
 
 
 def model_with(key: str) -> str:
-    """Return the name of the model that has this key of its own."""
+    """Return the name of the only model with this key."""
     from dahl.binding import models
 
     return models.with_key(key).name

@@ -19,7 +19,7 @@ from dahl.identify.samples import MIN_TURN_LENGTHS, Samples
 
 SURE = 2.0  # standard errors of the gain on cycles left out
 MIN_RESIDUAL_GAIN = 0.02  # of the residual, that a row must explain
-MAX_GAIN = 0.3  # times the rest of the residual; a row that explains more shows a wrong hypothesis
+MAX_GAIN = 0.3  # over the unexplained residual: 23 % of all; more shows a wrong hypothesis
 EXTRA_MOVE = 0.5  # of the move by a row: its columns are one of many descriptions of an effect
 ENCODER_PERIODS = (8, 16, 32, 64, 128, 256, 512, 1024)  # counts
 ANGLE_KNOTS = 7  # of a friction that depends on the angle
@@ -45,10 +45,10 @@ class Row:
 
 @dataclass
 class Lack:
-    """A row that cycles left out ask for."""
+    """A row that predicts the left-out cycles better."""
 
     name: str
-    gain: float  # part of the residual
+    gain: float  # over the residual that is then unexplained
     moved: np.ndarray  # (2,) of sigma0 and Fc, as parts
     low: np.ndarray  # (2,)
     high: np.ndarray
@@ -141,8 +141,8 @@ class _Judge:
 def _withdraws(row: Row, moved: np.ndarray, gain: float) -> tuple[bool, bool]:
     """Return whether the claims of sigma0 and Fc are withdrawn.
 
-    A parameter must not move too far. If a row with a limit of its moves explains much of the
-    residual, the hypothesis is wrong, and neither parameter is claimed.
+    A parameter must not move too far. If a row with such a limit explains much of the residual, the
+    hypothesis is wrong, and neither parameter is claimed.
     """
     is_wrong = bool(np.isfinite(row.max_move)) and gain > MAX_GAIN
     far = np.abs(moved) > row.max_move
@@ -279,7 +279,6 @@ def _encoder(x: Context) -> list[Row]:
 
 
 def _between_logs(x: Context) -> list[Row]:
-    """Logs that differ."""
     logs = np.unique(x.samples.log_of)
     if len(logs) < 2:
         return []

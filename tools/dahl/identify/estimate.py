@@ -142,7 +142,6 @@ def _encoder_error(fitter: Fitter, fits: list[Fit], corrected: list[str]) -> Lac
 def _judge(
     fitter: Fitter, fits: list[Fit], corrected: list[str]
 ) -> tuple[Plausible, list[Lack], Intervals]:
-    """Return the plausible hypotheses, the lack of fit and the intervals."""
     samples = fitter.samples
     hidden = _hidden_by_rounding(samples, select.best_of(fits))
     seen = select.plausible(fitter, fits, hidden)

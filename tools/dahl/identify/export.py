@@ -284,7 +284,6 @@ def _other_terms(model: RunnableModel, log: Log) -> np.ndarray:
 
 
 def _scene(result: Result, model: RunnableModel, name: str, angle: str, force: str) -> str:
-    """Return the scene that replays NAME.csv."""
     log = result.logs[0]
     sigma0, Fc = (" ".join(map(repr, some)) for some in (model.sigma0, model.Fc))  # noqa: N806
     count = log.resolution or NO_ENCODER_COUNT / model.a

@@ -146,7 +146,6 @@ def _left_out_solutions(grams: np.ndarray) -> np.ndarray:
 
 
 def _term_errors(result: Result) -> dict[str, float]:
-    """Return the standard error of each term."""
     no_limits = np.zeros_like(result.chosen.limits)
     fit = replace(result.chosen, coefficients=_coefficient_errors(result), limits=no_limits)
     return {name: abs(error) for name, error in terms_of(fit, result.samples).items()}
@@ -328,7 +327,6 @@ def _parts(fit: Fit) -> list[dict[str, float | str]]:
 
 
 def table(result: Result) -> Table:
-    """Return the table of the result, the verdict first."""
     from rich.table import Table
 
     log = result.logs[0]

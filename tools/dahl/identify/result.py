@@ -209,7 +209,7 @@ class Result:
         )
 
     def optimum(self) -> Optimum:
-        """Columns of the chosen hypothesis, linearised at its fit, as products by cycle."""
+        """Return the chosen fit with the Gram matrices of its linearised columns by cycle."""
         fit, h = self.chosen, self.hypothesis
         table, limits = self.fitter.columns(h, fit.p, fit.limits, h.terms)
         return Optimum(fit.p, self.samples.grams(table), limits, np.ones(len(limits)))

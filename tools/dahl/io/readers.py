@@ -81,7 +81,6 @@ class Source:
 
 
 def read(path: Path, source: Source) -> Log:
-    """Read one log. Raises dahl.Error."""
     _check_file(path)
     notes: list[str] = []
     if path.suffix.lower() not in can_logs.CAN_LOGS:

@@ -270,7 +270,6 @@ def _is_units(cells: list[str]) -> bool:
 
 
 def _body(path: Path, form: Form) -> Iterator[Row]:
-    """Yield the rows of a whole table."""
     with path.open(encoding=form.encoding) as file:
         for line, row in _rows(islice(file, form.first - 1, None), form.separator):
             if not (form.mark and row[0].startswith(form.mark)):

@@ -52,12 +52,12 @@ def _axis_row(row: np.ndarray, runs: dict[str, Run], label: str, scale: float) -
     for name, colour in COLOURS.items():
         traces = np.array(runs[name].error) * scale, np.array(runs[name].motor)
         for axes, trace in zip(row, traces, strict=True):
-            _trace(axes, trace, name, colour)
+            _draw_trace(axes, trace, name, colour)
     row[0].set(xlabel="time [s]", ylabel=label)
     row[1].set(xlabel="time [s]", ylabel="torque [N m]")
 
 
-def _trace(axes: Axes, trace: np.ndarray, name: str, colour: str) -> None:
+def _draw_trace(axes: Axes, trace: np.ndarray, name: str, colour: str) -> None:
     """Draw a line through the means of the bins, and a band from their least to their largest."""
     size = round(BIN_S / compensation.PERIOD_S)
     first, last = (round(time / BIN_S) for time in WINDOW_S)

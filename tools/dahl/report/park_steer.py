@@ -22,22 +22,22 @@ def draw(path: Path, plain: Run, assisted: Run) -> None:
     with rc_context(STYLE):
         figure = Figure(figsize=SIZE, layout="constrained")
         loops, torques = figure.subplots(1, 2)
-        _loops(loops, plain, assisted)
-        _torques(torques, assisted)
+        _draw_loops(loops, plain, assisted)
+        _draw_torques(torques, assisted)
         save(figure, path)
 
 
-def _loops(axes: Axes, plain: Run, assisted: Run) -> None:
+def _draw_loops(axes: Axes, plain: Run, assisted: Run) -> None:
     for run, colour, name in (
         (plain, WITHOUT, "without compensation"),
         (assisted, WITH, f"with gain {GAIN:g}"),
     ):
         axes.plot(np.degrees(run.hand_angle), run.hand, color=colour, linewidth=1.3, label=name)
     axes.set(xlabel="angle of the hand wheel [deg]", ylabel="torque of the hand [N m]")
-    _legend(axes)
+    _add_legend(axes)
 
 
-def _torques(axes: Axes, run: Run) -> None:
+def _draw_torques(axes: Axes, run: Run) -> None:
     for torque, colour, name in (
         (run.tyres, "#3d7ea6", "tyres"),
         (run.assist, "#e9a23b", "assist"),
@@ -45,9 +45,9 @@ def _torques(axes: Axes, run: Run) -> None:
     ):
         axes.plot(run.time, torque, color=colour, linewidth=1.3, label=name)
     axes.set(xlabel="time [s]", ylabel="torque with compensation [N m]")
-    _legend(axes)
+    _add_legend(axes)
 
 
-def _legend(axes: Axes) -> None:
+def _add_legend(axes: Axes) -> None:
     """Put the legend above the axes, in one row."""
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, columnspacing=1)

@@ -92,7 +92,6 @@ def state_counts(states: np.ndarray) -> dict[str, int]:
 
 
 def new_start_states() -> set[int]:
-    """Return the raw values of NEW_START."""
     return {value for value, name in _states().items() if str(name) in NEW_START}
 
 

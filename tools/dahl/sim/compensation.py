@@ -106,8 +106,6 @@ class Law(Protocol):
 
 
 class NoLaw:
-    """No compensation."""
-
     def torque(self, dcounts: int, reference_move: int, reference_speed: float) -> float:
         """Return 0."""
         return 0.0
@@ -210,8 +208,7 @@ def reference(amplitude: float, t: float) -> tuple[float, float, float]:
 
 
 class Loop:
-    """Position loop: PD, PID, or a cascade, whose P of the angle gives the speed that a PI loop
-    tracks."""
+    """Position loop: PD, PID, or a cascade of a P loop of the angle and a PI loop of the speed."""
 
     def __init__(self, case: Case) -> None:
         self._is_cascade = case.loop == "cascade"

@@ -62,7 +62,6 @@ def boards() -> dict[str, Board]:
 
 
 def build(core: str) -> Path:
-    """Build the image of a core and return its path."""
     if core not in boards():
         raise Error(f"--target {core}: one of {' '.join(boards())} was expected")
     folder = paths.ROOT / "build" / core

@@ -205,7 +205,6 @@ def _binary(fmu: Fmu, guid: str) -> bytes:
 
 
 def _start_header(fmu: Fmu, guid: str) -> bytes:
-    """Return start.h with the same start values."""
     words = [MARK.rstrip(b"\0").decode(), guid, fmu.model.name]
     head = [*(f'"{word}"' for word in words), *map(str, _counts(fmu))]
     lines = [

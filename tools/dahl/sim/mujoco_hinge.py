@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""A hinge that must hold under half of Fc: dahl.friction beside MuJoCo's LuGre friction, both with
-Dahl's model, and the solution of the differential equation.
+"""A hinge under half of Fc, with dahl.friction and with MuJoCo's LuGre friction of the same model,
+next to the solution of the differential equation.
 
-It moves into presliding and swings there; without other damping it never stands still. The drift is
-the error of an integration by time steps.
+The hinge swings within the presliding length; without damping it does not come to rest. A drift
+away from the solution is the error of an integration by time steps.
 """
 
 from __future__ import annotations
@@ -35,7 +35,6 @@ DAHL = f"""<plugin plugin="dahl.friction"><instance name="hinge"><config key="jo
 
 
 def model(step: float, damping: float = 0.0, hinges: tuple[str, ...] = ("native", "dahl")) -> Any:
-    """Return the model with one or both hinges; a motor at each of them."""
     bodies = "".join(HINGE.format(name=name, damping=damping) for name in hinges)
     motors = "".join(f'<motor joint="{name}"/>' for name in hinges)
     return mujoco.MjModel.from_xml_string(
@@ -46,7 +45,7 @@ def model(step: float, damping: float = 0.0, hinges: tuple[str, ...] = ("native"
 
 
 def angles(step: float, damping: float) -> tuple[float, float]:
-    """Return the angle [rad] of the native hinge and of that with dahl.friction at the end."""
+    """Return the last angle [rad] of the native hinge and of that with dahl.friction."""
     both = model(step, damping)
     data = mujoco.MjData(both)
     data.ctrl[:2] = TORQUE
@@ -55,7 +54,7 @@ def angles(step: float, damping: float) -> tuple[float, float]:
 
 
 def exact_angle(damping: float) -> float:
-    """Return the angle [rad] at the end by SciPy's DOP853, of theta, speed and F."""
+    """Return the last angle [rad] by SciPy's DOP853."""
     try:
         from scipy.integrate import solve_ivp
     except ImportError:

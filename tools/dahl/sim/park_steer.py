@@ -205,5 +205,4 @@ def simulate(gain: float, progress: Callable[[], None] = lambda: None) -> Run:
 
 
 def count_ticks() -> int:
-    """Return the number of ticks of a run."""
     return _ticks(CYCLES / HAND_HZ)
