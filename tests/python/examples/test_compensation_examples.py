@@ -49,7 +49,7 @@ def test_the_page_has_the_bits_of_python(root: Path, tmp_path: Path) -> None:
     theta = float(np.float32(6.2831853) / 16384)
     compensator = dahl.Compensator(
         *(sigma0, low, theta),
-        **{"Fc_low": low, "length_long": long, "gain": 0.9, "limit": 1.0, "slew": 50.0},
+        **{"Fc_low": low, "length_long": long, "gain": 0.9, "limit": 1.2 * low, "slew": 100 * low},
         **{"period": 1e-3, "rise": 0.5, "fall": 0.02, "fade_speed": 5.0},
         **{"noise": 1, "play": 4, "jump": 200},
     )
