@@ -11,6 +11,7 @@ import math
 import re
 import struct
 import subprocess
+import sys
 from pathlib import Path
 
 import can
@@ -217,6 +218,19 @@ def moteus_torque(message: can.Message) -> float:
     assert math.isnan(position) and velocity_to_kd[0] == velocity_to_kd[2] == velocity_to_kd[3] == 0
     assert message.data[26:] == b"\x1d\x01\x50\x50\x50\x50"  # read one float from register 1
     return velocity_to_kd[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "start"),
+    [
+        (("odrive", "no_such_can"), "error: cannot open no_such_can: "),
+        (("odriv", "can0"), "usage: "),
+    ],
+)
+def test_the_host_needs_a_known_drive_and_a_bus(words, start, root: Path) -> None:
+    command = [sys.executable, root / "examples/odrive_moteus/feed_forward.py", *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and done.stderr.startswith(start) and done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("name", ["ODrive", "Moteus"])
