@@ -68,6 +68,6 @@ build_all() {
 build_demo() {
     start_build
     [ -e "$BUILD/host/build.ninja" ] || configure -DDAHL_BUILD_TESTS=OFF
-    build --target dahl-loop dahl_binding
+    build --target dahl-loop dahl_binding dahl_fmu
     exec 9>&-
 }

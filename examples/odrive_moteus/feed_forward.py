@@ -120,12 +120,21 @@ class FeedForward:
         return None
 
 
+def open_bus(channel: str, is_fd: bool) -> can.BusABC:
+    """Open an interface of SocketCAN, or end the program with a message."""
+    try:
+        return can.Bus(interface="socketcan", channel=channel, fd=is_fd)
+    except (OSError, can.CanError) as error:
+        sys.exit(f"error: cannot open {channel}: {error}")
+
+
 if __name__ == "__main__":
-    if len(sys.argv) != 3:
+    drives = {"odrive": ODrive, "moteus": Moteus}
+    if len(sys.argv) != 3 or sys.argv[1] not in drives:
         sys.exit("usage: feed_forward.py odrive|moteus CHANNEL")
     kind, channel = sys.argv[1:]
-    feed = FeedForward(Moteus() if kind == "moteus" else ODrive(), 0.045, 0.0055, limit=0.1)
-    with can.Bus(interface="socketcan", channel=channel, fd=kind == "moteus") as opened:
+    feed = FeedForward(drives[kind](), 0.045, 0.0055, limit=0.1)
+    with open_bus(channel, kind == "moteus") as opened:
         while True:
             feed.tick(opened)
             time.sleep(PERIOD_S if kind == "moteus" else 0)  # it sends an angle on request

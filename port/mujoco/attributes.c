@@ -75,7 +75,10 @@ static uint32_t read_numbers(const config_t *c, const range_t *range, float *to)
     uint32_t count = 0;
     while (next_word(&text, word)) {
         const double value = strtod(word, &end);
-        if (*end != '\0' || !(value >= range->low && value <= range->high)) {
+        if (*end != '\0') {
+            fail(c, "%s = %s is not a number; separate several by blanks", range->key, word);
+        }
+        if (!(value >= range->low && value <= range->high)) {
             fail(c, "%s = %s is outside %g .. %g", range->key, word, range->low, range->high);
         }
         if (count == range->max_values) {
@@ -119,8 +122,11 @@ static void check_counts(const config_t *c, const friction_model_t *model, uint3
 {
     const uint32_t needed_Fcs = model->Fcs != 0 ? model->Fcs : Fcs;
     const uint32_t needed_sigma0s = model->sigma0s != 0 ? model->sigma0s : Fcs;
-    if (sigma0s != needed_sigma0s || Fcs != needed_Fcs || (kinds != 0 && kinds != Fcs)) {
-        fail(c, "model = %s with %u kinds does not fit %u sigma0 and %u Fc", model->name, kinds, sigma0s, Fcs);
+    if (sigma0s != needed_sigma0s || Fcs != needed_Fcs) {
+        fail(c, "model = %s does not fit %u sigma0 and %u Fc", model->name, sigma0s, Fcs);
+    }
+    if (kinds != 0 && kinds != Fcs) {
+        fail(c, "kinds = %s has %u words for %u Fc", text_of(c, "kinds"), kinds, Fcs);
     }
 }
 

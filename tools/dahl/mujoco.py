@@ -26,6 +26,10 @@ from dahl.sim import mujoco_plugin
 
 def main() -> int:
     """Print the comparison and return the exit code."""
+    from dahl.cli import Parser
+
+    about = "Compare dahl.friction with MuJoCo's own LuGre friction, in 20 s."
+    Parser(prog="python -m dahl.mujoco", description=about).parse_args()
     try:
         mujoco_plugin.load()
         from dahl.sim import mujoco_hinge

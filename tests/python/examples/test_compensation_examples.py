@@ -11,6 +11,7 @@ import math
 import re
 import struct
 import subprocess
+import sys
 from pathlib import Path
 
 import can
@@ -49,7 +50,7 @@ def test_the_page_has_the_bits_of_python(root: Path, tmp_path: Path) -> None:
     theta = float(np.float32(6.2831853) / 16384)
     compensator = dahl.Compensator(
         *(sigma0, low, theta),
-        **{"Fc_low": low, "length_long": long, "gain": 0.9, "limit": 1.0, "slew": 50.0},
+        **{"Fc_low": low, "length_long": long, "gain": 0.9, "limit": 1.2 * low, "slew": 100 * low},
         **{"period": 1e-3, "rise": 0.5, "fall": 0.02, "fade_speed": 5.0},
         **{"noise": 1, "play": 4, "jump": 200},
     )
@@ -217,6 +218,19 @@ def moteus_torque(message: can.Message) -> float:
     assert math.isnan(position) and velocity_to_kd[0] == velocity_to_kd[2] == velocity_to_kd[3] == 0
     assert message.data[26:] == b"\x1d\x01\x50\x50\x50\x50"  # read one float from register 1
     return velocity_to_kd[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "start"),
+    [
+        (("odrive", "no_such_can"), "error: cannot open no_such_can: "),
+        (("odriv", "can0"), "usage: "),
+    ],
+)
+def test_the_host_needs_a_known_drive_and_a_bus(words, start, root: Path) -> None:
+    command = [sys.executable, root / "examples/odrive_moteus/feed_forward.py", *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and done.stderr.startswith(start) and done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("name", ["ODrive", "Moteus"])

@@ -195,17 +195,27 @@ def test_the_hinge_holds_under_half_of_Fc_and_threads_change_no_bit() -> None:
     assert "1000 rollouts on 4 threads: the same bits as on one thread" in printed
 
 
+@pytest.mark.parametrize(("word", "code"), [("--help", 0), ("hinge.xml", 2)])
+def test_the_comparison_accepts_only_help(word: str, code: int) -> None:
+    command = [sys.executable, "-m", "dahl.mujoco", word]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == code and "DOP853" not in done.stdout
+    assert done.stderr.startswith("error: ") == (code != 0)
+
+
 BAD: list[tuple[dict[str, Any], str]] = [  # keys of an instance, words of the error
     ({"Fc": -1}, "Fc = -1 is outside 5.42101e-20 .. 1.84467e+19"),
-    ({"sigma0": "1e3x"}, "sigma0 = 1e3x is outside"),
+    ({"sigma0": "1e3x"}, "sigma0 = 1e3x is not a number"),
+    ({"Fc": "1,2"}, "Fc = 1,2 is not a number; separate several by blanks"),
+    ({"Fc": "nan"}, "Fc = nan is outside"),
     ({"sigma0": ""}, "model = dahl needs sigma0"),
     ({"Fc": "1 1 1 1 1 1 1 1 1"}, "Fc = 1 1 1 1 1 1 1 1 1 has more than 8 values"),
-    ({"Fc": "1 2"}, "model = dahl with 0 kinds does not fit 1 sigma0 and 2 Fc"),
+    ({"Fc": "1 2"}, "model = dahl does not fit 1 sigma0 and 2 Fc"),
     ({"theta_per_count": 1e-15}, "theta_per_count = 1e-15 is outside 2^-30 .. 2^20 of Fc/sigma0"),
     ({"model": "lugre"}, "model = lugre is none of dahl slip parallel"),
     ({"model": "elastoplastic", "breakaway": 1}, "breakaway = 1 is outside 1e-37 .. 1"),
     ({"breakaway": 0.5}, "breakaway = 0.5 is for model = elastoplastic, not for dahl"),
-    ({"model": "parallel", "kinds": "dahl dahl"}, "with 2 kinds does not fit 1 sigma0 and 1 Fc"),
+    ({"model": "parallel", "kinds": "dahl dahl"}, "kinds = dahl dahl has 2 words for 1 Fc"),
     ({"model": "parallel", "kinds": "soft"}, "kinds = soft: soft is neither dahl nor slip"),
     ({"joint": "", "tendon": "t", "model": "loaded", "full": 1}, "model = loaded needs a joint"),
     ({"joint": "x"}, "joint = x is not in the model"),

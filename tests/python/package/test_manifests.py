@@ -90,6 +90,13 @@ def test_platformio_packs_and_compiles_the_needed_files() -> None:
     assert set(manifest["build"]["srcFilter"]) == sources
 
 
+def test_no_two_sources_make_the_same_object_file() -> None:
+    """Compiled into one folder, the second object would replace the first."""
+    sources = [Path(name) for name in CORE | NODE | ASSEMBLY]
+    stems = [path.stem for path in sources if path.suffix in (".c", ".S")]
+    assert sorted(stems) == sorted(set(stems)) and len(stems) > 40
+
+
 ADDRESS = re.compile(r"https://[\w./-]+")
 
 

@@ -69,7 +69,7 @@ def test_the_demo_sets_up_builds_and_runs(stage, words, need):
     assert stage.run("demo", *words, CDPATH="elsewhere:.").returncode == 3
     first, configured, built, _ = stage.calls()
     assert first == f"setup.sh {need}" and "-DDAHL_BUILD_TESTS=OFF" in configured
-    assert "dahl-loop dahl_binding" in built
+    assert "dahl-loop dahl_binding dahl_fmu" in built
     assert not (stage.folder / "unlocked").exists()
     assert stage.lines("words") == ["demo", *words]
 

@@ -77,3 +77,11 @@ def test_the_demo_writes_numbers_frames_and_picture(runs, tmp_path: Path, monkey
     ticks = scene.count_ticks() + 1
     assert {one: ids.count(one) for one in ids[:4]} == dict.fromkeys((256, 257, 272, 273), ticks)
     assert (tmp_path / "park-steer.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_page_changes_gain_and_tyres(root: Path, library, monkeypatch, capsys) -> None:
+    monkeypatch.setattr(scene, "TYRE_GRIP", scene.TYRE_GRIP)  # restore it afterwards
+    (code,) = re.findall(r"```python\n(.*?)```", (root / "docs/steering.md").read_text(), re.S)
+    exec(code, {})
+    (stated,) = re.findall(r"# ([\d.]+) N m$", code, re.M)
+    assert float(capsys.readouterr().out) == pytest.approx(float(stated), abs=0.005)

@@ -19,6 +19,7 @@ from dahl.binding.parameters import Parameter
 from dahl.errors import Error
 
 FRICTION = ("sigma0", "Fc", "theta_per_count")
+BOUNDS = ("Fc_low", "length_long")  # the reference law needs none
 POSITIVE, OPTIONAL = "2^-64 <= {} < 2^64 ({})", "0, or 2^-64 <= {} < 2^64 ({})"
 
 
@@ -126,7 +127,10 @@ class Compensator(Copied):
             return f"play = {self._play} is below 2*noise = {2 * self._noise} counts"
         for name, value in v.items():
             if name not in FRICTION and not _is_in_range(name, value, self._reference):
-                return f"{name} = {value:g} is outside {_limit(name)}"
+                limit = _limit(name)
+                if name in BOUNDS and not self._reference:
+                    limit = limit.removeprefix("0, or ") + " with reference = False"
+                return f"{name} = {value:g} is outside {limit}"
         parameters.need_counted(v["theta_per_count"])
         counts = v["fade_speed"] * v["period"] / v["theta_per_count"]
         friction_is_good = all(_is_in_range(name, v[name], False) for name in FRICTION)
@@ -221,7 +225,8 @@ class Compensator(Copied):
         checks.instance("element", element, RatioElement)
         array = arrays.moves(moves, np.int32)
         if (reference_moves is not None) != self._reference:
-            raise Error(f"reference = {self._reference} needs reference_moves = counts or None")
+            needed = "the counts of the reference" if self._reference else "None"
+            raise Error(f"reference = {self._reference} needs reference_moves = {needed}")
         steps = array if reference_moves is None else arrays.moves(reference_moves, np.int32)
         flags = np.ones(len(array), bool) if is_good is None else arrays.flags("is_good", is_good)
         for name, one in (("reference_moves", steps), ("is_good", flags)):
@@ -256,7 +261,7 @@ def _limit(name: str) -> str:
 
 def _is_in_range(name: str, value: float, reference: bool) -> bool:
     may_be_zero = name in ("gain", "rise", "fall", "fade_speed", "pull")
-    may_be_zero |= reference and name in ("Fc_low", "length_long")
+    may_be_zero |= reference and name in BOUNDS
     if value == 0:
         return may_be_zero
     most = math.nextafter(1, 2) if name == "gain" else parameters.TORQUE_MAX

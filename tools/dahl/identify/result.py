@@ -28,9 +28,9 @@ MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller 
 MIN_R2 = 0.5  # on cycles left out; below it most of the torque is not friction
 SOURCES = {  # of the width of an interval, in the order in which they are added
     "noise": "noise",
-    "hypotheses": "which law, lag and terms are right",
-    "lack of fit": "what no hypothesis explains",
-    "counts": "what the counts of the encoder hide",
+    "hypotheses": "the choice of law, lag and terms",
+    "lack of fit": "a torque that no hypothesis explains",
+    "counts": "travel that a count hides",
 }
 
 
@@ -260,7 +260,7 @@ class Result:
         """One line: the claims, how well they are known, and the dominant uncertainty."""
         words = []
         for name, p in zip(NAMES, (self.sigma0, self.Fc), strict=True):
-            within = f"within {100 * p.half_width:.2g} %, mostly {SOURCES[p.uncertainty]}"
+            within = f"within {100 * p.half_width:.2g} %, mostly due to {SOURCES[p.uncertainty]}"
             if p.claimed:
                 words.append(f"{name} = {p.value:.4g} {self.units[name]} {within}")
             else:
@@ -334,7 +334,8 @@ def _against_widths(i: Intervals) -> Iterator[Objection]:
     for k, name in enumerate(NAMES):
         half = (i.high[k] - i.low[k]) / 2 / i.value[k]
         if half > MAX_HALF_WIDTH and np.isfinite(half):
-            text = f"{name} is known within {100 * half:.0f} % only: {SOURCES[i.dominant(k)]}"
+            cause = SOURCES[i.dominant(k)]
+            text = f"{name} is known within {100 * half:.0f} % only, due to {cause}"
             yield (k == 0, k == 1), text
 
 
