@@ -70,8 +70,8 @@ static double move_from(const instance_t *self, const mjtNum *state, double posi
     return friction_move_q30(f, moved, distance, load) / ONE_Q30 * f->Fc;
 }
 
-/* A reset does not know the positions of a keyframe, and a user may set qpos and time after it. Therefore each call moves the start
- * until the first step ends. Later stages of RK4 do not: their time is later, by a time step at most. */
+/* A reset does not know the positions of a keyframe, and a user may set qpos and time after it. Therefore each call moves the
+ * start until the first step ends. Later stages of RK4 do not: their time is later, by a time step at most. */
 static bool is_start(const mjModel *m, const mjData *d, const mjtNum *state)
 {
     const bool is_stage = d->time > state[TIME] && d->time < state[TIME] + 2.0 * m->opt.timestep;
