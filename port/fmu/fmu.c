@@ -120,7 +120,7 @@ static fmi2Status fail_travel(const instance_t *m, const char *call, double thet
     for (uint32_t k = 0; k < m->start.Fcs; k++) {
         const uint32_t sigma0 = FMU_SIGMA0 + (m->start.sigma0s > 1 ? k : 0), Fc = FMU_FC + k;
         const double travel = value[sigma0] / value[Fc] * theta;
-        if (!(travel >= DAHL_TRAVEL_MIN && travel < DAHL_TRAVEL_MAX)) {
+        if (theta > 0.0 && !(travel >= DAHL_TRAVEL_MIN && travel < DAHL_TRAVEL_MAX)) {
             return fail(m, "%s: %s = %.9g, %s = %.9g, theta_per_count = %.9g: sigma0/Fc theta_per_count = %.9g is outside "
                         "2^-30 <= travel < 2^20", call, m->start.variable[sigma0].name, value[sigma0],
                         m->start.variable[Fc].name, value[Fc], theta, travel);

@@ -207,6 +207,22 @@ def test_a_travel_out_of_range_is_an_error_of_the_initialization(dahl):
     assert one.set(theta_per_count=1e-4) == one.call("ExitInitializationMode") == OK
 
 
+def test_the_smallest_breakaway_can_be_set_saved_and_restored(dahl):
+    options = "--model elastoplastic --sigma0 9 --fc 1 --breakaway 1e-44 -o x.fmu"
+    done = dahl("fmu", *options.split())
+    assert done.returncode == 0, done.stderr
+    one = Instance(Path("x.fmu").resolve()).initialize(breakaway=1e-44)
+    assert one.restore(one.save()) == OK
+
+
+@pytest.mark.parametrize("name", ["sigma0", "Fc"])
+def test_a_parameter_that_rounds_to_its_limit_is_an_error_of_the_initialization(dahl, name):
+    one = Instance(export(dahl))
+    assert one.call("EnterInitializationMode") == one.set(**{name: 2.0**64 - 2.0**20}) == OK
+    assert one.call("ExitInitializationMode") == ERROR
+    assert "rounded to float" in one.messages[0]
+
+
 def test_an_instance_of_another_fmu_or_kind_is_refused(dahl):
     path, other = export(dahl), Instance(export(dahl, name="other.fmu"))
     assert not Instance(path, guid=other.xml.get("guid")).component
