@@ -63,6 +63,7 @@
  * If an external force moves the axis in strokes longer than the play and the presliding length,
  * the law adds no energy. It does not see a stroke within the play: the torque stays while the
  * friction relaxes. Such a stroke to and fro gets at most 2 gain Fc play, in J with the play in rad.
+ * The first long stroke after short ones gets at most 2 Fc length_long.
  *
  * @par Not promised
  * - A benefit with 12 bits or fewer.
@@ -143,7 +144,8 @@ typedef struct {
                                      #DAHL_COMPENSATOR_FINE_COUNTS per tick at this speed, the fade
                                      may start earlier. */
     float pull;                 /**< [Hz] corner frequency of dahl_compensator_pull(), within a
-                                     factor of 1.5 below 0.17/period; 0: no pull */
+                                     factor of 1.5 below 0.014/period, of 2.1 below 0.17/period; 0:
+                                     no pull */
     uint32_t noise;             /**< [count] the noise is within +-noise, added before or after the
                                      angle is rounded to counts; half the flicker at rest, rounded
                                      up */
@@ -255,8 +257,8 @@ void dahl_compensator_pull(const dahl_compensator_plan_t *plan, dahl_state_t *st
  * constant load.
  * - A sample counts if |w| > 0.97 in the direction of motion, the speed is 0.03 to 1 rad/s for 60
  *   ms, the acceleration needs less than 0.1 Fc, and the encoder is good.
- * - Each direction needs samples of 0.5 to 1 s, both within 30 s. The estimate then moves by a
- *   quarter of the gap. It stays within 0.5 to 1.5 of Fc.
+ * - Each direction needs samples of 0.5 to 1 s, or 2^15 samples if the period is below 16 us, both
+ *   within 30 s. The estimate then moves by a quarter of the gap. It stays within 0.5 to 1.5 of Fc.
  *
  * It cannot separate a load that follows the direction (viscous friction, wind, a pump), nor a load
  * that differs between the two directions. Such a load counts as friction; only the clamp bounds

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* Co-simulation interface of FMI 2.0 around one friction model. A communication step moves the friction from the angle of
  * the last step to the present angle. Its duration does not matter, so a step may be split. */
+#include <float.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -47,6 +48,9 @@ static fmi2Status fail(const instance_t *m, const char *format, ...)
     va_start(arguments, format);
     (void)vsnprintf(message, sizeof message, format, arguments);
     va_end(arguments);
+    for (char *percent = message; (percent = strchr(percent, '%')) != NULL;) {
+        *percent = '?'; /* the logger uses the message as a format of printf() */
+    }
     if (m != NULL && m->callback.logger != NULL) {
         m->callback.logger(m->callback.componentEnvironment, m->name, fmi2Error, "logStatusError", message);
     }
@@ -110,13 +114,13 @@ static double largest_torque(const friction_t *f)
 }
 
 /* Report the first element whose travel of one count is out of range. */
-static fmi2Status fail_travel(const instance_t *m, const char *call)
+static fmi2Status fail_travel(const instance_t *m, const char *call, double theta)
 {
-    const double *value = m->now.value, theta = (double)m->friction.params.theta_per_count;
+    const double *value = m->now.value;
     for (uint32_t k = 0; k < m->start.Fcs; k++) {
         const uint32_t sigma0 = FMU_SIGMA0 + (m->start.sigma0s > 1 ? k : 0), Fc = FMU_FC + k;
         const double travel = value[sigma0] / value[Fc] * theta;
-        if (!(travel >= DAHL_TRAVEL_MIN && travel < DAHL_TRAVEL_MAX)) {
+        if (theta > 0.0 && !(travel >= DAHL_TRAVEL_MIN && travel < DAHL_TRAVEL_MAX)) {
             return fail(m, "%s: %s = %.9g, %s = %.9g, theta_per_count = %.9g: sigma0/Fc theta_per_count = %.9g is outside "
                         "2^-30 <= travel < 2^20", call, m->start.variable[sigma0].name, value[sigma0],
                         m->start.variable[Fc].name, value[Fc], theta, travel);
@@ -125,13 +129,16 @@ static fmi2Status fail_travel(const instance_t *m, const char *call)
     return fail(m, "%s: a parameter is out of range after it is rounded to float", call);
 }
 
+/* Prepare the friction from the present values. If they do not fit, it keeps its former plan. */
 static fmi2Status prepare(instance_t *m, const char *call)
 {
-    read_parameters(&m->friction, &m->start, m->now.value);
-    if (friction_prepare(&m->friction) != DAHL_OK) {
-        return fail_travel(m, call);
+    friction_t friction;
+    read_parameters(&friction, &m->start, m->now.value);
+    if (friction_prepare(&friction) != DAHL_OK) {
+        return fail_travel(m, call, (double)friction.params.theta_per_count);
     }
-    m->largest_torque = largest_torque(&m->friction);
+    m->friction = friction;
+    m->largest_torque = largest_torque(&friction);
     return fmi2OK;
 }
 
@@ -360,8 +367,13 @@ FMI2_FUNCTION(fmi2Status, fmi2SetFMUstate, fmi2Component c, fmi2FMUstate state)
     if (m == NULL || state == NULL) {
         return fail(m, "fmi2SetFMUstate: the state is NULL");
     }
+    const snapshot_t before = m->now;
     memcpy(&m->now, state, sizeof m->now);
-    return m->now.mode < STEPPING ? fmi2OK : prepare(m, "fmi2SetFMUstate");
+    if (m->now.mode >= STEPPING && prepare(m, "fmi2SetFMUstate") != fmi2OK) {
+        m->now = before;
+        return fmi2Error;
+    }
+    return fmi2OK;
 }
 
 FMI2_FUNCTION(fmi2Status, fmi2FreeFMUstate, fmi2Component c, fmi2FMUstate *state)
@@ -388,10 +400,20 @@ FMI2_FUNCTION(fmi2Status, fmi2SerializeFMUstate, fmi2Component c, fmi2FMUstate s
     return fmi2OK;
 }
 
+/* Return true if the position is finite and each value that is no variable is 0. */
+static bool has_valid_numbers(const instance_t *m, const snapshot_t *from)
+{
+    bool is_valid = from->position >= -DBL_MAX && from->position <= DBL_MAX;
+    for (uint32_t vr = 0; vr < FMU_VALUES; vr++) {
+        is_valid = is_valid && (is_variable(m, vr) || (from->value[vr] >= 0.0 && from->value[vr] <= 0.0));
+    }
+    return is_valid;
+}
+
 /* Check bytes from outside. The state of the friction needs no check, since any bits are safe. */
 static fmi2Status check_snapshot(const instance_t *m, const char *call, const snapshot_t *from)
 {
-    if (memcmp(from->guid, m->start.guid, sizeof from->guid) != 0 || from->mode > TERMINATED) {
+    if (memcmp(from->guid, m->start.guid, sizeof from->guid) != 0 || from->mode > TERMINATED || !has_valid_numbers(m, from)) {
         return fail(m, "%s: the bytes are no state of the FMU %s", call, m->start.guid);
     }
     for (uint32_t vr = 0; vr < FMU_VALUES; vr++) {

@@ -67,6 +67,14 @@ static bool next_word(const char **text, char word[WORD_SIZE])
     return true;
 }
 
+/* Return true if the attribute has a word. */
+static bool is_given(const config_t *c, const char *key)
+{
+    char word[WORD_SIZE];
+    const char *text = text_of(c, key);
+    return next_word(&text, word);
+}
+
 /* Return the number of values. */
 static uint32_t read_numbers(const config_t *c, const range_t *range, float *to)
 {
@@ -92,11 +100,11 @@ static uint32_t read_numbers(const config_t *c, const range_t *range, float *to)
 
 static void check_owner(const config_t *c, const char *model, const char *key, const char *owner, bool is_needed)
 {
-    const bool is_owner = owner == NULL || strcmp(owner, model) == 0, is_given = *text_of(c, key) != '\0';
-    if (is_given && !is_owner) {
+    const bool is_owner = owner == NULL || strcmp(owner, model) == 0;
+    if (is_given(c, key) && !is_owner) {
         fail(c, "%s = %s is for model = %s, not for %s", key, text_of(c, key), owner, model);
     }
-    if (is_needed && is_owner && !is_given) {
+    if (is_needed && is_owner && !is_given(c, key)) {
         fail(c, "model = %s needs %s", model, key);
     }
 }
@@ -107,10 +115,14 @@ static uint32_t read_kinds(const config_t *c, friction_t *f)
     const char *text = text_of(c, "kinds");
     char word[WORD_SIZE];
     uint32_t count = 0;
-    for (; next_word(&text, word) && count < DAHL_SLIP_MAX; count++) {
+    for (; next_word(&text, word); count++) {
         const bool is_slip = strcmp(word, "slip") == 0;
         if (!is_slip && strcmp(word, "dahl") != 0) {
             fail(c, "kinds = %s: %s is neither dahl nor slip", text_of(c, "kinds"), word);
+        }
+        if (count == DAHL_SLIP_MAX) {
+            fail(c, "kinds = %s has more than %u words", text_of(c, "kinds"), (unsigned)DAHL_SLIP_MAX);
+            return 0;
         }
         f->slips |= (uint32_t)is_slip << count;
     }

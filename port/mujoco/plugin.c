@@ -70,26 +70,40 @@ static double move_from(const instance_t *self, const mjtNum *state, double posi
     return friction_move_q30(f, moved, distance, load) / ONE_Q30 * f->Fc;
 }
 
-/* A reset does not know the positions of a keyframe, and a user may set qpos after it. Therefore each call moves the start until
- * the first step ends. Later stages of RK4 do not: their time is later. */
+/* A reset does not know the positions of a keyframe, and a user may set qpos and time after it. Therefore each call moves the
+ * start until the first step ends. Later stages of RK4 do not: their time is later, by a time step at most. */
+static bool is_start(const mjModel *m, const mjData *d, const mjtNum *state)
+{
+    const bool is_stage = d->time > state[TIME] && d->time < state[TIME] + 2.0 * m->opt.timestep;
+    return state[PHASE] < PLACED || (state[PHASE] < MOVING && !is_stage);
+}
+
+/* MuJoCo does not clear the force of a tree that sleeps, so it must not grow. */
+static void subtract_force(const mjModel *m, mjData *d, int dof, double force)
+{
+    if (d->tree_awake[m->dof_treeid[dof]] != 0) {
+        d->qfrc_passive[dof] -= force;
+    }
+}
+
 static void compute(const mjModel *m, mjData *d, int instance, int capability)
 {
     instance_t *self = instance_of(d, instance);
     mjtNum *state = d->plugin_state + m->plugin_stateadr[instance];
     const double position = position_of(m, d, self);
     (void)capability;
-    if (state[PHASE] < PLACED || (state[PHASE] < MOVING && d->time <= state[TIME])) {
+    if (is_start(m, d, state)) {
         place(d, self, state, position);
     }
     friction_state_t unused[DAHL_SLIP_MAX];
     const double F = move_from(self, state, position, unused);
     if (self->joint >= 0) {
-        d->qfrc_passive[m->jnt_dofadr[self->joint]] -= F;
+        subtract_force(m, d, m->jnt_dofadr[self->joint], F);
         return;
     }
     const int first = m->ten_J_rowadr[self->tendon];
     for (int at = first; at < first + m->ten_J_rownnz[self->tendon]; at++) {
-        d->qfrc_passive[m->ten_J_colind[at]] -= d->ten_J[at] * F;
+        subtract_force(m, d, m->ten_J_colind[at], d->ten_J[at] * F);
     }
 }
 

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /* An adversary leads a free axis with the measured law, and looks for paths on which compensator and friction together feed
  * energy into the shaft. Strokes longer than the play and the presliding length must give none. A shorter one hides in the
- * play: the torque stays while the friction relaxes. A pair of strokes then gives at most 2 gain Fc play. */
+ * play: the torque stays while the friction relaxes. A pair of strokes then gives at most 2 gain Fc play, and the first long
+ * stroke after them at most 2 Fc length_long. */
 #include "axis.h"
 
 #ifndef TEST_ENERGY_PART /* of the search: 1 for all of it */
@@ -131,4 +132,23 @@ static void test_each_shake_within_the_play_releases_energy(void)
     const double energy = injected_energy(axis, stroke);
     at_least(1, energy);
     at_most(TURNS / 2 * energy_of_the_play(&axis), energy);
+}
+
+/* The friction is relaxed, while the torque stays at Fc. Both approach Fc on the stroke. */
+static void test_a_long_stroke_after_shakes_gets_at_most_twice_the_energy_of_presliding(void)
+{
+    for (uint32_t play = 1; play <= 9; play += 4) {
+        axis_t axis = path_of(1, 1, 1);
+        axis.params.play = play;
+        int stroke[TURNS];
+        for (int turn = 0; turn < TURNS; turn++) {
+            stroke[turn] = turn == 0 ? 6 * LENGTH_COUNTS : (int)play;
+        }
+        stroke[TURNS - 1] = stroke[TURNS - 2] = 0;
+        const double before = injected_energy(axis, stroke);
+        stroke[TURNS - 2] = 6 * LENGTH_COUNTS;
+        const double energy = injected_energy(axis, stroke) - before; /* 1: Fc length_long */
+        at_least(0.3, energy);
+        at_most(2, energy);
+    }
 }

@@ -386,6 +386,27 @@ static void test_a_pull_closes_its_part_of_the_gap(void)
     }
 }
 
+/* The frequency at which y += p (x - y) halves the power: cos w = 1 - p^2/(2 - 2 p). */
+static double corner_hertz(const dahl_compensator_plan_t *plan, double period)
+{
+    const double part = 1.0 / (double)(1 << plan->pull_shift);
+    return acos(1 - part * part / (2 - 2 * part)) / (6.283185307179586 * period);
+}
+
+static void test_the_corner_of_a_pull_is_near_the_wanted_one(void)
+{
+    dahl_compensator_params_t params = valid;
+    params.law = DAHL_COMPENSATOR_REFERENCE;
+    params.period = 0x1p-10f;
+    for (double times_period = 1e-4; times_period < 0.17; times_period *= 1.01) {
+        params.pull = (float)(times_period / (double)params.period);
+        const dahl_compensator_plan_t plan = plan_of(&params);
+        const double ratio = corner_hertz(&plan, (double)params.period) / (double)params.pull;
+        const double factor = times_period < 0.014 ? 1.5 : 2.1;
+        TEST_ASSERT_TRUE(1 / factor < ratio && ratio < factor);
+    }
+}
+
 /* A gap below 2^(pull_shift - 30) Fc stays. */
 static void test_a_pull_reaches_the_measured_state(void)
 {

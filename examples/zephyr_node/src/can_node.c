@@ -47,11 +47,19 @@ static uint32_t clock_us(void)
     return (uint32_t)k_ticks_to_us_floor64((uint64_t)k_uptime_ticks());
 }
 
+/* Without a callback, can_send() would wait until the frame is on the bus: forever, if no other node acknowledges it. */
+static void on_sent(const struct device *can, int error, void *user_data)
+{
+    ARG_UNUSED(can);
+    ARG_UNUSED(error);
+    ARG_UNUSED(user_data);
+}
+
 static void send(const dahl_can_frame_t *out)
 {
     struct can_frame frame = {.id = out->id, .dlc = out->length};
     memcpy(frame.data, out->data, 8);
-    can_dropped += can_send(device, &frame, K_NO_WAIT, NULL, NULL) != 0;
+    can_dropped += can_send(device, &frame, K_NO_WAIT, on_sent, NULL) != 0;
 }
 
 static void receive(const struct can_frame *frame)

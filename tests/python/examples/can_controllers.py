@@ -787,8 +787,9 @@ class Zephyr(Controller):
         out[0] = ZephyrFrame(first.arbitration_id, first.dlc, first.is_remote_frame << 1, data)
         return 0
 
-    def send(self, _device, frame, wait: int, _callback, _data) -> int:
-        if wait or frame[0].flags:
+    def send(self, _device, frame, wait: int, callback, _data) -> int:
+        """Without a callback, Zephyr waits without limit until the frame is on the bus."""
+        if wait or not callback or frame[0].flags:
             self.faults.append("the thread waits, or the frame is no standard data frame")
         if self.is_off:
             return self.UNREACHABLE

@@ -13,6 +13,7 @@ import dahl as package
 import numpy as np
 import pytest
 from dahl.binding import models
+from dahl.sim import fmu
 from fmu_instance import CO_SIMULATION, ERROR, OK, Instance
 from identify_tools import complaint
 from model_examples import OWN, THETA, made, numbers, whole
@@ -174,6 +175,28 @@ def test_an_error_is_one_line_and_changes_nothing(dahl, is_ready):
         assert one.save() == before
 
 
+def test_a_saved_state_whose_values_do_not_fit_changes_nothing(dahl):
+    """Each value of it is in range, but the travel of a count is not."""
+    path = export(dahl, MODELS[0], "--theta-per-count", THETA)
+    one, other = Instance(path).initialize(), Instance(path).initialize()
+    saved = one.save()
+    theta = struct.pack("d", one.get("theta_per_count"))
+    wrong = saved.replace(theta, struct.pack("d", 1e9))
+    assert wrong != saved and one.restore(wrong) == ERROR and one.save() == saved
+    assert "fmi2SetFMUstate" in one.messages[0] and "2^20" in one.messages[0]
+    assert one.step(angle=0.01) == other.step(angle=0.01)
+
+
+@pytest.mark.parametrize("value", [math.nan, -math.inf, 1e30])
+def test_a_saved_state_with_a_value_that_is_no_variable_is_refused(dahl, value):
+    one = Instance(export(dahl)).initialize()
+    saved = one.save()
+    place = saved.index(struct.pack("d", one.get("sigma0"))) - 8 * (fmu.SIGMA0 - fmu.LOAD)
+    wrong = saved[:place] + struct.pack("d", value) + saved[place + 8 :]
+    assert one.restore(wrong) == ERROR and "no state" in one.messages[0]
+    assert one.save() == saved
+
+
 def test_a_travel_out_of_range_is_an_error_of_the_initialization(dahl):
     one = Instance(export(dahl, models.table()["slip"]))
     assert one.call("EnterInitializationMode") == one.set(theta_per_count=1e9) == OK
@@ -183,9 +206,27 @@ def test_a_travel_out_of_range_is_an_error_of_the_initialization(dahl):
     assert one.set(theta_per_count=1e-4) == one.call("ExitInitializationMode") == OK
 
 
+def test_the_smallest_breakaway_can_be_set_saved_and_restored(dahl):
+    options = "--model elastoplastic --sigma0 9 --fc 1 --breakaway 1e-44 -o x.fmu"
+    done = dahl("fmu", *options.split())
+    assert done.returncode == 0, done.stderr
+    one = Instance(Path("x.fmu").resolve()).initialize(breakaway=1e-44)
+    assert one.restore(one.save()) == OK
+
+
+@pytest.mark.parametrize("name", ["sigma0", "Fc"])
+def test_a_parameter_that_rounds_to_its_limit_is_an_error_of_the_initialization(dahl, name):
+    one = Instance(export(dahl))
+    assert one.call("EnterInitializationMode") == one.set(**{name: 2.0**64 - 2.0**20}) == OK
+    assert one.call("ExitInitializationMode") == ERROR
+    assert "rounded to float" in one.messages[0]
+
+
 def test_an_instance_of_another_fmu_or_kind_is_refused(dahl):
     path, other = export(dahl), Instance(export(dahl, name="other.fmu"))
     assert not Instance(path, guid=other.xml.get("guid")).component
+    (message,) = Instance(path, guid="%n%s").messages  # the logger uses it as a format
+    assert "GUID" in message and "%" not in message
     wrong = Instance(path, kind=1 - CO_SIMULATION)
     assert not wrong.component and "fmi2CoSimulation" in wrong.messages[0]
     assert Instance(path).restore(other.save()) == ERROR

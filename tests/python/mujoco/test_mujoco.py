@@ -184,6 +184,47 @@ def test_a_copy_a_rollback_and_a_reset_go_on_with_the_same_bits(integrator) -> N
     assert not data.qfrc_passive.any()
 
 
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_it_starts_where_the_first_step_finds_the_joint_at_any_time(integrator) -> None:
+    """Also if the time is set after a call of mj_forward()."""
+    model, data = made(SEVERAL, integrator)
+    mujoco.mj_forward(model, data)
+    data.time, data.qpos[0] = 5, 0.5
+    mujoco.mj_step(model, data)
+    mujoco.mj_forward(model, data)
+    assert not data.qfrc_passive.any()
+
+
+def test_a_parent_gives_an_attached_joint_its_friction() -> None:
+    keys = {"joint": "r_a", "sigma0": 60, "Fc": 0.3}
+    configs = "".join(f'<config key="{key}" value="{value}"/>' for key, value in keys.items())
+    words = f'<plugin plugin="dahl.friction"><instance name="x">{configs}</instance></plugin>'
+    parent = mujoco.MjSpec.from_string(f"<mujoco><extension>{words}</extension></mujoco>")
+    child = mujoco.MjSpec.from_string(f"<mujoco>{MECHANISM}</mujoco>")
+    parent.attach(child, prefix="r_", frame=parent.worldbody.add_frame())
+    data = mujoco.MjData(model := parent.compile())
+    data.qvel[0] = 1
+    mujoco.mj_step(model, data, 20)
+    assert data.qfrc_passive[0] == pytest.approx(-0.3, rel=0.2)
+
+
+def test_the_force_on_a_tree_that_sleeps_stays() -> None:
+    model, data = made(SEVERAL)
+    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+    model.opt.sleep_tolerance = 1e-2
+    model.tree_sleep_policy[:] = mujoco.mjtSleepPolicy.mjSLEEP_ALLOWED
+    model.dof_damping[:2] = 0.5
+    data.qfrc_applied[:2] = 0.1, 0.05
+    mujoco.mj_step(model, data, 500)
+    data.qfrc_applied[:] = 0
+    while data.tree_awake.any() and data.time < 20:
+        mujoco.mj_step(model, data)
+    asleep = data.qfrc_passive.copy()
+    mujoco.mj_step(model, data, 100)
+    assert not data.tree_awake.any() and (data.qfrc_passive == asleep).all()
+    assert asleep[:2].all()
+
+
 def test_the_hinge_holds_under_half_of_Fc_and_threads_change_no_bit() -> None:
     command = [sys.executable, "-m", "dahl.mujoco"]
     printed = subprocess.check_output(command, text=True)
@@ -203,12 +244,16 @@ def test_the_comparison_accepts_only_help(word: str, code: int) -> None:
     assert done.stderr.startswith("error: ") == (code != 0)
 
 
+EIGHT = {"sigma0": "1 " * 8, "Fc": "1 " * 8}
 BAD: list[tuple[dict[str, Any], str]] = [  # keys of an instance, words of the error
     ({"Fc": -1}, "Fc = -1 is outside 5.42101e-20 .. 1.84467e+19"),
     ({"sigma0": "1e3x"}, "sigma0 = 1e3x is not a number"),
     ({"Fc": "1,2"}, "Fc = 1,2 is not a number; separate several by blanks"),
     ({"Fc": "nan"}, "Fc = nan is outside"),
     ({"sigma0": ""}, "model = dahl needs sigma0"),
+    ({"Fc": " "}, "model = dahl needs Fc"),
+    ({"model": "loaded", "full": " "}, "model = loaded needs full"),
+    ({"model": "elastoplastic", "breakaway": " "}, "model = elastoplastic needs breakaway"),
     ({"Fc": "1 1 1 1 1 1 1 1 1"}, "Fc = 1 1 1 1 1 1 1 1 1 has more than 8 values"),
     ({"Fc": "1 2"}, "model = dahl does not fit 1 sigma0 and 2 Fc"),
     ({"theta_per_count": 1e-15}, "theta_per_count = 1e-15 is outside 2^-30 .. 2^20 of Fc/sigma0"),
@@ -216,6 +261,7 @@ BAD: list[tuple[dict[str, Any], str]] = [  # keys of an instance, words of the e
     ({"model": "elastoplastic", "breakaway": 1}, "breakaway = 1 is outside 1e-37 .. 1"),
     ({"breakaway": 0.5}, "breakaway = 0.5 is for model = elastoplastic, not for dahl"),
     ({"model": "parallel", "kinds": "dahl dahl"}, "kinds = dahl dahl has 2 words for 1 Fc"),
+    ({"model": "parallel", "kinds": "slip " * 9} | EIGHT, "has more than 8 words"),
     ({"model": "parallel", "kinds": "soft"}, "kinds = soft: soft is neither dahl nor slip"),
     ({"joint": "", "tendon": "t", "model": "loaded", "full": 1}, "model = loaded needs a joint"),
     ({"joint": "x"}, "joint = x is not in the model"),

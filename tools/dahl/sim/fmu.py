@@ -37,7 +37,7 @@ VALUES = FC + SLIP_MAX
 MARK = b"dahl fmu start\0\0"
 BLOCK = struct.Struct(f"={len(MARK)}s40s16s4I{VALUES * '16s3d'}")  # fmu_start_t
 ANGLE_MAX = 1e30  # rad
-BREAKAWAY_MIN = 1e-37  # as in scene_keys.def
+BREAKAWAY_MIN = 2.0**-149  # least float above 0, as of dahl.ElastoPlastic
 TORQUE_LIMITS = parameters.TORQUE_MIN, parameters.TORQUE_MAX  # of sigma0 and Fc
 OUTPUT_LIMITS = -SLIP_MAX * parameters.TORQUE_MAX, SLIP_MAX * parameters.TORQUE_MAX
 FINE_TRAVEL = 2.0**-20  # of one count, as in port/simulators/friction.c; changes F by 1e-6 of Fc
