@@ -271,3 +271,10 @@ def test_a_motion_of_equal_strokes_is_named(motion, words):
     alike = [note for note in found["notes"] if "all strokes have" in note]
     assert all(word in note for note in alike for word in words)
     assert bool(alike) == bool(words)
+
+
+def test_rows_between_readings_of_the_torque_are_no_outliers():
+    log = synthetic(2, part=0.02, rows=4000, cycles=15.3)
+    held = replace(log, torque=np.repeat(log.torque[::4], 4))
+    kept = report.numbers(identify([held], Options(terms=())))
+    assert kept["sum_of_weights"] <= 1000 and kept["rows_weighing_less"] == 0
