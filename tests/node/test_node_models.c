@@ -142,6 +142,8 @@ static void test_a_load_is_0_to_1(void)
     TEST_ASSERT_EQUAL_INT32(0, moved(1 << 28));
     TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_LOAD, DAHL_NODE_ONE));
     TEST_ASSERT_EQUAL_INT32(0, moved(0));
+    node.load = 4 * DAHL_NODE_ONE; /* written by firmware */
+    TEST_ASSERT_EQUAL_INT32(1 << 30, moved(1 << 28));
 }
 
 /* Compare with the sum of the single elements in double; a slip element errs by 1.5e-9. */

@@ -236,6 +236,22 @@ def test_another_model(dahl_node): pass
     assert "rig.py" not in done.said
 
 
+def test_the_counts_of_a_rig_cover_the_frames_just_sent(outcome, tmp_path, dahl_loop):
+    with rig(tmp_path) as (options, _):
+        done = outcome(
+            """
+from dahl import codec
+
+def test_sent(dahl_bus, dahl_node):
+    for counter in range(3):
+        dahl_bus.send(codec.pack(codec.EncoderState(0, counter)))
+    assert dahl_node.counts.ok == 3
+""",
+            *options,
+        )
+    assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
+
+
 # --- no rig, and several tests at once ------------------------------------------------------------
 
 THREE = """

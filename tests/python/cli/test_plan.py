@@ -69,7 +69,9 @@ def test_a_plan_equals_the_result_of_prepare(case, plan, tmp_path):
     model = f"{case}_" if "--model" in options else ""
     for _ in range(2):
         assert plan(*options.split(), "-o", "plan.h").returncode == 0
-    assert f" * dahl_{model}prepare() of sigma0 = " in (tmp_path / "plan.h").read_text()
+    text = (tmp_path / "plan.h").read_text()
+    assert f" * dahl_{model}prepare() of sigma0 = " in text
+    assert max(len(line) for line in text.splitlines() if line.endswith(",")) <= 96
     (tmp_path / "tick.c").write_text(
         f'#include "plan.h"\nconst dahl_{model}plan_t *used = &dahl_plan_plan;\n'
     )

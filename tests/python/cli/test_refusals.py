@@ -321,6 +321,10 @@ def test_each_number_of_a_summary_has_its_shape_or_is_null(dahl, verb):
         check(dahl(verb, "."), 2, {"report": "loop.png: ", "plot": "run.log: "}[verb])
     times = {"p50": 1, "p99": 2, "max": 3}
     complete = {"latency_us": times, "jitter_us": times, "deadline_misses": 0}
+    for pair in ([1], [1, 2, 3], [1, -2]):
+        wrong = {"latency_histogram": [pair], **complete}
+        Path("summary.json").write_text(json.dumps({**SUMMARY, **wrong}))
+        check(dahl(verb, "."), 2, "latency_histogram = ")
     for left_out in complete:
         known = {key: value for key, value in complete.items() if key != left_out}
         Path("summary.json").write_text(json.dumps({**SUMMARY, "latency_histogram": [], **known}))

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from dahl import Error
 from dahl.identify import Log, Options, Result, check, identify, report
+from dahl.identify.fit import cost_of
 from identify_tools import (
     COUNT,
     FC,
@@ -301,3 +302,18 @@ def test_a_motion_of_equal_strokes_is_named(motion, words):
     alike = [note for note in found["notes"] if "all strokes have" in note]
     assert all(word in note for note in alike for word in words)
     assert bool(alike) == bool(words)
+
+
+def test_rows_between_readings_of_the_torque_are_no_outliers():
+    log = synthetic(2, part=0.02, rows=4000, cycles=15.3)
+    held = replace(log, torque=np.repeat(log.torque[::4], 4))
+    kept = report.numbers(identify([held], Options(terms=())))
+    assert kept["sum_of_weights"] <= 1000 and kept["rows_weighing_less"] == 0
+
+
+def test_the_cost_of_an_exact_fit_is_not_negative():
+    random = np.random.default_rng(1)
+    for _ in range(50):
+        columns, true = random.normal(size=(200, 2)), random.normal(size=2)
+        table = np.column_stack([columns, columns @ true])
+        assert cost_of(table.T @ table, [0, 1], true) >= 0

@@ -162,6 +162,18 @@ def test_a_damaged_result_is_made_anew(small, tmp_path, each):
     assert each(folder) == (truth, 1)
 
 
+def test_a_result_that_cannot_be_stored_is_made_anew_without_a_warning(
+    small, each, monkeypatch, recwarn
+):
+    def full_disk(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(joblib.numpy_pickle, "dump", full_disk)
+    folder = small("a")
+    assert each(folder) == each(folder)
+    assert not recwarn.list
+
+
 @pytest.mark.parametrize("edited", ["identify/fit.py", "io/can_logs.py", "version"])
 def test_a_result_belongs_to_the_code(small, each, tmp_path, monkeypatch, edited):
     """A copy of the modules that turn a log into numbers is edited."""

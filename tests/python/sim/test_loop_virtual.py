@@ -213,3 +213,10 @@ def test_the_summary_names_scene_seed_bus_and_time(tmp_path):
         assert ("beat_late_us" in said) == ("latency_us" in said) == (time == "real")
         assert 0 < said["wall_s"] < 5 and 512 < said["max_rss_kib"] < 16 * 1024
         assert said["realtime_factor"] == pytest.approx(0.02 / said["wall_s"], rel=1e-6)
+
+
+def test_a_time_is_rounded_to_the_next_microsecond(tmp_path):
+    """1.001 ms is 1000.9999 us in double. It is longer than a tick, so every second tick is due."""
+    path = scene(tmp_path, FRICTION, MOTION, "[status]\nperiod_ms = 1.001\n")
+    ids = [frame.id for frame in read_log(run(tmp_path, path, "--virtual").log)]
+    assert ids.count(0x120) == (ids.count(0x100) + 1) // 2
