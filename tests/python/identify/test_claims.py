@@ -16,6 +16,7 @@ import pytest
 from dahl import Error
 from dahl.identify import Log, Options, Result, check, identify, report
 from dahl.identify.fit import cost_of
+from dahl.identify.select import penalised_cost
 from identify_tools import (
     COUNT,
     FC,
@@ -231,6 +232,14 @@ def plain() -> Result:
     theta = chirp(2400, first=6, last=12)
     torque = dahl_torque(theta) + 0.1 + 0.02 * np.gradient(theta, 1e-3)
     return identify([log_of(theta, torque, 0.05)])
+
+
+def test_a_law_is_shown_by_its_best_fit():
+    result = identify([machine(1, late=3)])
+    for law, fit in report.best_by_law(result).items():
+        fits = [one for one in result.fits if one.hypothesis.law == law]
+        costs = [penalised_cost(one).sum() for one in fits]
+        assert fit is result.chosen or penalised_cost(fit).sum() == min(costs)
 
 
 def test_residuals_and_the_data_frame():
