@@ -43,10 +43,11 @@ pre { background: #f4f4f4; padding: .5rem; overflow-x: auto; } img { max-width: 
 
 
 def markdown_files() -> list[str]:
-    """Return the pages of the project that are in git: those at the top and in docs/."""
+    """Return the pages of the project that are in git."""
     words = ["git", "ls-files", "--", "*.md"]
     names = subprocess.run(words, cwd=ROOT, check=True, capture_output=True, text=True).stdout
-    return [name for name in names.split() if "/" not in name or name.startswith("docs/")]
+    places = ("docs/", "examples/")
+    return [name for name in names.split() if "/" not in name or name.startswith(places)]
 
 
 def write_page(site: Path, name: str) -> None:

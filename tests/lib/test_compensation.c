@@ -261,7 +261,7 @@ enum { LOOP_KINDS = 4 * (LOOPS - PD) };
 
 static axis_t loop_kind(int kind, int bits)
 {
-    axis_t axis = loop_of(DAHL_COMPENSATOR_REFERENCE, PD + kind / 4, bits, rates[kind % 2]);
+    axis_t axis = loop_of(DAHL_COMPENSATOR_REFERENCE, (loop_t)(PD + kind / 4), bits, rates[kind % 2]);
     axis.inertia = kind / 2 % 2 == 0 ? 0.002 : 0.02;
     return axis;
 }
@@ -316,7 +316,7 @@ static double sign_changes(axis_t *axis)
 static void test_a_hold_does_not_chatter(void)
 {
     for (int kind = 0; kind < 5 * (LOOPS - PD); kind++) {
-        const loop_t loop = PD + kind / 5;
+        const loop_t loop = (loop_t)(PD + kind / 5);
         axis_t reference = loop_of(DAHL_COMPENSATOR_REFERENCE, loop, 12 + 2 * (kind % 5), 1000);
         axis_t measured = loop_of(DAHL_COMPENSATOR_MEASURED, loop, 12 + 2 * (kind % 5), 1000);
         axis_noise(&reference, 1);
@@ -409,7 +409,7 @@ static double adapted(axis_t axis, double seconds, double Fc_end)
 static void test_adaptation_follows_a_drift(void)
 {
     for (int kind = 0; kind < 4 * (LOOPS - PD); kind++) {
-        axis_t axis = loop_of(DAHL_COMPENSATOR_REFERENCE, PD + kind / 4, kind % 2 == 0 ? 14 : 17, 1000);
+        axis_t axis = loop_of(DAHL_COMPENSATOR_REFERENCE, (loop_t)(PD + kind / 4), kind % 2 == 0 ? 14 : 17, 1000);
         axis_noise(&axis, 1);
         axis.inertia = kind % 2 == 0 ? 0.02 : 0.002;
         const double end = kind / 2 % 2 == 0 ? 1.2 : 0.8;
@@ -420,7 +420,7 @@ static void test_adaptation_follows_a_drift(void)
 static void test_adaptation_ignores_a_constant_load(void)
 {
     for (int kind = 0; kind < 2 * (LOOPS - PD); kind++) {
-        axis_t axis = loop_of(DAHL_COMPENSATOR_REFERENCE, PD + kind / 2, 14, 1000);
+        axis_t axis = loop_of(DAHL_COMPENSATOR_REFERENCE, (loop_t)(PD + kind / 2), 14, 1000);
         axis.load = (kind % 2 == 0 ? 0.75 : -0.75) * TRUE_FC;
         at_most(0.03, fabs(adapted(axis, 60, TRUE_FC) - 1));
     }

@@ -29,7 +29,7 @@ CALLS = (
 )
 IN_FLOAT = {"dahl_step_counts", "dahl_step", "dahl_work_step_counts"}
 WRITTEN = {core: set(CALLS) for core in (M3, M4, M33)}  # in assembly
-WRITTEN |= {core: {"dahl_step_counts_q30", "dahl_step"} for core in (M0, M23)}
+WRITTEN |= {core: {"dahl_step_counts_q30", "dahl_step_counts", "dahl_step"} for core in (M0, M23)}
 MAIN = "".join(f"extern int {name}(void);\n" for name in CALLS) + (
     "int main(void) { return " + " + ".join(f"{name}()" for name in CALLS) + "; }\n"
 )
