@@ -129,7 +129,7 @@ def open_bus(channel: str, is_fd: bool) -> can.BusABC:
 
 
 if __name__ == "__main__":
-    drives = {"odrive": ODrive, "moteus": Moteus}
+    drives: dict[str, type[ODrive | Moteus]] = {"odrive": ODrive, "moteus": Moteus}
     if len(sys.argv) != 3 or sys.argv[1] not in drives:
         sys.exit("usage: feed_forward.py odrive|moteus CHANNEL")
     kind, channel = sys.argv[1:]
