@@ -576,6 +576,28 @@ class Mcp2515(Controller):
         return rate, before / (before + after)
 
 
+# --- drivers with queues --------------------------------------------------------------------------
+
+
+class Driver(Controller):
+    """Queues of a driver: one task receives, ticks and sends."""
+
+    def __init__(self, folder: Path, library: Path) -> None:
+        super().__init__(folder, library)
+        self.queue: list[can.Message] = []  # received, not read
+
+    def tick(self) -> None:
+        self.lib.can_node_serve()
+
+    def settle(self) -> None:
+        while self.pending and self.carries():
+            self.sent.append(self.pending.pop(0))
+
+    def receive(self, message: can.Message) -> None:
+        self.queue.append(message)
+        self.lib.can_node_serve()
+
+
 # --- ESP32 ----------------------------------------------------------------------------------------
 
 
@@ -593,7 +615,7 @@ class TwaiGeneral(ctypes.Structure):
     _fields_ += [(name, word) for name in ("tx_queue", "rx_queue", "alerts")]
 
 
-class Twai(Controller):
+class Twai(Driver):
     """The driver of ESP-IDF v5: states, queues and alerts."""
 
     folder, capacity = "can_esp32_twai/main", 5
@@ -617,7 +639,6 @@ class Twai(Controller):
     def __init__(self, folder: Path, library: Path) -> None:
         super().__init__(folder, library)
         self.state, self.alerts, self.wanted = "", 0, 0
-        self.queue: list[can.Message] = []
         message = ctypes.POINTER(TwaiMessage)
         installs = (ctypes.POINTER(TwaiGeneral), ctypes.POINTER(word), ctypes.POINTER(TwaiFilter))
         self.hook("esp_timer_get_time", ctypes.CFUNCTYPE(ctypes.c_int64), lambda: self.now_us)
@@ -674,23 +695,12 @@ class Twai(Controller):
         out[0], self.alerts = self.alerts & self.wanted, 0
         return 0 if out[0] else self.TIMEOUT
 
-    def tick(self) -> None:
-        self.lib.can_node_serve()
-
-    def settle(self) -> None:
-        while self.pending and self.carries():
-            self.sent.append(self.pending.pop(0))
-
     def accepts(self, message: can.Message) -> bool:
         code_, mask, is_single = self.rule
         assert is_single and self.state == "running"
         shift = 3 if message.is_extended_id else 21
         rtr = message.is_remote_frame << (2 if message.is_extended_id else 20)
         return (message.arbitration_id << shift | rtr) & ~mask == code_ & ~mask & UINT32_MAX
-
-    def receive(self, message: can.Message) -> None:
-        self.queue.append(message)
-        self.lib.can_node_serve()
 
     def go_off(self) -> None:
         self.is_off, self.state = True, "off"
@@ -723,7 +733,7 @@ class ErrorCounters(ctypes.Structure):
     _fields_ = [("transmit", ctypes.c_uint8), ("receive", ctypes.c_uint8)]
 
 
-class Zephyr(Controller):
+class Zephyr(Driver):
     """The CAN API of Zephyr 3.7: a driver that aborts pending frames on bus-off, and recovers."""
 
     folder, capacity = "zephyr_node/src", 3
@@ -746,7 +756,6 @@ class Zephyr(Controller):
 
     def __init__(self, folder: Path, library: Path) -> None:
         super().__init__(folder, library)
-        self.queue: list[can.Message] = []
         self.is_started = False
         self.rule: tuple[int, int, int] | None = None
         kind, frame, rule = ctypes.CFUNCTYPE, ctypes.POINTER(ZephyrFrame), ZephyrFilter
@@ -799,22 +808,11 @@ class Zephyr(Controller):
         self.settle()
         return 0
 
-    def tick(self) -> None:
-        self.lib.can_node_serve()
-
-    def settle(self) -> None:
-        while self.pending and self.carries():
-            self.sent.append(self.pending.pop(0))
-
     def accepts(self, message: can.Message) -> bool:
         assert self.is_started
         identifier, mask, flags = self.rule
         is_of_kind = message.is_extended_id == bool(flags & 1)
         return is_of_kind and (message.arbitration_id ^ identifier) & mask == 0
-
-    def receive(self, message: can.Message) -> None:
-        self.queue.append(message)
-        self.lib.can_node_serve()
 
     def go_off(self) -> None:
         self.is_off, self.pending = True, []
