@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-/* streams: see streams.h. */
 #define _GNU_SOURCE
 #include "streams.h"
 

@@ -121,7 +121,6 @@ def panel(
 
 
 def pareto(target: dict[str, Any], host: dict[str, Any], shown: tuple[str, ...] = CORES) -> Figure:
-    """Draw a panel for each core, and one for the host."""
     cores = [core for core in shown if core in target]
     points = {core: core_points(target, host, core) for core in cores} | {"host": host_points(host)}
     titles = {point.title: point.ours for group in points.values() for point in group}

@@ -211,7 +211,6 @@ def _log_of(request: pytest.FixtureRequest, bus: can.BusABC) -> FrameLog:
 
 
 def _is_rig(request: pytest.FixtureRequest) -> bool:
-    """Return whether the nodes are on a rig."""
     interface = request.getfixturevalue("dahl_bus_settings")["interface"]
     return interface != VIRTUAL and not request.config.getoption("--dahl-serve")
 

@@ -249,7 +249,6 @@ class RigNode:
             self._own = [codec.ParamReply.base]
 
     def _ask(self, asked: ParamWrite) -> codec.ParamReply:
-        """Read or write a parameter."""
         self._counter = (self._counter + 1) % codec.COUNTERS
         asked = replace(asked, counter=self._counter)
         self._replies.clear()

@@ -76,7 +76,6 @@ def database() -> cantools.database.Database:
 
 
 def _states() -> Mapping[int, object]:
-    """Return the names of the states of FrictionTorque."""
     message = database().get_message_by_name("FrictionTorque")
     return message.get_signal_by_name("State").choices or {}
 
