@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: MIT */
+/* sockets: see sockets.h. */
 #define _GNU_SOURCE
 #pragma GCC diagnostic ignored "-Wunused-parameter" /* most calls need no argument */
 #include "sockets.h"

@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: MIT */
+/* streams: see streams.h. */
 #define _GNU_SOURCE
 #include "streams.h"
 
