@@ -127,7 +127,6 @@ def pareto(
     shown: tuple[str, ...] = CORES,
     unit: str = COUNTED,
 ) -> Figure:
-    """Draw a panel for each core, and one for the host. unit is that of the cost on a core."""
     cores = [core for core in shown if core in target]
     points = {core: core_points(target, host, core) for core in cores} | {"host": host_points(host)}
     titles = {point.title: point.ours for group in points.values() for point in group}

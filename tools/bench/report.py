@@ -184,7 +184,6 @@ def python_block(result: dict[str, Any]) -> str:
 
 
 def show(result: dict[str, Any], unit: str) -> None:
-    """Print the numbers."""
     from rich.console import Console
     from rich.table import Table
 
@@ -237,7 +236,6 @@ def draw(target: dict[str, Any], host: dict[str, Any], unit: str) -> None:
 
 
 def write_docs(target: dict[str, Any], host: dict[str, Any]) -> None:
-    """Write the tables and pictures of docs/."""
     if host["quick"]:
         raise BenchError("build/bench/host.json is of a quick run; docs/ needs a full one")
     if set(target) < set(target_bench.CORES) or len(target["m4f"]["motions"]) == 1:

@@ -209,7 +209,6 @@ def ratios(host: dict[str, Any]) -> dict[str, float]:
 
 
 def combine(target: dict[str, Any], host: dict[str, Any]) -> dict[str, Any]:
-    """Return the content of results.json."""
     points = {core: core_points(target, host, core) for core in CORES if core in target}
     points["host"] = host_points(host)
     listed = {

@@ -128,7 +128,6 @@ def build_plugin() -> None:
 
 
 def symbols(core: Core, image: Path) -> dict[str, tuple[int, str]]:
-    """Return address and kind of each symbol."""
     lines = (line.split() for line in run(core.tool("nm"), image).splitlines())
     return {words[2]: (int(words[0], 16), words[1]) for words in lines if len(words) == 3}
 

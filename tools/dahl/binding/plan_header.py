@@ -160,7 +160,6 @@ def _float(value: float) -> str:
 
 
 def _definition(name: str, plan: AnyPlan) -> list[str]:
-    """Return the lines that define one plan."""
     prefix = _c_names(type(plan))[0]
     words = _fields(plan._prepared, c.typeof(f"{prefix}plan_t"))
     return [
