@@ -96,7 +96,22 @@ static void test_a_breakaway_torque_lengthens_the_presliding(void)
     at_least(0.1, largest_speed_after_kick(breakaway_axis(20, 1.3, 0.5))); /* claims Fc/sigma0 */
 }
 
-/* Largest mean speed of an axis that a torque of 10 to 160 Hz shakes after a kick. */
+/* Such an axis swings by itself, because its presliding loses no energy. The limits are those of docs/compensation.md. */
+static void test_three_times_the_length_damps_slip_friction(void)
+{
+    static const double limits[] = {0.45, 0.2, 0.12, 0.06};
+    for (int bits = 12; bits < 16; bits++) {
+        axis_t axis = noisy_axis(bits, 1000, 1, 2);
+        axis.friction.is_slip = 1;
+        axis_t free = axis;
+        free.params.gain = 0;
+        axis_claim(&axis, TRUE_FC, TRUE_SIGMA0 / 3);
+        at_least(1, largest_speed_after_kick(free));
+        at_most(limits[bits - 12], largest_speed_after_kick(axis));
+    }
+}
+
+/* Largest mean speed of an axis that a torque of 10 to 160 Hz shakes after a kick, when the start of the shakes has faded. */
 static double shaken_speed(double gain, int is_faded)
 {
     double largest = 0;
@@ -109,8 +124,8 @@ static double shaken_speed(double gain, int is_faded)
             axis.speed = 3;
             for (int t = 0; t < 4 * 8000; t++) {
                 start = t == 2 * 8000 ? axis.theta : start;
-                axis.encoder_is_good = t < 2 * 8000 || !is_faded;
-                axis_tick(&axis, t < 2 * 8000 ? 0 : amplitude * sin(TWO_PI * hertz * t / 8000));
+                axis.encoder_is_good = t < 4000 || !is_faded;
+                axis_tick(&axis, t < 4000 ? 0 : amplitude * sin(TWO_PI * hertz * t / 8000));
             }
             largest = fmax(largest, fabs(axis.theta - start) / 2);
         }
@@ -123,7 +138,7 @@ static void test_a_shaken_axis_creeps_unless_the_torque_fades(void)
 {
     const double at_full_gain = shaken_speed(0.9, 0);
     at_least(0.5, at_full_gain);
-    at_most(1.5, at_full_gain);
+    at_most(1.3, at_full_gain);
     at_most(0.1, shaken_speed(0.5, 0));
     at_most(0.01, shaken_speed(0.9, 1));
 }
