@@ -134,9 +134,9 @@ static double visit(axis_t *axis, double place)
 
 enum { START = 10 * LENGTH_COUNTS, DRIFT_COUNTS = 60, SHAKES_PER_COUNT = 48 };
 
-/* No law of the encoder alone can tell a slow drift from the same drift with a shake within each count. The first one needs the
- * torque. On the second one the friction is relaxed, so that each count of drift gives gain Fc. Exactly, a is sigma0/Fc and N the
- * shakes per count h: gain Fc (1 - (1/(2 N) + N (a h)^2/6)/gain). */
+/* No law of the encoder alone can distinguish a slow drift from the same drift with a shake within each count. The drift needs
+ * the torque. With the shake, the friction is relaxed, and the shaft gets gain Fc per drift, less Fc (1/(2 N) + N (a h)^2/6) for
+ * N shakes in a count of h rad, a = sigma0/Fc. */
 static void test_a_shake_within_a_count_hides_from_any_law(void)
 {
     for (int kind = 0; kind < 2; kind++) {
