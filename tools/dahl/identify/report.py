@@ -31,6 +31,7 @@ from dahl.version import __version__
 if TYPE_CHECKING:
     from rich.table import Table
 
+BOUNDS = ("Fc_low", "length_long")  # for dahl_compensator.h; null if a log gives none
 MAX_CHOICES = 40  # best hypotheses that JSON lists
 UNITS = {"offset": "{T}", "spring": "{k}", "viscous": "{T} s/{x}", "inertia": "{T} s2/{x}"}
 MIN_INFORMING_SLOPE = 0.1  # of sigma0; a smaller slope says little about sigma0
@@ -80,6 +81,7 @@ def numbers(result: Result) -> dict[str, Any]:
         "units": result.units,
         **{name: getattr(result, name).value for name in ("sigma0", "Fc", "a")},
         "ci95": {name: _ends(getattr(result, name)) for name in ("sigma0", "Fc", "a")},
+        **dict(zip(BOUNDS, result.compensator_bounds or (None, None), strict=True)),
         "uncertainty": {name: getattr(result, name).uncertainty for name in NAMES},
         "identifiable": dict(zip(NAMES, result.claimed, strict=True)),
         "verdict": result.verdict,
@@ -337,9 +339,10 @@ def table(result: Result) -> Table:
         p = getattr(result, name)
         high = f"{p.high:.5g}" if math.isfinite(p.high) else "no end"
         shown.add_row(name, f"{p.value:.5g} {unit}, 95 %: {p.low:.5g} to {high}")
+    words = f"no bounds: {result.against_bounds}"
     if bounds := result.compensator_bounds:
         words = f"Fc_low {bounds[0]:.5g} {log.unit}, length_long {bounds[1]:.5g} {log.angle_unit}"
-        shown.add_row("compensator", words)
+    shown.add_row("compensator", words)
     shown.add_row("law", _law_words(result))
     if (load := _load(result)) is not None:
         shown.add_row("load", _load_words(load))
