@@ -84,9 +84,9 @@ def read(path: Path, source: Source) -> Log:
     _check_file(path)
     notes: list[str] = []
     if path.suffix.lower() not in can_logs.CAN_LOGS:
-        columns = _read_table(
-            path, lambda table: _find_in_table(table, source, notes), source.skip_gaps
-        )
+        table = open_table(path)
+        places = _find_in_table(table, source, notes)
+        columns = _columns_at(table, places, source.skip_gaps)
     elif source.dbc is None and path.suffix.lower() == ".mf4":
         columns = _read_channels(path, source, notes)
     else:
@@ -100,11 +100,9 @@ def read_columns(path: Path, wanted: Mapping[str, str]) -> Columns:
     `wanted` has their names, or their numbers from 1. Moments of the role "time" become seconds.
     """
     _check_file(path)
-
-    def choose(table: Table) -> dict[str, int]:
-        return {role: _index_of(name, table.names, table.head) for role, name in wanted.items()}
-
-    return _read_table(path, choose, min_columns=1)
+    table = open_table(path, min_columns=1)
+    places = {role: _index_of(name, table.names, table.head) for role, name in wanted.items()}
+    return _columns_at(table, places)
 
 
 def _check_file(path: Path) -> None:
@@ -142,15 +140,8 @@ def _read_channels(path: Path, source: Source, notes: list[str]) -> Columns:
 # --- tables ---------------------------------------------------------------------------------------
 
 
-def _read_table(
-    path: Path,
-    choose: Callable[[Table], dict[str, int]],
-    skip_gaps: bool = False,
-    min_columns: int = 2,
-) -> Columns:
-    """Read the columns at the places that `choose` returns by role. Raises dahl.Error."""
-    table = open_table(path, min_columns)
-    places = choose(table)
+def _columns_at(table: Table, places: dict[str, int], skip_gaps: bool = False) -> Columns:
+    """Return the columns at the places of the roles. Raises dahl.Error."""
     names = {role: table.names[place] for role, place in places.items()}
     columns = {role: table.frame.iloc[:, place] for role, place in places.items()}
     seconds = _seconds_from_first(columns["time"]) if "time" in columns else None
