@@ -193,25 +193,17 @@ def mark_torque_readings(log: Log) -> Log:
 
 
 def torque_readings(torque: np.ndarray) -> np.ndarray:
-    """Return the rows at which a held or interpolated torque was read; no rows otherwise.
-
-    A held torque jumps by more than its last digit, to more levels than dry friction has. The
-    readings are evenly spaced, but some may repeat the one before.
-    """
+    """Return the rows at which a held or interpolated torque was read; no rows otherwise."""
     changes = np.flatnonzero(np.diff(torque)) + 1
-    if 2 * len(changes) >= len(torque):
-        readings = _line_ends(torque)
-    elif rows_per_reading(torque, changes, resolution_of(torque)) > 1:
-        readings = changes if len(np.unique(torque)) > MIN_READINGS else changes[:0]
-    else:
-        return changes[:0]
-    rows = np.diff(readings)
-    usual = float(np.median(rows)) if len(rows) >= MIN_READINGS else 0.0
-    if usual < 2:
-        return readings[:0]
-    off = np.abs(rows - usual * np.rint(rows / usual))
-    is_even = np.mean((rows > usual / 2) & (off <= usual // 4)) > MIN_EVEN_PART
-    return readings if is_even else readings[:0]
+    is_held = 2 * len(changes) < len(torque)
+    readings = _held_readings(torque, changes) if is_held else _line_ends(torque)
+    return readings if _are_even(readings) else readings[:0]
+
+
+def _held_readings(torque: np.ndarray, changes: np.ndarray) -> np.ndarray:
+    """Return jumps by more than the last digit, to more levels than dry friction has."""
+    jumps = rows_per_reading(torque, changes, resolution_of(torque)) > 1
+    return changes if jumps and len(np.unique(torque)) > MIN_READINGS else changes[:0]
 
 
 def _line_ends(torque: np.ndarray) -> np.ndarray:
@@ -229,6 +221,16 @@ def _line_ends(torque: np.ndarray) -> np.ndarray:
         return ends[:0]
     off = torque - np.interp(np.arange(len(torque)), ends, torque[ends])
     return ends if off.std() < MAX_OFF_LINE * torque.std() else ends[:0]
+
+
+def _are_even(readings: np.ndarray) -> bool:
+    """Whether the readings are evenly spaced; some may repeat the one before."""
+    rows = np.diff(readings)
+    usual = float(np.median(rows)) if len(rows) >= MIN_READINGS else 0.0
+    if usual < 2:
+        return False
+    off = np.abs(rows - usual * np.rint(rows / usual))
+    return bool(np.mean((rows > usual / 2) & (off <= usual // 4)) > MIN_EVEN_PART)
 
 
 # --- wrapping counters ----------------------------------------------------------------------------
@@ -288,13 +290,7 @@ def split_at_gaps(log: Log) -> list[Log]:
     assert log.time is not None  # gaps() finds none without a clock
     ends = [0, *after.tolist(), log.rows]
     pieces = [slice(start, end) for start, end in zip(ends, ends[1:], strict=False)]
-    kept = [
-        rows
-        for rows in pieces
-        if rows.stop - rows.start >= MIN_ROWS
-        and np.ptp(log.theta[rows]) > 0
-        and np.ptp(log.torque[rows]) > 0
-    ]
+    kept = [rows for rows in pieces if _is_usable(log, rows)]
     lost = float(np.sum(log.time[after] - log.time[after - 1]))
     left = log.rows - sum(rows.stop - rows.start for rows in kept)
     note = (
@@ -307,20 +303,28 @@ def split_at_gaps(log: Log) -> list[Log]:
     return [log.part(rows, [] if i else [*log.notes, note]) for i, rows in enumerate(kept)]
 
 
-def gaps(log: Log) -> np.ndarray:
-    """Return the first row after each gap, a time step far above the usual ones.
+def _is_usable(log: Log, rows: slice) -> bool:
+    moves = np.ptp(log.theta[rows]) > 0 and np.ptp(log.torque[rows]) > 0
+    return rows.stop - rows.start >= MIN_ROWS and bool(moves)
 
-    A log that has a row for each edge of the encoder, not for each tick of a clock, has no gaps.
-    """
-    steps = np.zeros(0) if log.time is None else np.diff(log.time)
+
+def gaps(log: Log) -> np.ndarray:
+    """Return the first row after each gap, a time step far above the usual ones."""
+    if log.time is None or _is_written_at_edges(log):
+        return np.zeros(0, dtype=int)
+    steps = np.diff(log.time)
     forward = steps[steps > 0]
     if len(forward) < MIN_ROWS:
         return np.zeros(0, dtype=int)
-    if log.resolution:
-        counts = np.abs(np.diff(log.theta)) / log.resolution
-        if np.mean(np.abs(counts - 1) < 0.1) > MIN_EVENT_PART:
-            return np.zeros(0, dtype=int)
     return np.flatnonzero(steps > GAP_STEPS * np.percentile(forward, GAP_PERCENTILE)) + 1
+
+
+def _is_written_at_edges(log: Log) -> bool:
+    """Whether a row was written at each edge of the encoder, not at each tick of a clock."""
+    if log.resolution == 0:
+        return False
+    counts = np.abs(log.moves[1:]) / log.resolution
+    return bool(np.mean(np.abs(counts - 1) < 0.1) > MIN_EVENT_PART)
 
 
 def spread_equal_times(log: Log) -> Log:
