@@ -293,7 +293,7 @@ def test_the_scene_replays_the_log(rig, dahl_loop, tmp_path):
 
 # --- picture --------------------------------------------------------------------------------------
 
-PANELS = ("by angle", "by speed", "autocorrelation", "plausible", "sigma0", "Fc", "loop")
+PANELS = ("loop", "by angle", "by speed", "autocorrelation", "plausible", "sigma0", "Fc")
 
 
 def panels_of(figure) -> dict:
