@@ -103,11 +103,14 @@ def test_laws_whose_limit_changes_against_row_by_row(theta, seed):
 @settings(max_examples=25)
 @given(PATHS, st.floats(1e-4, 0.02))
 def test_play_against_row_by_row(theta, width):
-    position, behind = theta[0], []
-    for ahead in theta:
-        position = min(max(position, ahead - width / 2), ahead + width / 2)
-        behind.append(position)
-    found = models.behind_play(theta, [slice(0, len(theta))], width)
+    pieces = [slice(0, len(theta) // 2), slice(len(theta) // 2, len(theta))]
+    behind = []
+    for rows in pieces:
+        position = theta[rows.start]
+        for ahead in theta[rows]:
+            position = min(max(position, ahead - width / 2), ahead + width / 2)
+            behind.append(position)
+    found = models.behind_play(theta, pieces, width)
     assert found == pytest.approx(np.array(behind), abs=1e-9)
 
 
@@ -156,6 +159,7 @@ def mixed() -> np.ndarray:
 MADE = {  # a torque, and the hypotheses that describe it
     "dahl": (lambda: dahl_torque(MOTION), ("dahl",)),
     "slip": (lambda: springs(MOTION, (SIGMA0, FC)), ("slip",)),
+    "late slip": (lambda: np.roll(springs(MOTION, (SIGMA0, FC)), 4), ("slip",)),
     "2 slip": (lambda: springs(MOTION, (80, 0.2), (20, 0.3)), ("2 slip",)),
     "mixed": (mixed, ("mixed", "2 dahl", "2 slip", "3 slip", "4 slip")),
     "exponent": (lambda: tabulated("exponent"), BENT),

@@ -193,6 +193,8 @@ def test_columns_without_names_are_numbered(above, row, tmp_path):
     log = read(path, *"--angle 1 --torque 2 --angle-unit rad --torque-unit Nm".split())
     assert (log.theta.tolist(), log.torque.tolist()) == (angle.tolist(), torque.tolist())
     assert "(there are: 1, 2" in refused(path) and "--angle" in refused(path)
+    path.write_text("A title\ndeg;Nm\n" + "\n".join(f"{x};{x % 7}" for x in range(ROWS)))
+    assert read(path, "--angle", "deg", "--torque", "Nm").rows == ROWS
 
 
 ODD = {  # lines above 40 rows of time, angle and torque, and the form of a row
