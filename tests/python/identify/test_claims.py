@@ -29,6 +29,7 @@ from identify_tools import (
     shaft,
     sine,
     synthetic,
+    varying_torque,
     width,
 )
 from scipy.signal import lfilter
@@ -132,6 +133,93 @@ def test_what_is_claimed(name):
     json.loads(report.as_json(result), parse_constant=pytest.fail)
 
 
+@pytest.mark.parametrize("name", CASES)
+def test_the_verdict_names_the_largest_source_of_each_width(name):
+    result = found(name)
+    widths = {source: width.tolist() for source, width in result.intervals.widths.items()}
+    counts = widths.pop("counts", [0.0, 0.0])  # the others are cumulative
+    for k, parameter in enumerate((result.sigma0, result.Fc)):
+        ends = [0.0, *(width[k] for width in widths.values() if np.isfinite(width[k]))]
+        own = {**dict(zip(widths, np.diff(ends).tolist(), strict=False)), "counts": counts[k]}
+        assert own[parameter.uncertainty] == max(own.values())
+
+
+PATH = chirp(2400, first=5, last=11)
+ALONE = Options(terms=("offset",), delay=False)
+
+
+@cache
+def measured(noise: float = 0.01, counts: float = 13.0, levels: int = 0) -> Result:
+    """Identify Dahl friction with noise in Fc, counts in a presliding length, levels in Fc."""
+    log = log_of(PATH, dahl_torque(PATH), noise, FC / SIGMA0 / counts)
+    if levels:
+        log = replace(log, torque=np.round(log.torque / FC * levels) * FC / levels)
+    return identify([log], ALONE)
+
+
+@pytest.mark.parametrize(
+    ("less", "more", "parameter", "ratio"),
+    [
+        ({}, {"noise": 0.1}, "sigma0", 3),
+        ({"counts": 10}, {"counts": 2.5}, "sigma0", 2),
+        ({}, {"noise": 0.0, "levels": 4}, "Fc", 5),
+    ],
+    ids=["noise", "counts", "coarse torque"],
+)
+def test_each_source_of_uncertainty_widens_the_interval(less, more, parameter, ratio):
+    widths = []
+    for result in (measured(**less), measured(**more)):
+        assert result.claimed == (True, True)
+        for name, truth in TRUTH.items():
+            assert getattr(result, name).low <= truth <= getattr(result, name).high
+        widths.append(getattr(result, parameter).half_width)
+    assert widths[1] > ratio * widths[0]
+
+
+def test_noise_hides_more_of_the_travel_within_a_count():
+    less, more = (measured(noise=noise).intervals.widths["counts"][0] for noise in (0.01, 0.1))
+    assert more > 1.5 * less
+
+
+def plus(*shapes: np.ndarray) -> list[Log]:
+    """Return a log for each shape, which is added to the friction in parts of Fc."""
+    return [log_of(PATH, dahl_torque(PATH) + FC * shape, 0.01) for shape in shapes]
+
+
+def halves(step: float = 0.0, late: int = 0) -> list[Log]:
+    """Return two logs; the torque of the second one has an offset in Fc or is late."""
+    (whole,) = plus(np.zeros(2400))
+    first, second = whole.part(slice(1200)), whole.part(slice(1200, 2400 - late))
+    torque = whole.torque[1200 - late : 2400 - 2 * late] + step * FC
+    return [first, replace(second, name="b", torque=torque)]
+
+
+RAMP, SPEED = np.linspace(-0.5, 0.5, 2400), np.gradient(PATH) / np.abs(np.gradient(PATH)).max()
+LACKS: dict[str, tuple[Callable[[], list[Log]], bool]] = {  # and whether neither is then claimed
+    "viscous": (lambda: plus(0.1 * SPEED), True),
+    "angle ripple": (lambda: plus(0.06 * np.sin(80 * np.pi * PATH)), True),
+    "low pass or delay": (lambda: [log_of(PATH[10:], dahl_torque(PATH)[:-10], 0.01)], True),
+    "offset drift": (lambda: plus(0.15 * RAMP), False),
+    "offset of each log": (lambda: halves(step=0.05), False),
+    "delay of each log": (lambda: halves(late=3), True),
+}
+
+
+@pytest.mark.parametrize("effect", LACKS)
+def test_an_effect_that_no_hypothesis_has_is_a_finding(effect):
+    """The hypotheses have no term but an offset, and no delay."""
+    make, is_doubted = LACKS[effect]
+    result = identify(make(), ALONE)
+    findings = {one["text"]: one["doubts"] for one in report.numbers(result)["findings"]}
+    (doubts,) = (names for text, names in findings.items() if text.startswith(f"{effect} "))
+    assert doubts == (list(TRUTH) if is_doubted else [])
+    assert not is_doubted or result.claimed == (False, False)
+    best, i = result.plausible.best.value, result.intervals
+    for lack in result.lacks:  # the truth may be further on by half of the move
+        at = best * (1 + 1.5 * lack.moved)
+        assert (i.low <= at).all() and (at <= i.high).all()
+
+
 @pytest.mark.parametrize(("sigma0", "Fc"), [(1.3, 1.0), (1.0, 1.06)])
 def test_logs_of_two_machines(sigma0, Fc):  # noqa: N803
     result = identify([machine(1), machine(2, sigma0, Fc), machine(3), machine(4, sigma0, Fc)])
@@ -218,10 +306,29 @@ def test_ten_times_the_rows_give_the_same():
     assert more["rows"] == sum(more["pieces"]) == 24_000
     for name, truth in TRUTH.items():
         assert more["identifiable"][name]
+    assert more["rmse"] == pytest.approx(0.05 * FC / np.sqrt(more["rows_per_sample"]), rel=0.1)
+    for name, truth in TRUTH.items():
         for low, high in (less["ci95"][name], more["ci95"][name]):
             assert low <= truth <= high
         near = 1.5 * (width(less, name) + width(more, name)) * truth
         assert less[name] == pytest.approx(more[name], abs=near)
+
+
+def test_a_long_log_of_many_strokes_is_used_from_end_to_end():
+    """Fc grows over the log by a fifth; the result is that of its middle."""
+    theta = sine(4, rows=24_000, cycles=300)
+    rising = varying_torque(theta, np.full(24_000, SIGMA0), FC * np.linspace(0.9, 1.1, 24_000))
+    result = identify([log_of(theta, rising)], Options(terms=("offset",)))
+    table = result.to_dataframe()
+    assert table["time"].min() < 1 and table["time"].max() > 23 and len(table) <= 8000
+    assert result.Fc.value == pytest.approx(FC, rel=0.01)
+
+
+def test_a_spring_that_stiffens_is_a_cubic_term():
+    (log,) = plus(0.3 * (PATH / 0.05) ** 3)
+    terms = identify([log]).terms
+    assert terms["cubic"] == pytest.approx(0.3 * FC / 0.05**3, rel=0.03)
+    assert abs(terms["spring"]) < 0.05 * FC / 0.05
 
 
 # --- the interface for programs -------------------------------------------------------------------
@@ -263,6 +370,7 @@ def test_bootstrap_draws_and_parameters_cycle_by_cycle():
     )
     assert result.correlation == pytest.approx(np.corrcoef(draws.T)[0, 1], abs=0.3)
     assert np.array_equal(draws, result.bootstrap())
+    assert not np.array_equal(draws, result.bootstrap(seed=1)) and len(result.bootstrap(7)) == 7
     assert {len(values) for values in cycles.values()} == {len(result.samples.folds)}
     assert cycles["Fc"] == pytest.approx(np.full(len(cycles["Fc"]), FC), rel=0.1)
     assert np.median(cycles["sigma0"]) == pytest.approx(SIGMA0, rel=0.1)
@@ -293,9 +401,11 @@ def test_a_filter_keeps_its_time_on_a_log_with_other_blocks():
 
 @pytest.mark.parametrize("term", ["viscous", "inertia"])
 def test_a_term_of_the_speed_needs_times(term):
-    for log in (replace(shaft(), time=None), replace(shaft(), time=np.full(2400, 5.0))):
-        with pytest.raises(Error, match=f"{term}.*time"):
-            identify([log], Options(terms=("offset", term)))
+    for time in (None, np.full(2400, 5.0)):
+        untimed = replace(shaft(), name="untimed", time=time)
+        for logs in ([untimed], [shaft(), untimed]):
+            with pytest.raises(Error, match=f"untimed: {term}.*time"):
+                identify(logs, Options(terms=("offset", term)))
 
 
 @pytest.mark.parametrize(
