@@ -53,6 +53,11 @@ def coarse(counts: float) -> Log:
     return log_of(theta, dahl_torque(theta), 0.02, FC / SIGMA0 / counts)
 
 
+def coarse_torque() -> Log:
+    log = shaft(noise=0.0)
+    return replace(log, torque=np.round(4 * log.torque / FC) * FC / 4)
+
+
 def coulomb() -> Log:
     theta = np.floor(sine(5, rows=1500, cycles=8) / COUNT) * COUNT
     moves = np.diff(theta, prepend=theta[0])
@@ -98,6 +103,7 @@ CASES: dict[str, tuple[Callable[[], list[Log]], tuple[bool | None, bool | None],
     "five cycles": (lambda: [few(5.2)], (NO, NO), "5 cycles"),
     "three and four": (lambda: [few(3.6), few(4.6)], (EITHER, YES), "Fc = "),
     "1.5 counts": (lambda: [coarse(1.5)], (EITHER, YES), "Fc = "),
+    "four levels in Fc": (lambda: [coarse_torque()], (YES, YES), "Fc = "),
     "a bare sign": (lambda: [coulomb()], (NO, YES), "sigma0 is not identifiable"),
     "fading peak": (lambda: [fading_peak()], (NO, NO), "shape since the turn"),
     "Fc by angle": (lambda: [by_angle()], (EITHER, EITHER), "Fc by angle"),

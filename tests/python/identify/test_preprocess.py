@@ -264,6 +264,8 @@ def test_each_remaining_row_has_a_reading():
     (piece,) = preprocess(stairs(9), trust_units=True)
     assert piece.torque.tolist() == [4.0 * k for k in range(1, 9 * len(STAIRS))]
     assert preprocess(stairs(9, 1 / 3), trust_units=True)[0].rows == stairs(9).rows
+    lost = stairs(9).part(np.delete(np.arange(stairs(9).rows), 12))  # a row of three readings
+    assert preprocess(lost, trust_units=True)[0].rows == piece.rows
 
 
 @pytest.mark.parametrize(("every", "straight"), [(4, True), (20, False), (33, False)])
