@@ -56,6 +56,9 @@ static inline double friction_move(friction_t *f, double dtheta, double speed)
     return sign * Fc * dtheta - sign * closed * Fc / f->sigma0;
 }
 
+/* Torque in place of the library's: the naive laws under comparison. */
+typedef enum { BY_LIBRARY, BY_NOTHING, BY_TANH } torque_source_t;
+
 /* Position loops. P_PI is a cascade: P of the angle gives the speed that a PI loop tracks. */
 typedef enum { FREE, PD, PID, P_PI, LOOPS } loop_t;
 #define KP 30.0         /* N m/rad, of PD and PID */
@@ -73,7 +76,8 @@ typedef struct {
     double period, theta_per_count;
     int noise, delay; /* counts, ticks */
     int is_noise_after_rounding;
-    int is_uncompensated;
+    torque_source_t source;
+    double tanh_speed; /* rad/s */
     uint64_t random;
     int32_t last_counts, last_reference_counts;
     double commands[4]; /* the newest first */
@@ -168,7 +172,14 @@ static inline double axis_compensate(axis_t *axis, int32_t dcounts)
 {
     int32_t ratio = dahl_adaptation_apply(&axis->adaptation, axis_ratio(axis, dcounts));
     int32_t torque_q30 = dahl_compensator_torque(&axis->plan, &axis->compensator, ratio);
-    return axis->is_uncompensated ? 0 : torque_q30 * (double)DAHL_Q30 * axis->params.friction.Fc;
+    switch (axis->source) {
+    case BY_NOTHING:
+        return 0;
+    case BY_TANH:
+        return TRUE_FC * axis->params.gain * tanh(dcounts * axis->theta_per_count / axis->period / axis->tanh_speed);
+    default:
+        return torque_q30 * (double)DAHL_Q30 * axis->params.friction.Fc;
+    }
 }
 
 /* The loop reads the speed without an error. */

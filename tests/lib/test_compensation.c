@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Closed loops with the compensator: the limits that make it safe to switch on. The energy of adversarial paths is in
- * test_compensation_energy.c. */
+/* Closed loops with the compensator: the limits that make it safe to switch on, and naive builds that must miss them. The energy
+ * of adversarial paths is in test_compensation_energy.c. */
 #include "axis.h"
 
 static const double rates[] = {1000, 8000};
@@ -150,8 +150,16 @@ static void test_a_hand_feels_little_friction(void)
             at_most(bits < 14 ? 0.20 : 0.17, hand_ratio(&axis, 0.5));
         }
     }
-    axis_t within_presliding = noisy_axis(14, 1000, 2, 0);
-    at_most(1, hand_ratio(&within_presliding, 0.0025));
+}
+
+static void test_tanh_resists_a_hand_that_moves_by_5_mrad(void)
+{
+    axis_t axis = noisy_axis(14, 1000, 2, 0);
+    at_most(1, hand_ratio(&axis, 0.0025));
+    axis.source = BY_TANH;
+    axis.params.gain = 1;
+    axis.tanh_speed = 0.02;
+    at_least(2.5, hand_ratio(&axis, 0.0025));
 }
 
 static void test_the_fade_over_speed_stops_a_runaway(void)
@@ -225,7 +233,7 @@ static double tracking_error(axis_t axis, refer_t refer)
 static double tracking_ratio(const axis_t *axis, refer_t refer)
 {
     axis_t without = *axis;
-    without.is_uncompensated = 1;
+    without.source = BY_NOTHING;
     return tracking_error(*axis, refer) / tracking_error(without, refer);
 }
 

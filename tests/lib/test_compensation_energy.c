@@ -110,6 +110,30 @@ static void test_short_strokes_inject_at_most_the_energy_of_the_play(void)
     at_least(0.3, largest_part); /* the adversary is strong */
 }
 
+static void test_long_strokes_outside_the_bounds_inject_energy(void)
+{
+    static const double outside[][3] = {{1, 1, 1.1}, {1, 1.05, 1.05}};
+    static const strokes_t strokes = {LENGTH_COUNTS, LONGEST_STROKE};
+    for (size_t k = 0; k < sizeof outside / sizeof outside[0]; k++) {
+        axis_t axis = path_of(outside[k][0], outside[k][1], outside[k][2]);
+        at_least(1, most_injected_energy(&axis, strokes, 2, 100));
+    }
+}
+
+/* A vibration within the play makes the axis creep in the direction of its last motion. */
+static void test_each_shake_within_the_play_releases_energy(void)
+{
+    axis_t axis = path_of(0.9, 1, 1);
+    axis.params.play = 6;
+    int stroke[TURNS];
+    for (int turn = 0; turn < TURNS; turn++) {
+        stroke[turn] = turn == 0 ? 6 * LENGTH_COUNTS : turn % 2 == 0 ? 36 : 6;
+    }
+    const double energy = injected_energy(axis, stroke);
+    at_least(1, energy);
+    at_most(TURNS / 2 * energy_of_the_play(&axis), energy);
+}
+
 /* The friction is relaxed, while the torque stays at Fc. Both approach Fc on the stroke. */
 static void test_a_long_stroke_after_shakes_gets_at_most_twice_the_energy_of_presliding(void)
 {

@@ -19,8 +19,7 @@ ARM = ("m0", "m3", "m4f", "m7", "m33")
 CORES = dict.fromkeys(ARM, "arm-none-eabi-") | {"rv32": "riscv64-unknown-elf-"}
 EVERYWHERE = {"bits", "test_accuracy", "test_slip"}  # CTest must run these on every core
 PORT = ROOT / "port/cortex_m"
-START_UP = [PORT / f"{part}.c" for part in
-            ("startup", "semihosting", "exit_semihosting", "no_tick", "fpu_none", "newlib")]  # fmt: skip
+START_UP = "startup semihosting exit_semihosting no_tick fpu_none newlib".split()
 
 
 def run(*command: object, code: int | None = 0, seconds: float = 280, cwd: Path = ROOT) -> str:
@@ -107,7 +106,8 @@ def emulate(image: Path, code: int) -> str:
 
 def link(core: str, board: str, main: Path, code: int = 0) -> str:
     words = [*flags(build(core, "dahl")), "-O1", f"-I{PORT}", f"-I{ROOT}/port", "-nostartfiles"]
-    words += [f"-L{PORT}", f"-T{PORT}/{board}.ld", "-o", main.with_name("image"), main, *START_UP]
+    words += [f"-L{PORT}", f"-T{PORT}/{board}.ld", "-o", main.with_name("image"), main]
+    words += [PORT / f"{part}.c" for part in START_UP]
     return run(tool(core, "gcc"), *words, code=code)
 
 
