@@ -190,18 +190,6 @@ static void test_tanh_resists_a_hand_that_moves_by_5_mrad(void)
     at_least(2.5, hand_ratio(&axis, 0.0025));
 }
 
-/* Half the presliding length, that is sigma0 times 2, passes a check of the gain alone. */
-static void test_a_short_length_keeps_a_free_axis_moving(void)
-{
-    axis_t axis = axis_of(DAHL_COMPENSATOR_MEASURED, 14, 1000);
-    axis.params.gain = 1;
-    axis.params.friction.sigma0 *= 2;
-    dahl_compensator_plan_t plan;
-    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_SLOPE, dahl_compensator_prepare(&plan, &axis.params));
-    axis.params.length_long /= 2;
-    at_least(1, speed_after_kick(&axis, 6));
-}
-
 static void test_the_fade_over_speed_stops_a_runaway(void)
 {
     axis_t axis = axis_of(DAHL_COMPENSATOR_MEASURED, 14, 1000);
@@ -352,13 +340,6 @@ static void test_a_hold_does_not_chatter(void)
         at_most(0, sign_changes(&reference));
         at_most(5, sign_changes(&measured));
     }
-}
-
-static void test_noise_without_play_chatters(void)
-{
-    axis_t axis = loop_of(DAHL_COMPENSATOR_MEASURED, PD, 14, 1000);
-    axis.noise = 1; /* the parameters claim a perfect encoder */
-    at_least(30, sign_changes(&axis));
 }
 
 /* --- faults ----------------------------------------------------------------------------------------------------------- */

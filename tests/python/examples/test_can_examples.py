@@ -167,6 +167,20 @@ def test_a_stuck_bus_drops_frames_and_blocks_nothing(controller: Controller) -> 
     pair.check()
 
 
+def test_each_frame_of_the_node_is_sent_or_counted_as_dropped(controller: Controller) -> None:
+    """Answers and Status frames, on a bus that is stuck for some periods of Status."""
+    pair = Pair(controller)
+    for room in (0, math.inf, 0, 3):
+        controller.let_go(room)
+        for _ in range(250):
+            controller.now_us += MS
+            pair.receive(pair.encoder())
+            pair.tick()
+    controller.let_go()
+    assert [one.arbitration_id for one in pair.due].count(0x120) >= 9
+    assert len(controller.take_sent()) + controller.dropped == len(pair.due)
+
+
 def test_bus_off_drops_old_torques_and_ends(controller: Controller) -> None:
     """Silence for the timeout of 100 ms, then the third good frame is answered."""
     pair = Pair(controller)
@@ -219,6 +233,8 @@ SAMPLE = """
     #include <stdarg.h>
     #include <stdio.h>
     #include <stdlib.h>
+    #include <string.h>
+    #include <dahl_node.h>
     const struct device mock_zephyr_canbus = {"can0"};
     int printk(const char *format, ...)
     {
@@ -226,12 +242,18 @@ SAMPLE = """
         va_start(values, format);
         return vprintf(format, values);
     }
-    static bool ready(const struct device *can) { return can == &mock_zephyr_canbus; }
+    static int result(const char *step, bool is_right, int code)
+    { return is_right && strcmp(getenv("FAILED_STEP"), step) != 0 ? 0 : code; }
+    static bool ready(const struct device *can)
+    { return result("ready", can == &mock_zephyr_canbus, 1) == 0; }
+    dahl_err_t dahl_node_init(dahl_node_t *node, const dahl_params_t *params, uint8_t number)
+    { return result("init", node != 0 && params != 0 && number == 0, DAHL_ERR_RANGE); }
     static void watch(const struct device *can, can_state_change_callback_t *call, void *data)
     { (void)can, (void)call, (void)data; }
     static int add(const struct device *can, struct k_msgq *queue, const struct can_filter *rule)
-    { return can == 0 || queue == 0 || rule == 0; }
-    static int start(const struct device *can) { return can != &mock_zephyr_canbus; }
+    { return result("filter", can != 0 && queue != 0 && rule != 0, -28); }
+    static int start(const struct device *can)
+    { return result("start", can == &mock_zephyr_canbus, -5); }
     static int get(struct k_msgq *queue, void *frame, k_timeout_t wait)
     { exit(queue == 0 || frame == 0 || wait == 0); }
     __attribute__((constructor)) static void connect(void)
@@ -240,21 +262,25 @@ SAMPLE = """
         can_add_rx_filter_msgq = add, can_start = start, k_msgq_get = get;
     }
     """
+STEPS = {"ready": -19, "init": -2, "filter": -28, "start": -5}  # code if it fails
 
 
-def test_the_zephyr_sample_prints_the_line_of_its_metadata(
+def test_the_zephyr_sample_prints_the_line_of_its_metadata_or_an_error(
     root: Path, tmp_path: Path, library: Path
 ) -> None:
-    """Twister waits for it. The program then serves frames until it is stopped."""
+    """Twister waits for the line. The program then serves frames until it is stopped."""
     (mock := tmp_path / "mock.c").write_text(CONTROLLERS["Zephyr"].seams + SAMPLE)
     sources = [mock, *EXAMPLES.glob("zephyr_node/src/*.c"), library]
     words = ["gcc", "-std=c11", *MOCKS, f"-I{root}/lib/include", f"-I{EXAMPLES}/zephyr_node/src"]
     words += [*sources, f"-Wl,-rpath,{library.parent}", "-o", tmp_path / "sample"]
     subprocess.run([str(one) for one in words], check=True)
-    printed = subprocess.run([tmp_path / "sample"], check=True, capture_output=True, text=True)
     metadata = yaml.safe_load((EXAMPLES / "zephyr_node/sample.yaml").read_text())
     (line,) = metadata["tests"]["sample.dahl.node"]["harness_config"]["regex"]
-    assert re.fullmatch(line, printed.stdout.strip())
+    errors = {step: f"error: can0: code {code}" for step, code in STEPS.items()}
+    for step, pattern in {"none": line, **errors}.items():
+        how = {"env": {"FAILED_STEP": step}, "capture_output": True, "text": True}
+        printed = subprocess.run([tmp_path / "sample"], check=True, **how).stdout
+        assert re.fullmatch(pattern, printed.strip())
 
 
 CORES = {

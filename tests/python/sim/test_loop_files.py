@@ -9,6 +9,7 @@ import fcntl
 import json
 import os
 import re
+import resource
 import signal
 import struct
 import subprocess
@@ -119,12 +120,15 @@ def test_the_path_of_a_measured_log_has_1023_characters_at_most(tmp_path, scene)
 
 @pytest.mark.parametrize("option", ["--log", "--summary", "--trace"])
 @pytest.mark.parametrize("path", ["/dev/full", "absent/file", "shut/file"])
-def test_an_output_that_cannot_be_written_is_refused(tmp_path, option, path):
-    """Permissions are tested as another user if this one is root."""
+@pytest.mark.parametrize("seconds", [1, 0.002])
+def test_an_output_that_cannot_be_written_is_refused(tmp_path, option, path, seconds):
+    """Permissions are tested as another user if this one is root. Only the close of a file writes
+    the few bytes of a short run.
+    """
     (tmp_path / "shut").mkdir(mode=0o500)
     other = {"user": 65534} if os.geteuid() == 0 and path == "shut/file" else {}
     place = path if path[0] == "/" else str(tmp_path / path)
-    words = ("--virtual", "--set", "motor.seconds=1", option, place)
+    words = ("--virtual", "--set", f"motor.seconds={seconds}", option, place)
     done = run_program("--scene", SCENES / "creep.ini", *words, **other)
     assert (done.returncode, done.stderr.count("\n")) == (1, 1)
     assert done.stderr.startswith(f"error: {option} {place}: ")
@@ -160,6 +164,20 @@ def test_a_full_disk_leaves_whole_lines_and_counts_the_others(tmp_path, size, go
     assert (told["ticks"] == 2000) == goes_on and told["ticks"] > 0
     status = logged + missing - told["frames_sent"] - told["node"]["ok"]
     assert abs(status - told["ticks"] / 100) <= 1
+
+
+def test_a_trace_on_a_disk_that_was_full_for_a_while_is_an_error(tmp_path):
+    trace = tmp_path / "trace.csv"
+    words = command(tmp_path, SCENES / "creep.ini", "--trace", trace, "--set", "motor.seconds=60")
+    limited = ["prlimit", "--fsize=30000:unlimited", *map(str, words)]
+    deaf = ["sh", "-c", 'trap "" XFSZ; exec "$@"', "sh", *limited]
+    process = subprocess.Popen(deaf, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    wait_until(lambda: trace.exists() and trace.stat().st_size == 30000)
+    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (-1, -1))
+    wait_until(lambda: trace.stat().st_size > 30000)
+    process.send_signal(signal.SIGTERM)
+    result = finished(tmp_path, process)
+    assert result.code == 1 and f"error: --trace {trace}: File too large\n" in result.err
 
 
 # --- pipes ----------------------------------------------------------------------------------------

@@ -19,8 +19,7 @@ ARM = ("m0", "m3", "m4f", "m7", "m33")
 CORES = dict.fromkeys(ARM, "arm-none-eabi-") | {"rv32": "riscv64-unknown-elf-"}
 EVERYWHERE = {"bits", "test_accuracy", "test_slip"}  # CTest must run these on every core
 PORT = ROOT / "port/cortex_m"
-START_UP = [PORT / f"{part}.c" for part in
-            ("startup", "semihosting", "exit_semihosting", "no_tick", "fpu_none")]  # fmt: skip
+START_UP = "startup semihosting exit_semihosting no_tick fpu_none newlib".split()
 
 
 def run(*command: object, code: int | None = 0, seconds: float = 280, cwd: Path = ROOT) -> str:
@@ -99,23 +98,53 @@ def test_no_double_load_overwrites_its_address_first() -> None:
     assert [load for load in loads if load[0] == load[2]] == []
 
 
+def emulate(image: Path, code: int) -> str:
+    words = ["-nographic", "-monitor", "none", "-serial", "none"]
+    words += ["-semihosting-config", "enable=on,target=native", "-kernel", image]
+    return run("qemu-system-arm", "-M", "mps2-an385", *words, code=code, seconds=60)
+
+
 def link(core: str, board: str, main: Path, code: int = 0) -> str:
     words = [*flags(build(core, "dahl")), "-O1", f"-I{PORT}", f"-I{ROOT}/port", "-nostartfiles"]
-    words += [f"-L{PORT}", f"-T{PORT}/{board}.ld", "-o", main.with_name("image"), main, *START_UP]
+    words += [f"-L{PORT}", f"-T{PORT}/{board}.ld", "-o", main.with_name("image"), main]
+    words += [PORT / f"{part}.c" for part in START_UP]
     return run(tool(core, "gcc"), *words, code=code)
 
 
-@pytest.mark.parametrize(
-    ("body", "code"), [("return 3;", 3), ("return *(volatile int *)0xF0000001;", 70)]
-)
-def test_an_exit_code_or_a_fault_on_the_core_ends_the_emulator(
-    body: str, code: int, tmp_path: Path
-) -> None:
-    (main := tmp_path / "main.c").write_text(f"int main(void) {{ {body} }}\n")
+HEAP = """
+#include <stddef.h>
+extern char heap_start[], heap_end[];
+char *_sbrk(ptrdiff_t more);
+int main(void)
+{
+    const ptrdiff_t size = heap_end - heap_start;
+    return _sbrk(16) != heap_start || _sbrk(size - 16) != heap_start + 16 ||
+           _sbrk(1) != (char *)-1 || _sbrk(-size) != heap_end || _sbrk(0) != heap_start;
+}
+"""
+PRINT = """#include <stdio.h>
+int main(void)
+{
+    int length = printf("%s, %d", "words", 7);
+    return fflush(stdout) == 0 ? length : -1;
+}
+"""
+FAULT = "error: fault on the target\n"
+IMAGES = {  # main, the exit code of the emulator, its output
+    "a code": ("int main(void) { return 3; }\n", 3, ""),
+    "a fault": ("int main(void) { return *(volatile int *)0xF0000001; }\n", 70, FAULT),
+    "memory after a reset": ((ROOT / "tests/target/start_up.c").read_text(), 0, ""),
+    "the whole heap": (HEAP, 0, ""),
+    "printed words": (PRINT, 8, "words, 7"),
+}
+
+
+@pytest.mark.parametrize("name", IMAGES)
+def test_an_image_ends_the_emulator_with_its_code(name: str, tmp_path: Path) -> None:
+    text, code, printed = IMAGES[name]
+    (main := tmp_path / "main.c").write_text(text)
     link("m3", "mps2-an385", main)
-    words = ["-nographic", "-monitor", "none", "-serial", "none"]
-    words += ["-semihosting-config", "enable=on,target=native", "-kernel", tmp_path / "image"]
-    run("qemu-system-arm", "-M", "mps2-an385", *words, code=code, seconds=60)
+    assert emulate(tmp_path / "image", code) == printed
 
 
 @pytest.mark.parametrize(

@@ -187,6 +187,18 @@ def test_the_node_answers_after_random_bytes(core: str, pieces: int, serial) -> 
     assert line.text.count(b"\a") > 30 * pieces
 
 
+def test_no_status_is_lost_on_a_closed_line(serial) -> None:
+    """The node does not count frames that a closed line would discard."""
+    line = serial("m4f")
+    line.wait(b"t120", 1)
+    line.send(b"C")
+    time.sleep(0.35)  # three periods of Status
+    line.send(b"O")
+    found = line.wait(b"t120", len(line.lines(b"t120")) + 2)
+    counters = [int(one[8:9], 16) for one in found]
+    assert {(b - a) % 16 for a, b in itertools.pairwise(counters)} == {1}
+
+
 @pytest.mark.parametrize(
     ("params", "number", "used"),
     [
