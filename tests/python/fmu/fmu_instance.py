@@ -45,8 +45,9 @@ class Instance:
         with zipfile.ZipFile(fmu) as content:
             self.xml = ET.fromstring(content.read("modelDescription.xml"))
             (name,) = (one for one in content.namelist() if one.startswith("binaries/"))
-            folder = tempfile.mkdtemp(dir=fmu.parent)  # each instance loads a file of its own
-            self.functions = ctypes.CDLL(binary or content.extract(name, folder))
+            if binary is None:  # each instance loads a file of its own
+                binary = Path(content.extract(name, tempfile.mkdtemp(dir=fmu.parent)))
+            self.functions = ctypes.CDLL(binary)
         self.fmi = int(self.xml.get("fmiVersion")[0])
         rows = self.xml.find("ModelVariables")
         self.references = {row.get("name"): int(row.get("valueReference")) for row in rows}
@@ -84,6 +85,9 @@ class Instance:
         if self.fmi == 3:
             name = name.replace("DeSerialize", "Deserialize").replace("FMUstate", "FMUState")
         return int(getattr(self.functions, f"fmi{self.fmi}{name}")(self.component, *arguments))
+
+    def free(self) -> None:
+        getattr(self.functions, f"fmi{self.fmi}FreeInstance")(self.component)
 
     def enter(self, start: float = 0) -> int:
         """Enter the initialization."""
