@@ -132,6 +132,14 @@ def with_nan(one: Instance, name: str) -> bytes:
     return one.save().replace(struct.pack("d", one.get(name)), struct.pack("d", math.nan), 1)
 
 
+def with_word(one: Instance, place: int, form: str, value: float) -> bytes:
+    """Return a saved state with another value at this place."""
+    saved = bytearray(one.save())
+    struct.pack_into(form, saved, place, value)
+    return bytes(saved)
+
+
+GUID, MODE, POSITION = 0, 40, 48  # places in a saved state, fmu_state_t of port/fmu/fmu.h
 NOTHING = (None, c_size_t(1), None, c_size_t(1))  # the arguments of a call for one variable
 EARLY = [  # before the initialization: facts that the message names in this order, the call
     ("fmi#DoStep fmi#ExitInitializationMode", lambda one: one.do_step(1)),
@@ -163,7 +171,9 @@ ALWAYS = [
     ("erializeFMU size 1", lambda one: one.restore(b"x")),
     ("erializeFMU size", lambda one: one.restore(one.save()[:-1])),
     ("erializeFMU size", lambda one: one.restore(one.save() + b"x")),
-    ("erializeFMU no state", lambda one: one.restore(bytes(len(one.save())))),
+    ("erializeFMU no state", lambda one: one.restore(with_word(one, GUID, "b", 0))),
+    ("erializeFMU no state", lambda one: one.restore(with_word(one, MODE, "Q", 4))),
+    ("erializeFMU no state", lambda one: one.restore(with_word(one, POSITION, "d", math.inf))),
 ]
 OF_FMI3 = [
     ("time output", lambda one: one.set(time=1)),

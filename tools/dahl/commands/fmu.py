@@ -14,6 +14,7 @@ import argparse
 from pathlib import Path
 
 from dahl.commands import model_arguments
+from dahl.commands.arguments import whole
 from dahl.errors import Error
 
 TYPE_CHECKING = False
@@ -48,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", required=True, type=Path, metavar="NAME.fmu", help="file to write"
     )
     parser.add_argument(
-        "--fmi", type=int, choices=(2, 3), default=2, help="version of FMI (default: %(default)s)"
+        "--fmi", type=whole(2, 3), default=2, metavar="N", help="version of FMI (default: 2)"
     )
     parser.add_argument("--name", help="of the model (default: from the file's name)")
     parser.add_argument("--force", action="store_true", help="overwrite an existing file")
