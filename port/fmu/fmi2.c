@@ -41,13 +41,19 @@ typedef struct {
 /* volatile: `dahl fmu` replaces this block in the compiled file, so the compiler must not use its values. */
 static const volatile fmu_start_t start_block = FMU_START;
 
+/* A cast between types of functions, without a warning. */
+typedef union {
+    fmi2CallbackLogger logger;
+    void (*stored)(void);
+} callback_t;
+
 static void log_error(const fmu_t *m, char *message)
 {
     for (char *percent = message; (percent = strchr(percent, '%')) != NULL;) {
         *percent = '?'; /* the logger uses the message as a format of printf() */
     }
-    const fmi2CallbackLogger logger = (fmi2CallbackLogger)m->logger.callback;
-    logger(m->logger.environment, m->name, fmi2Error, "logStatusError", message);
+    const callback_t callback = {.stored = m->logger.callback};
+    callback.logger(m->logger.environment, m->name, fmi2Error, "logStatusError", message);
 }
 
 NAMED(const char *, GetTypesPlatform, (void))
@@ -67,7 +73,8 @@ NAMED(void *, Instantiate,
     if (callback == NULL) {
         return NULL;
     }
-    const fmu_logger_t logger = {log_error, (void (*)(void))callback->logger, callback->componentEnvironment};
+    const callback_t sender = {.logger = callback->logger};
+    const fmu_logger_t logger = {log_error, sender.stored, callback->componentEnvironment};
     const char *refusal = type == fmi2CoSimulation ? NULL : "the type is not fmi2CoSimulation";
     return fmu_create("fmi2Instantiate", &logger, &start_block, name, guid, refusal);
 }

@@ -39,10 +39,16 @@ typedef void (*fmi3UnlockPreemptionCallback)(void);
 /* volatile: `dahl fmu` replaces this block in the compiled file, so the compiler must not use its values. */
 static const volatile fmu_start_t start_block = FMU_START;
 
+/* A cast between types of functions, without a warning. */
+typedef union {
+    fmi3LogMessageCallback logger;
+    void (*stored)(void);
+} callback_t;
+
 static void log_error(const fmu_t *m, char *message)
 {
-    const fmi3LogMessageCallback logger = (fmi3LogMessageCallback)m->logger.callback;
-    logger(m->logger.environment, fmi3Error, "logStatusError", message);
+    const callback_t callback = {.stored = m->logger.callback};
+    callback.logger(m->logger.environment, fmi3Error, "logStatusError", message);
 }
 
 NAMED(const char *, GetVersion, (void))
@@ -55,7 +61,8 @@ NAMED(const char *, GetVersion, (void))
     NAMED(void *, Instantiate##type,                                                                                           \
           (const char *name, const char *token, const char *resources, bool visible, bool logging, __VA_ARGS__))               \
     {                                                                                                                          \
-        const fmu_logger_t logger = {log_error, (void (*)(void))callback, environment};                                        \
+        const callback_t sender = {.logger = callback};                                                                        \
+        const fmu_logger_t logger = {log_error, sender.stored, environment};                                                   \
         return fmu_create("fmi3Instantiate" #type, &logger, &start_block, name, token, refusal);                               \
     }
 #define CALLBACK void *environment, fmi3LogMessageCallback callback

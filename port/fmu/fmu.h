@@ -49,7 +49,7 @@ typedef void fmu_log_t(const fmu_t *m, char *message);
 
 typedef struct {
     fmu_log_t *log;
-    void (*callback)(void); /* of the simulator, NULL if it has none; `log` casts it to its type */
+    void (*callback)(void); /* of the simulator, NULL if it has none; `log` knows its type */
     void *environment;      /* argument of the callback */
 } fmu_logger_t;
 
