@@ -15,7 +15,8 @@ enum {
     FMU_BREAKAWAY = 5,                   /* [Fc] of the model elastoplastic */
     FMU_SIGMA0 = 6,                      /* [N m/rad] of each element */
     FMU_FC = FMU_SIGMA0 + DAHL_SLIP_MAX, /* [N m] of each element, or of each direction */
-    FMU_VALUES = FMU_FC + DAHL_SLIP_MAX
+    FMU_TIME = FMU_FC + DAHL_SLIP_MAX,   /* [s] of FMI 3.0 */
+    FMU_VALUES = FMU_TIME + 1
 };
 
 /* Model, names, limits and start values, fixed when the FMU is exported. */

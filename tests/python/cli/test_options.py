@@ -45,7 +45,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     | {"--force": FLAG},
     "fmu": dict.fromkeys(("--sigma0", "--fc", "--breakaway", "--counts-per-turn"), TEXT)
     | dict.fromkeys(("--theta-per-count", "--kinds", "--name", "-o/--output"), TEXT)
-    | {"--model": tuple(models.table()), "--fixed-stiffness": FLAG, "--force": FLAG},
+    | {"--model": tuple(models.table()), "--fixed-stiffness": FLAG, "--force": FLAG}
+    | {"--fmi": (2, 3)},
     "node": {"--scene": TEXT, "--sigma0": NUMBER, "--fc": NUMBER, "--theta-per-count": NUMBER}
     | {"--node": NODES, "--target": TEXT, "--seconds": TIME}
     | BUS,

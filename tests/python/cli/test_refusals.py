@@ -161,6 +161,7 @@ WRONG_INPUT = {  # exit code 2
         FMU --model={BREAKAWAY} --breakaway=1 => breakaway = 1
         FMU --fixed-stiffness => --fixed-stiffness ... loaded ... dahl
         FMU --model=loaded --fixed-stiffness --theta-per-count=1 => --fixed-stiffness
+        FMU --fmi=1 => --fmi ... 1 ... 2 ... 3
         FMU --name=7up => --name 7up: ... letter
         FMU --name=++ => --name ++
         """,

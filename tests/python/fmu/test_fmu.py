@@ -6,33 +6,34 @@ from __future__ import annotations
 import math
 import re
 import struct
-from ctypes import c_size_t
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+from ctypes import c_size_t, c_uint
+from functools import partial
 from pathlib import Path
 
 import dahl as package
+import fmu_instance
 import numpy as np
 import pytest
 from dahl.binding import models
 from dahl.sim import fmu
 from fmu_instance import CO_SIMULATION, ERROR, OK, Instance
 from identify_tools import complaint
-from model_examples import OWN, THETA, made, numbers, whole
+from model_examples import THETA, made, whole
 
 pytestmark = pytest.mark.usefixtures("library")
 
 MODELS = list(models.table().values())
+DAHL = MODELS[0]
 COUNT = float(np.float32(THETA))
 EVERY = pytest.mark.parametrize("model", MODELS, ids=lambda model: model.name)
 
 
-def export(dahl, model: models.Model = MODELS[0], *more: object, name: str = "shaft.fmu") -> Path:
-    own = OWN.get(model.key)
-    values = [*numbers(model), *([own if isinstance(own, list) else [own]] if own else [])]
-    options = zip(("--sigma0", "--fc", f"--{model.key}"), values, strict=False)
-    words = (word for option, value in options for word in (option, ",".join(map(str, value))))
-    done = dahl("fmu", "--model", model.name, *words, *more, "--force", "-o", name)
-    assert done.returncode == 0, done.stderr
-    return Path(name).resolve()
+@pytest.fixture(params=fmu.VERSIONS, ids="fmi{}".format)
+def export(dahl, request):
+    """Write an FMU of this version of FMI."""
+    return partial(fmu_instance.export, dahl, request.param)
 
 
 def walk(seed: int, rows: int = 300) -> np.ndarray:
@@ -47,8 +48,8 @@ def loads(model: models.Model, seed: int = 1) -> list[dict[str, float]]:
 
 
 @EVERY
-def test_by_counts_the_torques_have_the_bits_of_the_python_class(dahl, model):
-    one = Instance(export(dahl, model, "--theta-per-count", THETA)).initialize(angle=5 * COUNT)
+def test_by_counts_the_torques_have_the_bits_of_the_python_class(export, model):
+    one = Instance(export(model, "--theta-per-count", THETA)).initialize(angle=5 * COUNT)
     element, moves = made(model), np.diff(walk(1), prepend=5)
     if model.name == "dahl":
         element = package.Friction(element)
@@ -62,9 +63,9 @@ def test_by_counts_the_torques_have_the_bits_of_the_python_class(dahl, model):
 
 
 @pytest.mark.parametrize("words", [(), ("--fixed-stiffness",)])
-def test_by_angle_the_torques_have_the_bits_of_the_python_class(dahl, words):
+def test_by_angle_the_torques_have_the_bits_of_the_python_class(export, words):
     model = models.table()["loaded" if words else "dahl"]
-    one = Instance(export(dahl, model, *words)).initialize(sigma0=90.3, Fc=0.7, angle=-0.1)
+    one = Instance(export(model, *words)).initialize(sigma0=90.3, Fc=0.7, angle=-0.1)
     plan = package.Plan(90.3, 0.7)
     element = package.Loaded(plan, fixed_stiffness=True) if words else package.Friction(plan)
     angles = walk(2) * 1.1e-4
@@ -73,9 +74,9 @@ def test_by_angle_the_torques_have_the_bits_of_the_python_class(dahl, words):
 
 
 @EVERY
-def test_a_step_may_be_split_and_the_default_counts_are_fine(dahl, model):
+def test_a_step_may_be_split_and_the_default_counts_are_fine(export, model):
     """At an intermediate angle of the same direction, and without motion."""
-    path = export(dahl, model)
+    path = export(model)
     one, split, fine = Instance(path), Instance(path), Instance(path)
     fine.initialize(theta_per_count=5e-11)
     one.initialize(), split.initialize()
@@ -90,15 +91,15 @@ def test_a_step_may_be_split_and_the_default_counts_are_fine(dahl, model):
         before = angle
 
 
-def test_a_move_may_have_more_counts_than_an_integer(dahl):
-    one = Instance(export(dahl)).initialize(theta_per_count=2e-12)  # 1e-9 of Fc/sigma0
+def test_a_move_may_have_more_counts_than_an_integer(export):
+    one = Instance(export(DAHL)).initialize(theta_per_count=2e-12)  # 1e-9 of Fc/sigma0
     assert one.step(angle=0.01) == pytest.approx(0.2 * -math.expm1(-5), rel=1e-6)
 
 
 @pytest.mark.parametrize(("is_late", "end"), [(False, 0.1237), (True, 3.529)])
-def test_a_shaft_holds_unless_the_torque_is_one_step_late(dahl, is_late, end):
+def test_a_shaft_holds_unless_the_torque_is_one_step_late(export, is_late, end):
     """The table of docs/simulators.md at 2 ms. Half of Fc acts for 10 s."""
-    one = Instance(export(dahl)).initialize(sigma0=120, Fc=1.8)
+    one = Instance(export(DAHL)).initialize(sigma0=120, Fc=1.8)
     angle = speed = torque = 0.0
     for _ in range(5000):
         before = angle
@@ -109,8 +110,8 @@ def test_a_shaft_holds_unless_the_torque_is_one_step_late(dahl, is_late, end):
 
 
 @EVERY
-def test_a_saved_state_continues_with_the_same_bits(dahl, model):
-    path = export(dahl, model, "--theta-per-count", THETA)
+def test_a_saved_state_continues_with_the_same_bits(export, model):
+    path = export(model, "--theta-per-count", THETA)
     one, other = Instance(path).initialize(theta_per_count=1e-4), Instance(path)
     angles = walk(4) * 3e-5
     for angle, load in zip(angles[:150], loads(model), strict=False):
@@ -131,16 +132,24 @@ def with_nan(one: Instance, name: str) -> bytes:
     return one.save().replace(struct.pack("d", one.get(name)), struct.pack("d", math.nan), 1)
 
 
-NOTHING = (None, c_size_t(1), None)  # the arguments of a call for one variable
+def with_word(one: Instance, place: int, form: str, value: float) -> bytes:
+    """Return a saved state with another value at this place."""
+    saved = bytearray(one.save())
+    struct.pack_into(form, saved, place, value)
+    return bytes(saved)
+
+
+GUID, MODE, POSITION = 0, 40, 48  # places in a saved state, fmu_state_t of port/fmu/fmu.h
+NOTHING = (None, c_size_t(1), None, c_size_t(1))  # the arguments of a call for one variable
 EARLY = [  # before the initialization: facts that the message names in this order, the call
-    ("fmi2DoStep fmi2ExitInitializationMode", lambda one: one.do_step(1)),
+    ("fmi#DoStep fmi#ExitInitializationMode", lambda one: one.do_step(1)),
     ("sigma0 -1 5.42101086e-20 1.84467441e+19", lambda one: one.set(sigma0=-1)),
     ("Fc 0 5.42101086e-20", lambda one: one.set(angle=1, Fc=0)),
     ("theta_per_count nan", lambda one: one.set(theta_per_count=math.nan)),
 ]
 LATE = [  # after it
-    ("sigma0 2 fixed", lambda one: one.set(sigma0=2)),
-    ("fmi2EnterInitializationMode fmi2Reset", lambda one: one.call("EnterInitializationMode")),
+    ("sigma0 2 fixed fmi#ExitInitializationMode", lambda one: one.set(sigma0=2)),
+    ("fmi#EnterInitializationMode fmi#Reset", lambda one: one.call("EnterInitializationMode")),
     ("communicationStepSize 0", lambda one: one.do_step(0)),
     ("communicationStepSize -1", lambda one: one.do_step(-1)),
     ("communicationStepSize nan", lambda one: one.do_step(math.nan)),
@@ -149,47 +158,101 @@ ALWAYS = [
     ("angle nan -1e+30 1e+30", lambda one: one.set(angle=math.nan)),
     ("angle 1e+30", lambda one: one.set(angle=1e30)),
     ("torque output", lambda one: one.set(torque=0)),
-    ("fmi2SetReal 1 dahl", lambda one: one.set(load=1)),
-    ("fmi2SetReal 99 dahl", lambda one: one.set(none=1)),
-    ("fmi2GetInteger Real", lambda one: one.call("GetInteger", *NOTHING)),
-    ("fmi2SetString Real", lambda one: one.call("SetString", *NOTHING)),
-    ("canInterpolateInputs", lambda one: one.call("SetRealInputDerivatives", *NOTHING, None)),
-    ("canRunAsynchronuously", lambda one: one.call("CancelStep")),
-    ("fmi2DeSerializeFMUstate Fc nan", lambda one: one.restore(with_nan(one, "Fc"))),
-    ("fmi2DeSerializeFMUstate size", lambda one: one.restore(b"x")),
-    ("fmi2DeSerializeFMUstate no state", lambda one: one.restore(bytes(len(one.save())))),
+    ("fmi#Set 1 dahl", lambda one: one.set(load=1)),
+    ("fmi#Set 99 dahl", lambda one: one.set(none=1)),
+    ("fmi#Get NULL", lambda one: one.access("Get", None, 1, None)),
+    ("fmi#Set NULL", lambda one: one.access("Set", (c_uint * 1)(), 1, None)),
+    ("fmi#GetFMU NULL", lambda one: one.call("GetFMUstate", None)),
+    ("fmi#SetFMU NULL", lambda one: one.call("SetFMUstate", None)),
+    ("fmi#SerializedFMU NULL", lambda one: one.call("SerializedFMUstateSize", None, None)),
+    ("fmi#SerializeFMU NULL", lambda one: one.call("SerializeFMUstate", None, None, c_size_t(8))),
+    ("fmi#De NULL", lambda one: one.call("DeSerializeFMUstate", None, c_size_t(8), None)),
+    ("erializeFMU Fc nan", lambda one: one.restore(with_nan(one, "Fc"))),
+    ("erializeFMU size 1", lambda one: one.restore(b"x")),
+    ("erializeFMU size", lambda one: one.restore(one.save()[:-1])),
+    ("erializeFMU size", lambda one: one.restore(one.save() + b"x")),
+    ("erializeFMU no state", lambda one: one.restore(with_word(one, GUID, "b", 0))),
+    ("erializeFMU no state", lambda one: one.restore(with_word(one, MODE, "Q", 4))),
+    ("erializeFMU no state", lambda one: one.restore(with_word(one, POSITION, "d", math.inf))),
+]
+OF_FMI3 = [
+    ("time output", lambda one: one.set(time=1)),
+    ("fmi3GetFloat64 nValues 2 1", lambda one: one.call("GetFloat64", *NOTHING[:3], c_size_t(2))),
+    ("fmi3SetFloat64 nValues 2 1", lambda one: one.call("SetFloat64", *NOTHING[:3], c_size_t(2))),
+]
+EARLY_OF_FMI3 = [("fmi3EnterInitializationMode time nan", lambda one: one.enter(math.nan))]
+LATE_OF_FMI3 = [
+    ("fmi3DoStep time inf", lambda one: one.do_step(math.inf)),
+    ("fmi3DoStep NULL", lambda one: one.call("DoStep", 0, 0, 0, None, None, None, None)),
 ]
 
 
 @pytest.mark.parametrize("is_ready", [False, True])
-def test_an_error_is_one_line_and_changes_nothing(dahl, is_ready):
-    one = Instance(export(dahl))
+def test_an_error_is_one_line_and_changes_nothing(export, is_ready):
+    one = Instance(export(DAHL))
     one.references |= {"none": 99, "load": 1}
     if is_ready:
         one.initialize().step(angle=0.01)
+    cases = (LATE if is_ready else EARLY) + ALWAYS
+    if one.fmi == 3:
+        cases += (LATE_OF_FMI3 if is_ready else EARLY_OF_FMI3) + OF_FMI3
     before = one.save()
-    for number, (facts, call) in enumerate((LATE if is_ready else EARLY) + ALWAYS, 1):
+    for number, (facts, call) in enumerate(cases, 1):
         assert call(one) == ERROR, facts
-        assert re.search(".*".join(map(re.escape, facts.split())), one.messages[-1])
+        words = facts.replace("#", str(one.fmi)).split()
+        assert re.search(".*".join(map(re.escape, words)), one.messages[-1]), one.messages[-1]
         assert len(one.messages) == number and "\n" not in one.messages[-1]
         assert one.save() == before
+    assert one.call("FreeFMUstate", None) == OK
 
 
-def test_a_saved_state_whose_values_do_not_fit_changes_nothing(dahl):
+WORKING = {  # functions, without their version, that do not deny a feature
+    *("GetTypesPlatform", "GetVersion", "FreeInstance", "SetDebugLogging", "SetupExperiment"),
+    *("EnterInitializationMode", "ExitInitializationMode", "Terminate", "Reset", "DoStep"),
+    *("GetReal", "SetReal", "GetFloat64", "SetFloat64"),
+}
+NO_FEATURE = re.compile(r".*(FMUstate.*|Instantiate.*|Status)", re.IGNORECASE)
+
+
+def test_a_function_of_a_missing_feature_is_an_error_and_changes_nothing(export):
+    one = Instance(export(DAHL)).initialize(angle=0.01)
+    words = ["nm", "--defined-only", "-D", one.functions._name]
+    symbols = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    names = {*re.findall(rf" fmi{one.fmi}(\w+)", symbols)} - WORKING
+    denied = [name for name in sorted(names) if not NO_FEATURE.fullmatch(name)]
+    before = one.save()
+    for name in denied:
+        assert one.call(name, *NOTHING, *[None] * 5) == ERROR
+        assert one.messages[-1].startswith(f"fmi{one.fmi}{name}: ")
+        if name[3:] in ("Integer", "Int32", "String", "Boolean"):
+            assert one.call(name, None, c_size_t(0), None, c_size_t(0)) == OK
+    assert one.save() == before and len(one.messages) == len(denied) == {2: 10, 3: 56}[one.fmi]
+
+
+def test_time_is_that_of_the_last_step(dahl):
+    one = Instance(fmu_instance.export(dahl, 3, DAHL))
+    assert one.get("time") == 0 and one.enter(2.5) == one.leave() == OK
+    saved = one.save()
+    assert one.get("time") == 2.5 and one.do_step(0.25, 2.5) == OK and one.get("time") == 2.75
+    assert one.restore(saved) == OK and one.get("time") == 2.5
+    assert one.call("Reset") == OK and one.get("time") == 0
+
+
+def test_a_saved_state_whose_values_do_not_fit_changes_nothing(export):
     """Each value of it is in range, but the travel of a count is not."""
-    path = export(dahl, MODELS[0], "--theta-per-count", THETA)
+    path = export(DAHL, "--theta-per-count", THETA)
     one, other = Instance(path).initialize(), Instance(path).initialize()
     saved = one.save()
     theta = struct.pack("d", one.get("theta_per_count"))
     wrong = saved.replace(theta, struct.pack("d", 1e9))
     assert wrong != saved and one.restore(wrong) == ERROR and one.save() == saved
-    assert "fmi2SetFMUstate" in one.messages[0] and "2^20" in one.messages[0]
+    assert f"fmi{one.fmi}SetFMU" in one.messages[0] and "2^20" in one.messages[0]
     assert one.step(angle=0.01) == other.step(angle=0.01)
 
 
 @pytest.mark.parametrize("value", [math.nan, -math.inf, 1e30])
-def test_a_saved_state_with_a_value_that_is_no_variable_is_refused(dahl, value):
-    one = Instance(export(dahl)).initialize()
+def test_a_saved_state_with_a_value_that_is_no_variable_is_refused(export, value):
+    one = Instance(export(DAHL)).initialize()
     saved = one.save()
     place = saved.index(struct.pack("d", one.get("sigma0"))) - 8 * (fmu.SIGMA0 - fmu.LOAD)
     wrong = saved[:place] + struct.pack("d", value) + saved[place + 8 :]
@@ -197,48 +260,74 @@ def test_a_saved_state_with_a_value_that_is_no_variable_is_refused(dahl, value):
     assert one.save() == saved
 
 
-def test_a_travel_out_of_range_is_an_error_of_the_initialization(dahl):
-    one = Instance(export(dahl, models.table()["slip"]))
-    assert one.call("EnterInitializationMode") == one.set(theta_per_count=1e9) == OK
-    assert one.call("ExitInitializationMode") == ERROR
+def test_a_travel_out_of_range_is_an_error_of_the_initialization(export):
+    one = Instance(export(models.table()["slip"]))
+    assert one.enter() == one.set(theta_per_count=1e9) == OK
+    assert one.leave() == ERROR
     for fact in ("sigma0[0] = 100", "Fc[0] = 0.2", "theta_per_count = 1e+09", "5e+11", "2^20"):
         assert fact in one.messages[0]
-    assert one.set(theta_per_count=1e-4) == one.call("ExitInitializationMode") == OK
+    assert one.set(theta_per_count=1e-4) == one.leave() == OK
 
 
-def test_the_smallest_breakaway_can_be_set_saved_and_restored(dahl):
-    options = "--model elastoplastic --sigma0 9 --fc 1 --breakaway 1e-44 -o x.fmu"
-    done = dahl("fmu", *options.split())
-    assert done.returncode == 0, done.stderr
-    one = Instance(Path("x.fmu").resolve()).initialize(breakaway=1e-44)
+def test_the_smallest_breakaway_can_be_set_saved_and_restored(export):
+    path = export(models.table()["elastoplastic"], "--breakaway", 1e-44)
+    one = Instance(path).initialize(breakaway=1e-44)
     assert one.restore(one.save()) == OK
 
 
 @pytest.mark.parametrize("name", ["sigma0", "Fc"])
-def test_a_parameter_that_rounds_to_its_limit_is_an_error_of_the_initialization(dahl, name):
-    one = Instance(export(dahl))
-    assert one.call("EnterInitializationMode") == one.set(**{name: 2.0**64 - 2.0**20}) == OK
-    assert one.call("ExitInitializationMode") == ERROR
+def test_a_parameter_that_rounds_to_its_limit_is_an_error_of_the_initialization(export, name):
+    one = Instance(export(DAHL))
+    assert one.enter() == one.set(**{name: 2.0**64 - 2.0**20}) == OK
+    assert one.leave() == ERROR
     assert "rounded to float" in one.messages[0]
 
 
-def test_an_instance_of_another_fmu_or_kind_is_refused(dahl):
-    path, other = export(dahl), Instance(export(dahl, name="other.fmu"))
-    assert not Instance(path, guid=other.xml.get("guid")).component
-    (message,) = Instance(path, guid="%n%s").messages  # the logger uses it as a format
-    assert "GUID" in message and "%" not in message
-    wrong = Instance(path, kind=1 - CO_SIMULATION)
-    assert not wrong.component and "fmi2CoSimulation" in wrong.messages[0]
+WRONG = {  # arguments of an instantiation, facts of the message
+    2: [({"kind": 1 - CO_SIMULATION}, "fmi2CoSimulation")],
+    3: [
+        ({"kind": "ModelExchange"}, "fmi3InstantiateModelExchange only co-simulation"),
+        ({"kind": "ScheduledExecution"}, "fmi3InstantiateScheduledExecution only co-simulation"),
+        ({"events": True}, "eventModeUsed hasEventMode"),
+        ({"n": 1}, "nRequiredIntermediateVariables providesIntermediateUpdate"),
+    ],
+}
+
+
+def test_an_instance_of_another_fmu_or_kind_is_refused(export):
+    path, other = export(DAHL), Instance(export(DAHL, name="other.fmu"))
+    assert not Instance(path, guid=other.guid).component
+    (message,) = Instance(path, guid="%n%s").messages  # the logger of FMI 2.0 uses it as a format
+    assert "GUID" in message and ("%" in message) == (other.fmi == 3)
+    for words, facts in WRONG[other.fmi]:
+        wrong = Instance(path, **words)
+        assert not wrong.component
+        assert re.search(".*".join(map(re.escape, facts.split())), wrong.messages[0])
     assert Instance(path).restore(other.save()) == ERROR
-    for name in ("DoStep", "GetReal", "Reset", "GetFMUstate", "Terminate"):
-        assert wrong.call(name, None, None, None) == ERROR  # a component that is NULL
+    for name in ("DoStep", "Reset", "GetFMUstate", "Terminate", "SetDebugLogging"):
+        assert wrong.call(name, *[None] * 8) == ERROR  # a component that is NULL
+    assert wrong.access("Get", None, 1, None) == wrong.access("Set", None, 1, None) == ERROR
 
 
-def test_equal_options_give_equal_bytes_and_other_options_another_guid(dahl):
-    first = export(dahl).read_bytes()
-    assert export(dahl).read_bytes() == first
+def test_instances_in_other_threads_do_not_meet(export):
+    path, angles = export(DAHL), [walk(seed) * 1e-5 for seed in range(8)]
+    first = Instance(path)
+    binary = Path(first.functions._name)  # all instances are in one library
+
+    def run(angle: np.ndarray) -> list[float]:
+        one = Instance(path, binary).initialize()
+        return [one.step(angle=value) for value in angle]
+
+    with ThreadPoolExecutor(len(angles)) as pool:
+        together = list(pool.map(run, angles))
+    assert together == [run(angle) for angle in angles] and first.get("torque") == 0
+
+
+def test_equal_options_give_equal_bytes_and_other_options_another_guid(export):
+    first = export(DAHL).read_bytes()
+    assert export(DAHL).read_bytes() == first
     options = [(), ("--name", "seal"), ("--theta-per-count", 1e-4), ("--fc", 0.3)]
-    guids = {Instance(export(dahl, MODELS[0], *more)).xml.get("guid") for more in options}
+    guids = {Instance(export(DAHL, *more)).guid for more in options}
     assert len(guids) == len(options)
 
 

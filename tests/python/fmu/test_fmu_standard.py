@@ -8,19 +8,22 @@ from __future__ import annotations
 import re
 import subprocess
 import zipfile
+from functools import partial
 from pathlib import Path
 
 import dahl as package
+import fmu_instance
 import numpy as np
 import pytest
 from dahl.binding import models
+from dahl.sim.fmu import VERSIONS
 from fmu_instance import Instance
-from test_fmu import EVERY, export, walk
+from test_fmu import DAHL, EVERY, walk
 
 pytestmark = [pytest.mark.checks, pytest.mark.usefixtures("library")]
 
 WITHOUT = "unproven: FMUs in fmpy: fmpy is not here; tools/setup.sh checks installs it"
-ONLY_MODEL_EXCHANGE = {
+ONLY_MODEL_EXCHANGE = {  # of FMI 2.0
     *("EnterEventMode", "NewDiscreteStates", "EnterContinuousTimeMode", "CompletedIntegratorStep"),
     *("SetTime", "SetContinuousStates", "GetDerivatives", "GetEventIndicators"),
     *("GetContinuousStates", "GetNominalsOfContinuousStates"),
@@ -33,30 +36,44 @@ def fmpy():
     return pytest.importorskip("fmpy", reason=WITHOUT)
 
 
+@pytest.fixture(params=VERSIONS, ids="fmi{}".format)
+def fmi(request) -> int:
+    return request.param
+
+
 @pytest.fixture
-def header(fmpy) -> Path:
-    return Path(fmpy.__file__).parent / "c-code" / "fmi2Functions.h"
+def export(dahl, fmi):
+    return partial(fmu_instance.export, dahl, fmi)
+
+
+@pytest.fixture
+def header(fmpy, fmi) -> Path:
+    return Path(fmpy.__file__).parent / "c-code" / f"fmi{fmi}Functions.h"
 
 
 @EVERY
-def test_fmpy_finds_no_problem(dahl, model):
+def test_fmpy_finds_no_problem(export, model):
     from fmpy.validation import validate_fmu
 
-    assert not validate_fmu(str(export(dahl, model)))
+    assert not validate_fmu(str(export(model)))
 
 
-def test_fmpy_simulates_the_bits_of_python_before_and_after_its_own_build(dahl, fmpy, tmp_path):
+def test_fmpy_simulates_the_bits_of_python_before_and_after_its_own_build(dahl, fmpy):
     from fmpy.build import build_platform_binary
 
-    path, angles = export(dahl), walk(5) * 1e-5
+    angles = walk(5) * 1e-5
     rows = np.array(list(enumerate(angles)), dtype=[("time", float), ("angle", float)])
     moves = np.diff(angles[:-1], prepend=angles[0])  # fmpy initializes with the first row
     expected = package.Friction(package.Plan(100, 0.2)).run(moves.astype(np.float32))
-    with zipfile.ZipFile(path) as content:
-        names = [name for name in content.namelist() if not name.startswith("binaries")]
-        content.extractall(tmp_path / "unit", names)
-    build_platform_binary(tmp_path / "unit", all_warnings=True)
-    for unit in (path, tmp_path / "unit"):
+    units = [fmu_instance.export(dahl, fmi, DAHL, name=f"unit{fmi}.fmu") for fmi in VERSIONS]
+    for path in list(units):
+        built = path.with_suffix("")
+        with zipfile.ZipFile(path) as content:
+            names = [name for name in content.namelist() if not name.startswith("binaries")]
+            content.extractall(built, names)
+        build_platform_binary(built, all_warnings=True)
+        units.append(built)
+    for unit in units:
         stop = rows["time"][-1]
         done = fmpy.simulate_fmu(str(unit), stop_time=stop, output_interval=1, input=rows)
         assert done["torque"][1:].tolist() == expected.tolist()  # one row after the input
@@ -65,10 +82,12 @@ def test_fmpy_simulates_the_bits_of_python_before_and_after_its_own_build(dahl, 
 @pytest.mark.parametrize(
     "words", [("parallel",), ("elastoplastic",), ("loaded", "--fixed-stiffness")]
 )
-def test_a_plain_compiler_builds_the_sources_with_the_headers_of_the_standard(dahl, header, words):
+def test_a_plain_compiler_builds_the_sources_with_the_headers_of_the_standard(
+    export, header, words
+):
     """The headers come first, so the compiler compares each declaration with theirs."""
     model, *more = words
-    path = export(dahl, models.table()[model], *more)
+    path = export(models.table()[model], *more)
     with zipfile.ZipFile(path) as content:
         content.extractall("unit")
     sources = sorted(Path("unit/sources").glob("*.c"))
@@ -81,12 +100,24 @@ def test_a_plain_compiler_builds_the_sources_with_the_headers_of_the_standard(da
         assert ours.step(angle=angle) == built.step(angle=angle)
 
 
-def test_the_sources_define_each_function_with_the_prefix_of_the_tool(dahl, header):
-    with zipfile.ZipFile(export(dahl)) as content:
+@pytest.mark.parametrize(
+    ("words", "prefix"),
+    [
+        (["-DFMI{}_FUNCTION_PREFIX=shaft_"], "shaft_"),
+        (["-DFMI{}_FUNCTION_PREFIX=shaft_", "-DFMI3_OVERRIDE_FUNCTION_PREFIX"], ""),
+    ],
+)
+def test_the_sources_define_each_function_with_the_prefix_of_the_tool(
+    export, fmi, header, words, prefix
+):
+    if fmi == 2:
+        prefix = "shaft_"  # only FMI 3.0 has a macro that overrides it
+    with zipfile.ZipFile(export(DAHL)) as content:
         content.extractall("unit")
-    words = ["gcc", "-c", "-DFMI2_FUNCTION_PREFIX=shaft_", "unit/sources/fmu.c"]
-    subprocess.run(words, check=True)
-    names = subprocess.run(["nm", "-g", "fmu.o"], capture_output=True, text=True, check=True)
+    command = ["gcc", "-c", *(word.format(fmi) for word in words), f"unit/sources/fmi{fmi}.c"]
+    subprocess.run(command, check=True)
+    names = subprocess.run(["nm", "-g", f"fmi{fmi}.o"], capture_output=True, text=True, check=True)
     defined = {*re.findall(r" T (\w+)$", names.stdout, re.MULTILINE)}
-    standard = {*re.findall(r"^#define fmi2(\w+) +fmi2FullName", header.read_text(), re.MULTILINE)}
-    assert defined == {f"shaft_fmi2{name}" for name in standard - ONLY_MODEL_EXCHANGE}
+    found = re.findall(rf"^#define fmi{fmi}(\w+) +fmi.FullName", header.read_text(), re.MULTILINE)
+    standard = {*found} - (ONLY_MODEL_EXCHANGE if fmi == 2 else set())
+    assert defined == {f"{prefix}fmi{fmi}{name}" for name in standard}

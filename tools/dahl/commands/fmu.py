@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Write a friction element as an FMU (FMI 2.0, co-simulation) for Simulink, OpenModelica, Dymola
-and other simulators.
+"""Write a friction element as an FMU (FMI 2.0 or 3.0, co-simulation) for Simulink, OpenModelica,
+Dymola and other simulators.
 
 Input: angle in rad, of --model loaded also load. Outputs: torque in N m with the sign of the
 motion, and ratio, its fraction of the largest torque. The numbers given here are start values of
@@ -14,6 +14,7 @@ import argparse
 from pathlib import Path
 
 from dahl.commands import model_arguments
+from dahl.commands.arguments import whole
 from dahl.errors import Error
 
 TYPE_CHECKING = False
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 HELP = "an FMU for other simulators"
 EXAMPLE = """examples:
   dahl fmu --sigma0 120 --fc 1.8 -o friction.fmu
+  dahl fmu --fmi 3 --sigma0 120 --fc 1.8 -o friction3.fmu
   dahl fmu --model asymmetric --sigma0 100 --fc 0.5,0.3 -o rod.fmu
   dahl fmu --model elastoplastic --sigma0 100 --fc 0.5 --breakaway 0.7 -o gear.fmu
   dahl fmu --model parallel --kinds dahl,slip --sigma0 100,20 --fc 0.5,1 -o seal.fmu"""
@@ -46,6 +48,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", required=True, type=Path, metavar="NAME.fmu", help="file to write"
     )
+    parser.add_argument(
+        "--fmi", type=whole(2, 3), default=2, metavar="N", help="version of FMI (default: 2)"
+    )
     parser.add_argument("--name", help="of the model (default: from the file's name)")
     parser.add_argument("--force", action="store_true", help="overwrite an existing file")
 
@@ -60,7 +65,7 @@ def run(args: argparse.Namespace) -> None:
     if path.is_file() and not args.force:
         raise Error(f"{path}: exists; --force overwrites it")
     guid = fmu.write(path, contents)
-    print(f"{path}: FMI 2.0 co-simulation, model {contents.model.name}, GUID {guid}")
+    print(f"{path}: FMI {args.fmi}.0 co-simulation, model {contents.model.name}, GUID {guid}")
 
 
 def _contents(args: argparse.Namespace) -> Fmu:
@@ -84,7 +89,7 @@ def _contents(args: argparse.Namespace) -> Fmu:
     name = plan_header.identifier(args.name or args.output.stem)
     if name[0].isdigit():
         raise Error(f"--name {name}: a letter or _ was expected at its start")
-    return fmu.Fmu(name, model, sigma0, fc, theta, breakaway, kinds, args.fixed_stiffness)
+    return fmu.Fmu(name, model, sigma0, fc, theta, breakaway, kinds, args.fixed_stiffness, args.fmi)
 
 
 def _kinds(args: argparse.Namespace, model: Model) -> list[str]:

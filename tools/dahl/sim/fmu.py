@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: MIT
-"""Functional mock-up units (FMI 2.0, co-simulation) of the friction models.
+"""Functional mock-up units (FMI 2.0 and 3.0, co-simulation) of the friction models.
 
 An FMU is a zip file with modelDescription.xml, a shared object and its C sources (port/fmu,
-port/simulators). The shared object is built once for all models. It contains a block with the
-model, the names, the limits and the start values; write() replaces that block. An FMU therefore
-needs no compiler when it is written, and reads no file when it runs.
+port/simulators). The shared object is built once for all models. For each version of FMI it
+contains a block with the model, the names, the limits and the start values; write() replaces both.
+An FMU therefore needs no compiler when it is written, and reads no file when it runs.
 """
 
 from __future__ import annotations
 
 import hashlib
+import platform
 import re
 import struct
 import uuid
@@ -32,11 +33,13 @@ from dahl.version import __version__
 # Value references of port/fmu/variables.h.
 ANGLE, LOAD, TORQUE, RATIO, THETA, BREAKAWAY, SIGMA0 = range(7)
 FC = SIGMA0 + SLIP_MAX
-VALUES = FC + SLIP_MAX
+TIME = FC + SLIP_MAX
+VALUES = TIME + 1
 
 MARK = b"dahl fmu start\0\0"
 BLOCK = struct.Struct(f"={len(MARK)}s40s16s4I{VALUES * '16s3d'}")  # fmu_start_t
 ANGLE_MAX = 1e30  # rad
+TIME_MAX = 1e30  # s
 BREAKAWAY_MIN = 2.0**-149  # least float above 0, as of dahl.ElastoPlastic
 TORQUE_LIMITS = parameters.TORQUE_MIN, parameters.TORQUE_MAX  # of sigma0 and Fc
 OUTPUT_LIMITS = -SLIP_MAX * parameters.TORQUE_MAX, SLIP_MAX * parameters.TORQUE_MAX
@@ -46,7 +49,9 @@ UNITS = {  # exponents of the SI base units
     "rad": {"rad": 1},
     "N.m": {"kg": 1, "m": 2, "s": -2},
     "N.m/rad": {"kg": 1, "m": 2, "s": -2, "rad": -1},
+    "s": {"s": 1},
 }
+VERSIONS = 2, 3  # of FMI
 HEADERS = ("dahl.h", "dahl_can_bus.h", "dahl_encoder.h", "dahl_frames.h", "dahl_parts.h")
 DATE = (1980, 1, 1, 0, 0, 0)  # of each file in the zip, so that equal content gives equal bytes
 
@@ -76,6 +81,7 @@ class Fmu:
     breakaway: float | None = None
     kinds: Sequence[str] = ()  # of the model parallel: dahl or slip for each element
     fixed_stiffness: bool = False  # of the model loaded
+    fmi: int = 2  # one of VERSIONS
 
     @property
     def slips(self) -> int:
@@ -95,6 +101,9 @@ class Fmu:
         }
         if self.model.name == "loaded":
             variables[LOAD] = Variable("load", "input", "", "load that scales Fc", 1.0, 0.0, 2.0)
+        if self.fmi == 3:  # which requires an independent variable
+            limits = -TIME_MAX, TIME_MAX
+            variables[TIME] = Variable("time", "independent", "s", "time", 0.0, *limits)
         return variables
 
     def _parameters(self) -> dict[int, Variable]:
@@ -154,11 +163,15 @@ def _names(name: str, count: int) -> list[str]:
 
 def _contents(fmu: Fmu, guid: str) -> dict[str, bytes]:
     """Return the files of the FMU by name."""
-    sources = _sources() | {"start.h": _start_header(fmu, guid)}
-    binary = f"binaries/linux{struct.calcsize('P') * 8}/{fmu.name}.so"
+    sources = _sources(fmu.fmi) | {"start.h": _start_header(fmu, guid)}
+    compiled = [name for name in sources if name[-2:] == ".c"]
+    bits = struct.calcsize("P") * 8
+    folder = f"linux{bits}" if fmu.fmi == 2 else f"{platform.machine()}-linux"
+    if fmu.fmi == 3:
+        sources["buildDescription.xml"] = _build_description(fmu, compiled)
     return {
-        "modelDescription.xml": _description(fmu, guid, [n for n in sources if n[-2:] == ".c"]),
-        binary: _binary(fmu, guid),
+        "modelDescription.xml": _model_description(fmu, guid, compiled),
+        f"binaries/{folder}/{fmu.name}.so": _binary(fmu, guid),
         **{f"sources/{name}": content for name, content in sources.items()},
         "documentation/licenses/license.txt": paths.LICENSE.read_bytes(),
     }
@@ -171,11 +184,13 @@ def _guid(contents: dict[str, bytes]) -> str:
     return f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"
 
 
-def _sources() -> dict[str, bytes]:
+def _sources(fmi: int) -> dict[str, bytes]:
     """Return the C sources. They share one folder, so that a tool needs no include path."""
+    others = {f"fmi{version}.c" for version in VERSIONS if version != fmi}
     folders = [paths.PORT / name for name in ("fmu", "simulators")]
     folders += [paths.LIB / name for name in ("arith", "model", "parts")]
     sources = [file for folder in folders for file in sorted(folder.glob("*.[ch]"))]
+    sources = [file for file in sources if file.name not in others]
     sources += [paths.INCLUDE / name for name in HEADERS]
     flat = {
         file.name: re.sub(rb'(#include ")\.\./\w+/', rb"\1", file.read_bytes()) for file in sources
@@ -191,17 +206,17 @@ def _counts(fmu: Fmu) -> list[int]:
 
 
 def _binary(fmu: Fmu, guid: str) -> bytes:
-    """Return the shared object with the start values of this FMU."""
+    """Return the shared object with the start values of this FMU in the block of each version."""
     path = paths.fmu_library()
-    head, mark, rest = path.read_bytes().partition(MARK)
-    if not mark or MARK in rest:
+    head, *parts = path.read_bytes().split(MARK)
+    if len(parts) != len(VERSIONS):
         raise RunError(f"{path}: not the shared object of port/fmu")
     used, unused = fmu.variables(), Variable("", "", "", "", 0.0, 0.0, 0.0)
     rows = (used.get(reference, unused) for reference in range(VALUES))
     values = (value for row in rows for value in (row.name.encode(), row.start, row.low, row.high))
     model = fmu.model.name.encode()
     block = BLOCK.pack(MARK, guid.encode(), model, *_counts(fmu), *values)
-    return head + block + rest[len(block) - len(MARK) :]
+    return head + b"".join(block + part[len(block) - len(MARK) :] for part in parts)
 
 
 def _start_header(fmu: Fmu, guid: str) -> bytes:
@@ -221,62 +236,94 @@ def _start_header(fmu: Fmu, guid: str) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-def _description(fmu: Fmu, guid: str, sources: list[str]) -> bytes:
+def _model_description(fmu: Fmu, guid: str, sources: list[str]) -> bytes:
     """Return modelDescription.xml."""
-    root = ET.Element("fmiModelDescription", fmiVersion="2.0", modelName=fmu.name, guid=guid)
+    is_fmi2 = fmu.fmi == 2
+    root = ET.Element("fmiModelDescription", fmiVersion=f"{fmu.fmi}.0", modelName=fmu.name)
     root.attrib |= {
+        "guid" if is_fmi2 else "instantiationToken": guid,
         "description": f"friction torque, model {fmu.model.name} of dahl",
         "version": __version__,
         "license": "MIT",
         "generationTool": f"dahl {__version__}",
         "variableNamingConvention": "structured",
     }
-    flags = (
-        *("canHandleVariableCommunicationStepSize", "canNotUseMemoryManagementFunctions"),
-        *("canGetAndSetFMUstate", "canSerializeFMUstate"),
-    )
+    state = "FMUstate" if is_fmi2 else "FMUState"
+    flags = [f"canGetAndSet{state}", f"canSerialize{state}"]
+    flags += ["canHandleVariableCommunicationStepSize"]
+    flags += ["canNotUseMemoryManagementFunctions"] if is_fmi2 else []
     simulation = ET.SubElement(
         root, "CoSimulation", {"modelIdentifier": fmu.name} | dict.fromkeys(flags, "true")
     )
-    listed = ET.SubElement(simulation, "SourceFiles")
-    for name in sources:
-        ET.SubElement(listed, "File", name=name)
-    _add_units(root)
+    if is_fmi2:
+        _add_files(ET.SubElement(simulation, "SourceFiles"), "File", sources)
+    _add_units(root, {variable.unit for variable in fmu.variables().values()})
     categories = ET.SubElement(root, "LogCategories")
     ET.SubElement(categories, "Category", name="logStatusError", description="errors; always on")
     ET.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")
-    _add_variables(root, fmu.variables())
+    _add_variables(root, fmu)
+    _add_structure(root, fmu)
+    return _xml(root)
+
+
+def _build_description(fmu: Fmu, sources: list[str]) -> bytes:
+    """Return sources/buildDescription.xml of FMI 3.0."""
+    root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
+    configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=fmu.name)
+    _add_files(ET.SubElement(configuration, "SourceFileSet", language="C99"), "SourceFile", sources)
+    return _xml(root)
+
+
+def _xml(root: ET.Element) -> bytes:
     ET.indent(root)
     text: bytes = ET.tostring(root, encoding="UTF-8", xml_declaration=True)
     return text + b"\n"
 
 
-def _add_units(root: ET.Element) -> None:
+def _add_files(parent: ET.Element, tag: str, names: list[str]) -> None:
+    for name in names:
+        ET.SubElement(parent, tag, name=name)
+
+
+def _add_units(root: ET.Element, used: set[str]) -> None:
     units = ET.SubElement(root, "UnitDefinitions")
     for name, exponents in UNITS.items():
-        unit = ET.SubElement(units, "Unit", name=name)
-        ET.SubElement(unit, "BaseUnit", {base: str(power) for base, power in exponents.items()})
+        if name in used:
+            unit = ET.SubElement(units, "Unit", name=name)
+            ET.SubElement(unit, "BaseUnit", {base: str(power) for base, power in exponents.items()})
 
 
-def _add_variables(root: ET.Element, variables: dict[int, Variable]) -> None:
-    """Add the variables and ModelStructure. Before the first step the outputs are 0, and between
-    steps an input changes no output, so no output depends on an input.
-    """
+def _add_variables(root: ET.Element, fmu: Fmu) -> None:
     listed = ET.SubElement(root, "ModelVariables")
+    for reference, variable in fmu.variables().items():
+        attributes = {
+            "name": variable.name,
+            "valueReference": str(reference),
+            "causality": variable.causality,
+            "variability": "fixed" if variable.causality == "parameter" else "continuous",
+            "description": variable.description,
+        }
+        number = {"unit": variable.unit} if variable.unit else {}
+        if variable.causality in ("input", "parameter"):
+            number["start"] = repr(variable.start)
+        if fmu.fmi == 2:
+            scalar = ET.SubElement(listed, "ScalarVariable", attributes)
+            ET.SubElement(scalar, "Real", number)
+        else:
+            ET.SubElement(listed, "Float64", attributes | number)
+
+
+def _add_structure(root: ET.Element, fmu: Fmu) -> None:
+    """Add ModelStructure. Before the first step the outputs are 0, and between steps an input
+    changes no output, so no output depends on an input.
+    """
     structure = ET.SubElement(root, "ModelStructure")
-    groups = [ET.SubElement(structure, name) for name in ("Outputs", "InitialUnknowns")]
-    for index, (reference, variable) in enumerate(variables.items(), 1):
-        is_output = variable.causality == "output"
-        scalar = ET.SubElement(
-            listed,
-            "ScalarVariable",
-            name=variable.name,
-            valueReference=str(reference),
-            causality=variable.causality,
-            variability="fixed" if variable.causality == "parameter" else "continuous",
-            description=variable.description,
-        )
-        real = {"unit": variable.unit} if variable.unit else {}
-        ET.SubElement(scalar, "Real", real if is_output else real | {"start": repr(variable.start)})
-        for group in groups if is_output else ():
-            ET.SubElement(group, "Unknown", index=str(index), dependencies="")
+    for kind in ("Output", "InitialUnknown"):
+        group = ET.SubElement(structure, f"{kind}s") if fmu.fmi == 2 else structure
+        for index, (reference, variable) in enumerate(fmu.variables().items(), 1):
+            if variable.causality != "output":
+                continue
+            if fmu.fmi == 2:
+                ET.SubElement(group, "Unknown", index=str(index), dependencies="")
+            else:
+                ET.SubElement(group, kind, valueReference=str(reference), dependencies="")
