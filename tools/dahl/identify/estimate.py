@@ -194,7 +194,7 @@ def _beyond_one_element(
     how much the choice of the law matters. The truth may lie further on by half of this distance,
     or by 1.4 times if the law has several elements and the residual shows a lack of fit: it may
     then lack small stiff elements. If the longest sum of slip elements fits best, the truth may
-    have still more of them.
+    have still more of them, and every plausible value is off by as much.
     """
     law, value = seen.best.hypothesis.friction, seen.best.value
     if {f.hypothesis.law for f in seen.fits} & ONE_ELEMENT:
@@ -202,7 +202,8 @@ def _beyond_one_element(
     apart = _distance(seen.best, fits, "dahl")
     apart *= MORE_ELEMENTS if law.elements > 1 and lacks else OTHER_LAW
     if law.name == f"{MAX_SLIPS} slip":
-        apart = np.maximum(apart, FURTHER_SLIPS * _distance(seen.best, fits, "2 slip"))
+        further = FURTHER_SLIPS * _distance(seen.best, fits, "2 slip")
+        low, high = low - further, high + further
     return np.minimum(low, value - apart), np.maximum(high, value + apart)
 
 
