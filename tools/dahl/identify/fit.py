@@ -22,7 +22,7 @@ from dahl.identify.models import LAWS, Law
 from dahl.identify.samples import Samples, delayed
 
 LAGS = ("none", "damping", "delay", "low pass", "zero-phase filter", "play", "delay+filter")
-FILTERS = ("low pass", "zero-phase filter")  # of second order; the latter forward and backward
+FILTERS = ("low pass", "zero-phase filter")  # of second order; of first, forward and backward
 DELAYED = ("delay", "delays", *FILTERS, "delay+filter")  # the lag is one or more samples
 ROUNDS = 8  # Gauss-Newton steps of a fit, at most
 MAX_STEP, MAX_DELAY_STEP = 0.4, 6.0  # of a Gauss-Newton step: in ln a and shapes, in samples
@@ -55,7 +55,7 @@ class Hypothesis:
     @property
     def size(self) -> int:
         """Parameters beyond a Dahl element and an offset."""
-        lag = {"none": 0, "damping": 1, "delay": 1, "play": 1}.get(self.lag, 2)
+        lag = {"none": 0, "low pass": 2, "delay+filter": 2, "delays": 2}.get(self.lag, 1)
         terms = sum(16 if term == "waves" else 1 for term in self.terms) - 1
         return self.friction.size + lag + terms
 
@@ -133,7 +133,10 @@ def excess(cost: np.ndarray, best: np.ndarray) -> tuple[float, float]:
 
 
 def second_order(ratio: float, time: float) -> np.ndarray:
-    """Return the denominator of a filter 1 / (1 + time s + ratio time s^2); times in samples."""
+    """Return the denominator of the filter 1 / (1 + time s + ratio time s^2); times in samples.
+
+    It rings as a torque cell does if `ratio` is larger than a quarter of `time`.
+    """
     poles = np.roots([ratio * time, time, 1.0])
     denominator: np.ndarray = np.poly(np.exp(poles)).real
     return denominator
@@ -178,7 +181,7 @@ class Fitter:
         law = h.friction
         shapes = [first for first, _, _ in law.shape]
         p = np.array([*(np.log(a) + x for x in law.stiffness), *shapes], dtype=float)
-        if h.lag in FILTERS:
+        if h.lag == "low pass":
             return np.append(p, (1.0, lag))
         if h.lag == "delays":
             return np.append(p, np.full(self.samples.logs, lag))
@@ -240,9 +243,12 @@ class Fitter:
             each = p[len(p) - s.logs :]
             parts = zip(s.pieces, s.log_of, strict=True)
             return np.concatenate([delayed(x[rows], each[k]) for rows, k in parts])
-        if h.lag in FILTERS:
-            run, c = lfilter if h.lag == "low pass" else filtfilt, second_order(*p[-2:])
-            return s.by_piece(lambda y: run([c.sum()], c, y), x)
+        if h.lag == "low pass":
+            past = second_order(*p[-2:])
+            return s.by_piece(lambda y: lfilter([past.sum()], past, y), x)
+        if h.lag == "zero-phase filter":
+            kept = np.exp(-1 / max(p[-1], 1e-2))
+            return s.by_piece(lambda y: filtfilt([1 - kept], [1, -kept], y), x)
         return x
 
     def columns(
@@ -327,8 +333,8 @@ class Fitter:
         step: np.ndarray = np.clip(wanted, -MAX_STEP, MAX_STEP)
         for k in self._row_parameters(h, p):
             step[k] = np.clip(wanted[k], -MAX_DELAY_STEP, MAX_DELAY_STEP)
-        if h.lag in FILTERS:
-            step[-2:] = np.maximum(step[-2:], MIN_LOW_PASS - p[-2:])
+            if h.lag in FILTERS:
+                step[k] = max(step[k], MIN_LOW_PASS - p[k])
         return step
 
     def score(self, h: Hypothesis, at: Optimum, columns: Sequence[int]) -> Fit | None:

@@ -100,7 +100,7 @@ def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: Search
         "delay+filter": delay,
         "delays": delay,
         "low pass": max(delay, 1.0),
-        "zero-phase filter": 1.0,
+        "zero-phase filter": 3.0,
         "play": float(np.log(0.2 / a)),
     }
     lags = [*space.lags]
