@@ -132,7 +132,7 @@ def excess(cost: np.ndarray, best: np.ndarray) -> tuple[float, float]:
     return float(more.sum()), float(more.std(ddof=1) * np.sqrt(len(more)))
 
 
-def second_order(ratio: float, time: float) -> np.ndarray:
+def filter_of(ratio: float, time: float) -> np.ndarray:
     """Return the denominator of the filter 1 / (1 + time s + ratio time s^2); times in samples.
 
     It rings as a torque cell does if `ratio` is larger than a quarter of `time`.
@@ -181,11 +181,8 @@ class Fitter:
         law = h.friction
         shapes = [first for first, _, _ in law.shape]
         p = np.array([*(np.log(a) + x for x in law.stiffness), *shapes], dtype=float)
-        if h.lag == "low pass":
-            return np.append(p, (1.0, lag))
-        if h.lag == "delays":
-            return np.append(p, np.full(self.samples.logs, lag))
-        return np.append(p, lag) if h.lag in (*DELAYED, "play") else p
+        lags = {"low pass": [1.0, lag], "delays": [lag] * self.samples.logs}.get(h.lag, [lag])
+        return np.append(p, lags) if h.lag in (*DELAYED, "play") else p
 
     def elements(self, h: Hypothesis, p: np.ndarray) -> list[np.ndarray]:
         """F/Fc of each element, as the torque sensor would show it."""
@@ -243,12 +240,10 @@ class Fitter:
             each = p[len(p) - s.logs :]
             parts = zip(s.pieces, s.log_of, strict=True)
             return np.concatenate([delayed(x[rows], each[k]) for rows, k in parts])
-        if h.lag == "low pass":
-            past = second_order(*p[-2:])
-            return s.by_piece(lambda y: lfilter([past.sum()], past, y), x)
-        if h.lag == "zero-phase filter":
-            kept = np.exp(-1 / max(p[-1], 1e-2))
-            return s.by_piece(lambda y: filtfilt([1 - kept], [1, -kept], y), x)
+        if h.lag in FILTERS:
+            run, ratio = (lfilter, p[-2]) if h.lag == "low pass" else (filtfilt, 0.0)
+            past = filter_of(ratio, p[-1])
+            return s.by_piece(lambda y: run([past.sum()], past, y), x)
         return x
 
     def columns(
@@ -274,8 +269,7 @@ class Fitter:
     def _lag_columns(self, h: Hypothesis, friction: np.ndarray) -> list[np.ndarray]:
         """Derivatives of friction by time that a lag adds, as many as h.lag_columns.
 
-        The second one is what any short filter adds to its delay: a mean over rows, a filter
-        that runs to and fro, a torque cell that rings.
+        The second one is what any short filter adds to its delay, as a mean over rows does.
         """
         if h.lag == "damping":
             return [self.samples.rate(friction) / self.fast]

@@ -163,10 +163,7 @@ def _law_starts(
     if fitter.strokes[plain.angle] < models.MAX_STROKES:
         laws += ["exponent", "bouc-wen", "soft shaft"]
     starts = {law: fitter.start(replace(plain, law=law), a) for law in laws}
-    starts |= pair_starts(fitter, plain, a)
-    several = slip_start(fitter, plain, a, max_cost)
-    if several is not None:
-        starts[several[0].law] = several[1]
+    starts |= pair_starts(fitter, plain, a) | slip_start(fitter, plain, a, max_cost)
     if space.wanted in LAWS:
         starts.setdefault(space.wanted, fitter.start(replace(plain, law=space.wanted), a))
     return {law: p for law, p in starts.items() if law in (*space.laws, space.wanted)}
