@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* bus_open: see bus_open.h. The buses are large and static; the kernel allocates only pages that are used. */
+/* The buses are large and static; the kernel allocates only pages that are used. */
 #include "bus_open.h"
 
 #include <errno.h>

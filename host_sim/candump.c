@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* candump: see candump.h. Lines are formatted without printf, which would be slower than a whole tick in virtual time. */
+/* Lines are formatted without printf, which would be slower than a whole tick in virtual time. */
 #define _GNU_SOURCE
 #include "candump.h"
 #include "timing.h"

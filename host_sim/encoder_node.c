@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-/* encoder_node: see encoder_node.h. */
 #include "encoder_node.h"
 
 #include "dahl_frames.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* faults: see faults.h. Each fault has a function that writes the frames to send and updates the expected counts. */
+/* Each fault has a function that writes the frames to send and updates the expected counts. */
 #include "faults.h"
 
 #include "splitmix.h"

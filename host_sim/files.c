@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-/* files: see files.h. */
 #define _GNU_SOURCE
 #include "files.h"
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* histogram: see histogram.h. Below 64 ns a bin is 1 ns wide. Above, the 5 bits after the leading one select the bin. */
+/* Below 64 ns a bin is 1 ns wide. Above, the 5 bits after the leading one select the bin. */
 #include "histogram.h"
 
 enum { OCTAVE_BINS = 32 };

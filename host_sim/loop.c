@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-/* loop: see loop.h. */
 #define _GNU_SOURCE
 #include "loop.h"
 

@@ -3,15 +3,9 @@
  * loop: run one tick each PERIOD_US. Between ticks, pass each frame of the bus to the nodes, the encoders and the log. Up to 16
  * nodes and encoders share the bus.
  *
- * Real time: the monotonic clock schedules the ticks. If the machine stalls, late ticks follow each other after 3/4 of a period
- * until the schedule is met again, so that no tick is skipped or bunched. A stall of more than a second shifts the schedule.
- * A tick later than a period has missed its deadline, except in lockstep, in which it may have waited for an answer.
- * A node's clock counts ticks, so a stalled host does not cause a timeout, as with a halted core.
- * In lockstep, the tick of an encoder waits for the answer to the last one, so that a slow external node loses no frame. The
- * tick of a node without an encoder waits for the next count, so that a stall causes no timeout. Both wait LOOP_PATIENCE_NS at
- * most.
- * Virtual time: the next tick follows when no frame is left. The clock stands still between ticks, except while frames occupy
- * a bus with a bit rate.
+ * docs/loop.md (Timing) describes the clocks. In real time, late ticks follow each other after 3/4 of a period until the
+ * schedule is met again; a stall of more than a second shifts the schedule. Lockstep waits LOOP_PATIENCE_NS at most. In virtual
+ * time, the clock stands still between ticks, except while frames occupy a bus with a bit rate.
  */
 #ifndef LOOP_H
 #define LOOP_H

@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-/* models: see models.h. */
 #include "models.h"
 
 static void copy(float *to, const scene_list_t *from)

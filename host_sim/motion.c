@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-/* motion: see motion.h. */
 #include "motion.h"
 
 #include <math.h>

@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-/* options: see options.h. */
 #define _GNU_SOURCE
 #include "options.h"
 

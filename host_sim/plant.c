@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-/* plant: see plant.h. */
 #include "plant.h"
 
 #include <errno.h>

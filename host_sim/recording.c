@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* recording: see recording.h. libcsv receives one line at a time, so that its callbacks have the number of the line. */
+/* libcsv receives one line at a time, so that its callbacks have the number of the line. */
 #include "recording.h"
 
 #include <errno.h>

@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-/* rotor: see rotor.h. */
 #include "rotor.h"
 
 #include <math.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* scene: see scene.h. Read the file and the --set options by the tables of scene_keys.def, then check the scene as a whole. */
+/* Read the file and the --set options by the tables of scene_keys.def, then check the scene as a whole. */
 #define _POSIX_C_SOURCE 200809L
 #include "scene.h"
 

@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-/* setup: see setup.h. */
 #define _GNU_SOURCE
 #include "setup.h"
 

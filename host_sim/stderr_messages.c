@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-/* stderr_messages: see stderr_messages.h. */
 #include "stderr_messages.h"
 
 #include <stdarg.h>

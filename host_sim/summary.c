@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* summary: see summary.h. Only parts that were run have entries. */
+/* Only parts that were run have entries. */
 #include "summary.h"
 
 #include <cjson/cJSON.h>

@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-/* frame_bits: see frame_bits.h. */
 #include "frame_bits.h"
 
 #include <stdbool.h>

@@ -1,16 +1,17 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
 # Usage: tools/bench.sh [--quick]
-#        tools/bench.sh target [--quick] [--mhz CLOCK] [CORE...] | host [--quick] | report | docs
+#        tools/bench.sh target [--quick] [--mhz CLOCK] [CORE...] | host [--quick] | report [--cycles] | docs
 #
-# Measures cost and error of the library and of other methods. Without a command it runs target, host and docs: 10 minutes on two
+# Measures cost and error of the library and of other methods. Without a command it runs target, host and docs: 5 minutes on two
 # cores. With --quick it runs target, host and report: 1 minute.
 #   target   counts instructions, cycles, bytes and stack in QEMU, on all small cores or on those given (m4f rv32 ...); prints
 #            tables and writes build/bench/target.json. --quick leaves picolibc out. --mhz also prints microseconds at a clock:
 #            tools/bench.sh target --quick --mhz 48 m0
 #   host     measures errors against long double, speed on this machine and calls from Python, also for MuJoCo, Newton, SciPy,
 #            JAX and numba (installed in build/bench/venv); writes build/bench/host.json. --quick runs shorter motions.
-#   report   reads these two files; writes build/bench/results.json and the pictures speed, pareto and growth (.png, .svg)
+#   report   reads these two files; writes build/bench/results.json and the pictures speed, pareto and growth (.png, .svg).
+#            --cycles shows cycles of Cortex-M0, M3 and M4F instead of instructions
 #   docs     runs report, then writes the tables and pictures of docs/
 set -euo pipefail
 # shellcheck source=tools/common.sh

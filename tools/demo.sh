@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: MIT
 # Usage: tools/demo.sh [LOG.csv --angle COLUMN --torque COLUMN --sigma0 X --fc Y --counts-per-turn N] [--scene NAME] [--target CORE]
 #
-# Installs what it needs, builds, and runs the demo. An encoder replays a measured log, and a friction node answers each angle. They
-# are two processes on SocketCAN, if the kernel has it; python-can records the bus. Writes in build/demo
+# Installs what it needs, builds, and runs the demo: an encoder replays a measured log on a CAN bus, and a friction node answers each
+# angle. Writes in build/demo
 #   loop.png      measured and computed torque over angle and over time
 #   run.log       all frames, candump lines (canplayer can replay them)
 #   summary.json  the numbers of the printed table

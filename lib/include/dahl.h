@@ -43,9 +43,8 @@
  * The torque depends only on the path of theta, not on time. The presliding length is 1/a.
  *
  * @par Limit: a reversal within one sample is invisible
- * If the shaft moves +3 and -2 counts between two samples, the encoder shows +1. The torques of the
- * two paths differ by up to 2 Fc g(hidden travel). Feed each edge, or sample faster than the shaft
- * can reverse by one count. A lost sample causes no error unless it hid a reversal.
+ * Feed each edge, or sample faster than the shaft can reverse by one count. A lost sample causes no
+ * error unless it hid a reversal. docs/model.md gives the error.
  *
  * @par Threads
  * Only dahl_prepare() writes a plan, so callers may share it. A state belongs to one caller: one
@@ -57,9 +56,8 @@
  * -# The tick that reads a new index calls dahl_change_plan(), then steps with the new plan.
  * -# The main program must not prepare again before the tick has switched.
  *
- * dahl_prepare() may also rewrite a plan that a tick reads, if the parameters are equal to the
- * current ones: it writes each word once, with the same value. With other parameters, the tick
- * could read a mix of old and new words.
+ * dahl_prepare() may rewrite a plan that a tick reads only if the parameters are equal to the
+ * current ones: it writes each word once, with the same value.
  *
  * @par States
  * Every call first clamps the state to the range of its element and plan. Any bits are therefore a
@@ -67,16 +65,11 @@
  *
  * @par Power cycle
  * Store dahl_torque() with a checksum and restore it with dahl_set_torque(). Do not store the bytes
- * of the state: with a wrong bit they are usually still in range, but the torque may have the wrong
- * sign.
+ * of the state: a wrong bit may change the sign of the torque and stay in range.
  *
  * @par Failure
  * Only dahl_prepare() can fail; all other calls accept every input. A plan of all zeros (never
  * prepared, or rejected) moves nothing, and every torque in N m is 0.
- *
- * @par Related headers
- * dahl_float.h (textbook form) and dahl_batch.h (long logs on a host) are separate libraries,
- * dahl::float and dahl::batch.
  */
 #ifndef DAHL_H
 #define DAHL_H
@@ -189,9 +182,8 @@ DAHL_NODISCARD dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *p
  * @param state   state to move; 0 counts leave it bit-identical
  * @param dcounts [counts] signed move, any int32_t including INT32_MIN
  * @return F [N m], -Fc .. Fc, rounded once
- * @note Error: #DAHL_ULP_COUNTS ulp of Fc. Small motions keep their relative accuracy. After n
- *   ticks from rest with a total travel of U presliding lengths, the error is at most 0.52 ulp of F
- *   plus Fc (2^-31 U + 2^-62 n).
+ * @note Error: #DAHL_ULP_COUNTS ulp of Fc. After n ticks from rest with a total travel of U
+ *   presliding lengths, it is at most 0.52 ulp of F plus Fc (2^-31 U + 2^-62 n).
  * @note Cost: 39 instructions for up to 8 counts, about 15 more for each further binary digit.
  */
 float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);

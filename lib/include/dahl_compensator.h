@@ -56,14 +56,15 @@
  * behind it: a loop of amplitude A has the area 4 Fc (A - tanh(a A)/a), a = sigma0/Fc. If slip
  * elements make the presliding, give three times the measured length.
  *
- * A play of 2 noise or 2 noise + 1 makes small motions lighter, but is outside the guarantee: the
- * axis can keep moving, at the speeds in docs/compensation.md.
+ * A smaller play makes small motions lighter, but a free axis can keep moving.
+ * docs/compensation.md has numbers for both.
  *
  * @par Energy (measured law)
  * If an external force moves the axis in strokes longer than the play and the presliding length,
  * the law adds no energy. It does not see a stroke within the play: the torque stays while the
  * friction relaxes. Such a stroke to and fro gets at most 2 gain Fc play, in J with the play in rad.
- * The first long stroke after short ones gets at most 2 Fc length_long.
+ * The first long stroke after short ones gets at most 2 Fc length_long. A law that only reads the
+ * encoder cannot avoid this: docs/compensation.md.
  *
  * @par Not promised
  * - A benefit with 12 bits or fewer.

@@ -12,14 +12,11 @@
  *   each tick:  F = dahl_step_counts(&plan, &bearing, dahl_encoder_move(&encoder, TIM3->CNT));
  * @endverbatim
  *
- * @par Modulus
  * The modulus is the number of values of the reading, which is seldom one turn: 65536 for a 16-bit
  * timer, 0 for a 32-bit timer, the counts per turn for an absolute encoder or a timer that reloads.
  *
- * @par Jumps
- * A move larger than largest_step is rejected as a jump, for example a reset by the index pulse or
- * a corrupted reading. It counts as no motion and increments `jumps`. The next move starts at the
- * new reading, so only the real motion of that tick is lost.
+ * A move larger than largest_step is rejected as a jump. It counts as no motion and increments
+ * `jumps`. The next move starts at the new reading, so only the motion of that tick is lost.
  *
  * docs/encoder.md covers quadrature, index pulses, velocities, and angles as float.
  */
@@ -79,7 +76,7 @@ void dahl_encoder_home(dahl_encoder_t *encoder, uint32_t reading);
 int32_t dahl_encoder_rare_move(dahl_encoder_t *encoder, uint32_t reading);
 
 /**
- * Return the counts since the last reading, by the shortest way.
+ * Return the shortest move since the last reading.
  * @param encoder encoder
  * @param reading [counts] present reading, modulo the modulus
  * @return [counts] signed move; half a modulus counts as negative. 0 for the first reading, for a

@@ -3,20 +3,17 @@
  * @file dahl_frames.h
  * @brief CAN frames of a friction node: pack, unpack and check.
  *
- * Use it to exchange frames with a node. dahl.dbc describes the same frames; a test compares both
- * bit by bit.
+ * Use it to exchange frames with a node. dahl.dbc describes the same frames.
  *
  * All frames have 8 bytes, little endian, and an 11-bit id with the node number n = 0 .. 15 in the
  * low 4 bits:
  * @verbatim
  *   EncoderState   0x100+n  every 1 ms     encoder -> node
- *   FrictionTorque 0x110+n  on reception   node -> all; echoes the counter that it answers
- *   Status         0x120+n  every 100 ms   node -> all; at once after power-on, a timeout,
- *                                          a bus-off and a Reset. Parameter Status sets the
- *                                          period; 0: only after these events
+ *   FrictionTorque 0x110+n  on reception   node -> all; answers an EncoderState
+ *   Status         0x120+n  every 100 ms   node -> all; also at once after power-on, a timeout,
+ *                                          a bus-off and a Reset
  *   ParamWrite     0x130+n  on request     any -> node; sets or reads one parameter
- *   ParamReply     0x140+n  on reception   node -> all; the present value, with the counter
- *                                          of the ParamWrite
+ *   ParamReply     0x140+n  on reception   node -> all; the present value
  *   Reset          0x150+n  on request     any -> node; answered by Status
  * @endverbatim
  *
@@ -135,8 +132,8 @@ typedef enum {
     DAHL_FRAMES_PARAM_TIMEOUT = 6, /**< [ms] 1 .. 60000 */
     DAHL_FRAMES_PARAM_STEP = 7,    /**< [counts/ms] MaxStep, 0 .. 2^31 - 1: limit of a plausible
                                         speed; 0: no limit */
-    DAHL_FRAMES_PARAM_STATUS = 8,  /**< [ms] 0 .. 60000: period of Status; 0: only after
-                                        power-on, a timeout, a bus-off and a Reset */
+    DAHL_FRAMES_PARAM_STATUS = 8,  /**< [ms] 0 .. 60000: period of Status; 0: only after an
+                                        event */
     DAHL_FRAMES_PARAM_MODEL = 9,   /**< read only: DAHL_FRAMES_MODEL_... */
     DAHL_FRAMES_PARAM_LOAD = 10,   /**< [2^-16] 0 .. 1: load relative to that of Fc; for the
                                         model Loaded only */

@@ -20,8 +20,7 @@
  * bits of the library. The count is absolute, so a lost frame loses no travel.
  *
  * @par Faults
- * lib/node/fault_table.h states the reaction to each frame: counter, state in Status, motion of the
- * bristle, answer.
+ * lib/node/fault_table.h states the reaction to each frame.
  * - Timeout: DAHL_NODE_TIMEOUT_US, unless parameter Timeout was written. Then Status reports STALE
  *   at once; on bus-off, without the wait.
  * - Torque during STALE: 0, because the node sends no answer. If a ramp is set, the gain restarts
@@ -31,7 +30,6 @@
  *   in between latches the node until a Reset with Restart.
  * - If the node answers but keeps the bristle, the count is a new starting point: a jump of the
  *   encoder cannot become a torque.
- * - A receiver must set the torque to 0 if no FrictionTorque arrives for 3 periods.
  *
  * @par MaxStep
  * A count is rejected as too far away if it exceeds MaxStep counts for each started ms since the
@@ -43,14 +41,13 @@
  * it moves the bristle.
  *
  * @par Interrupts and threads
- * There is no lock, so calls for one node must not overlap. If a receive interrupt calls
- * dahl_node_receive() and the main program calls dahl_node_tick(), the main program must mask that
- * interrupt. It must read the clock while it is masked:
+ * There is no lock, so calls for one node, and accesses to its members, must not overlap. If a
+ * receive interrupt calls dahl_node_receive(), the main program must mask it, and read the clock
+ * while it is masked:
  * @verbatim
  *   mask(); due = dahl_node_tick(&node, clock_us(), &out); unmask(); if (due) { send(&out); }
  * @endverbatim
- * The same holds for all other calls and all code that accesses a member of the node. No mask is
- * needed if the interrupt only queues frames. No call waits, and two nodes share no data.
+ * No mask is needed if the interrupt only queues frames. No call waits, and two nodes share no data.
  *
  * @par Driver
  * The node needs only dahl_can_frame_t and its flags from dahl_can_bus.h. Any driver can fill in

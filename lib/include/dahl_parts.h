@@ -4,7 +4,7 @@
  * @brief Elements that extend Dahl's model, elements in parallel, work and inverse.
  *
  * Use it if one Dahl element does not fit a measured bearing or gear; docs/parts.md helps to
- * choose, docs/speed.md compares elements on measured logs. As in dahl.h, prepare once, then step in every tick.
+ * choose. As in dahl.h, prepare once, then step in every tick.
  *
  * @par Guarantee
  * - By counts, a torque in N m is within #DAHL_ULP_PARTS = 0.55 ulp of Fc of the exact solution.
@@ -16,8 +16,8 @@
  * - An element that is not called is not linked.
  *
  * @par Laws
- * Laws are those of the exact solution. "Bit for bit" means that the code keeps them exactly;
- * otherwise its rounding has these effects:
+ * docs/parts.md lists the laws of the exact solution that each element keeps. Rounding has these
+ * effects on laws that are not kept bit for bit:
  * - A closed cycle returns at most #DAHL_ENERGY_ERROR of Fc (under a load c above 1: of c Fc) times
  *   its path length, plus 2^-59 Fc^2/sigma0 for each tick by angle.
  * - The opposite motion gives the opposite torque, except at a tie: a w whose low 32 bits are 2^31
@@ -63,16 +63,6 @@ extern "C" {
  * |F| < Fc, otherwise F = +-Fc. This is Dahl's model with the exponent 0. The torques add. Several
  * elements remember each reversal until a larger one erases it, as rolling bearings do (Rizos and
  * Fassois 2004; Al-Bender's GMS without velocity).
- *
- * Laws, bit for bit:
- * - return-point memory: a closed inner loop leaves no trace
- * - congruency: loops between the same two angles have one shape
- * - Masing's rule: after a reversal, the curve is the first loading curve, twice as large
- * - odd symmetry
- * - travel may be divided into ticks in any way
- *
- * The torque never falls with travel, no closed cycle returns energy, and integer deflections never
- * drift.
  */
 /** @{ */
 
@@ -148,8 +138,7 @@ int32_t dahl_slip_step_counts_q30(const dahl_slip_plan_t *plan, dahl_slip_state_
 
 /**
  * @name Any mix in parallel
- * Elements on one shaft, whose torques add. A law holds for the sum if it holds for each part. A
- * mix with a Dahl element has no return-point memory and no congruency.
+ * Elements on one shaft, whose torques add.
  * @verbatim
  *   static const dahl_part_t parts[] = {DAHL_PART(&plan, &bearing), DAHL_SLIP_PART(&slips, &seal)};
  *   each tick:  F = dahl_parallel_step_counts(parts, 2, dcounts);
@@ -267,10 +256,9 @@ float dahl_work(const dahl_params_t *params, const dahl_work_t *work);
  * present one. A move of one count less does not reach F.
  *
  * Except for rounding, it is the least such move. A shorter move that reaches F passes it by less
- * than #DAHL_INVERSE_ERROR of Fc, before rounding to a float. It is shorter by at most 1 +
- * DAHL_INVERSE_ERROR/(u p) counts. u is the travel of one count. p is the gap from F to Fc in the
- * direction of the move, as a fraction of Fc, at least 2^-25. Examples: 0.05/u counts at F = Fc,
- * 3e-9/u at Fc/2.
+ * than #DAHL_INVERSE_ERROR of Fc, and is shorter by at most 1 + DAHL_INVERSE_ERROR/(u p) counts. u
+ * is the travel of one count. p is the gap from F to Fc in the direction of the move, as a fraction
+ * of Fc, at least 2^-25. Examples: 0.05/u counts at F = Fc, 3e-9/u at Fc/2.
  *
  * @param      plan    prepared plan
  * @param      state   present state; unchanged
@@ -364,9 +352,6 @@ int32_t dahl_velocity_torque_q30(const dahl_velocity_plan_t *plan, int32_t dcoun
  * With m = (Fc_forward - Fc_backward)/2 and h = (Fc_forward + Fc_backward)/2, this is F = m + h w:
  * Dahl's model with a different presliding length Fc/sigma0 for each direction. Relaxed is F = 0,
  * not w = 0. Two values of sigma0 could create energy in a closed cycle.
- *
- * Laws: passive over every closed cycle. With both Fc exchanged, the mirrored motion gives the
- * mirrored torque. A long move ends at the Fc of its direction.
  */
 /** @{ */
 
@@ -428,14 +413,9 @@ int32_t dahl_asymmetric_step_counts_q30(const dahl_asymmetric_plan_t *plan, dahl
  * @name Load that scales Fc and sigma0
  * A factor c, given with each tick: normal force, torque through a gear, preload or temperature. Fc
  * and sigma0 both scale with c, so one plan serves all loads. If the load falls, the bristle keeps
- * its deflection and F falls with c. If it grows, F is kept: loading alone creates no torque. A
- * tick first applies its load, then moves.
- *
- * Laws: passive over every closed cycle of motion and load, since a change of load never increases
- * the stored energy F^2/(2 c sigma0). At c = 1 the torque has the bits of dahl_step_counts(). Odd
- * symmetry.
- *
- * Keeping the deflection if the load grows would create energy: 0.066 Fc^2/sigma0 in random cycles.
+ * its deflection and F falls with c. If it grows, F is kept: to keep the deflection would create
+ * energy, 0.066 Fc^2/sigma0 in random cycles. A tick first applies its load, then moves. At c = 1
+ * the torque has the bits of dahl_step_counts().
  */
 /** @{ */
 
@@ -476,10 +456,8 @@ int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t
  * @name Load that scales Fc only
  * The other passive rule: Fc scales with the load c, sigma0 is constant. Use it if the stiffness is
  * that of the bearing, not that of its contacts. The presliding length changes with the load, so a
- * tick is by angle. If the load falls, F is clamped to c Fc. If it grows, F is kept.
- *
- * Laws: passive over every closed cycle of motion and load, since a change of load never increases
- * the stored energy F^2/(2 sigma0). At c = 1 the torque has the bits of dahl_step(). Odd symmetry.
+ * tick is by angle. If the load falls, F is clamped to c Fc. If it grows, F is kept. At c = 1 the
+ * torque has the bits of dahl_step().
  */
 /** @{ */
 
@@ -505,10 +483,6 @@ float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dthe
  * in the direction of motion, the bristle is a spring: dF/dtheta = sigma0. Beyond b it slides: the
  * gap p = 1 - |F|/Fc falls as exp(-kappa u). kappa = 1/(1 - b) makes the slope continuous at b.
  * With b near 0, the first loading is that of Dahl's model; with b near 1, that of a slip element.
- *
- * Laws: zero drift, bit for bit, while |F| < b Fc. Odd symmetry; monotone in travel; passive over
- * every closed cycle; independent of the sampling. There is no return-point memory: a closed inner
- * loop that slides leaves a trace, as in Dahl's model.
  */
 /** @{ */
 

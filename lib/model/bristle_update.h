@@ -22,9 +22,8 @@
  * in both directions. Mirroring the tie would cost one instruction per tick.
  *
  * @par Error
- * z is wrong by at most 2^-31 of Fc. A step adds this error times g, and shrinks the earlier error by 1 - g. Over
- * any motion the sum stays below 2^-31, plus 2^-62/g for the truncated low product, plus the error of g
- * (docs/accuracy.md).
+ * z is wrong by at most 2^-31 of Fc. A step adds this error times g, and shrinks the earlier error by 1 - g, so the
+ * sum has a bound for any motion (docs/accuracy.md).
  */
 #ifndef DAHL_BRISTLE_UPDATE_H
 #define DAHL_BRISTLE_UPDATE_H

@@ -7,8 +7,7 @@
  * and rounds differently. The digits therefore give a guess, usually right, and real moves decide. They also clamp
  * a state out of range, for which the guess is arbitrary.
  *
- * Each move has an error of E = 2^-31 + 2^-62/u <= 7e-10 of Fc (docs/accuracy.md). The exact torque of a shorter
- * move is below that of a longer one, so the returned torque is below it except for 2 E = DAHL_INVERSE_ERROR.
+ * docs/accuracy.md derives DAHL_INVERSE_ERROR.
  */
 #include "../model/bristle_update.h"
 #include "../model/torque.h"

@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-/* loopback: see loopback.h. */
 #include "loopback.h"
 
 #include <string.h>

@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-/* serial_bus: see serial_bus.h. */
 #include "serial_bus.h"
 
 static serial_bus_t *self_of(dahl_can_bus_t *bus)

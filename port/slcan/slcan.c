@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* slcan: see slcan.h. A line is buffered, then read from left to right. The first error selects the error counter. */
+/* A line is buffered, then read from left to right. The first error selects the error counter. */
 #include "slcan.h"
 
 #include <string.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* socketcan: see socketcan.h. If the transmit queue is full (ENOBUFS, EAGAIN), send again for a fraction of a tick, then drop
+/* If the transmit queue is full (ENOBUFS, EAGAIN), send again for a fraction of a tick, then drop
  * and count the frame. A bus that is too slow must not delay the ticks. */
 #define _GNU_SOURCE
 #include "socketcan.h"

@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-/* socketcand client: see client.h. */
 #define _GNU_SOURCE
 #include "client.h"
 

@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-/* outbox: see outbox.h. */
 #define _GNU_SOURCE
 #include "outbox.h"
 

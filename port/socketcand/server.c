@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* socketcand server: see server.h. receive() polls once, and reads input only if the queue has room for all of it. */
+/* receive() polls once, and reads input only if the queue has room for all of it. */
 #define _GNU_SOURCE
 #include "server.h"
 

@@ -32,9 +32,10 @@ static inline void at_least(double limit, double value)
 #define SUBSTEP_S 62.5e-6
 
 /* True friction: Dahl's model. With a stribeck_speed it is LuGre's without the damping of the bristles: Fc rises towards
- * rest to the breakaway torque. */
+ * rest to the breakaway torque. If is_slip, a spring that slips: it loses no energy in presliding. */
 typedef struct {
     double Fc, sigma0, F;
+    int is_slip;
     double breakaway, stribeck_speed; /* N m, rad/s */
 } friction_t;
 
@@ -51,6 +52,10 @@ static inline double friction_limit(const friction_t *f, double speed)
 static inline double friction_move(friction_t *f, double dtheta, double speed)
 {
     const double sign = dtheta < 0 ? -1 : 1, Fc = friction_limit(f, speed);
+    if (f->is_slip) {
+        f->F = fmax(-Fc, fmin(Fc, f->F + f->sigma0 * dtheta));
+        return f->F * dtheta;
+    }
     const double gap = sign * Fc - f->F, closed = -gap * expm1(-f->sigma0 / Fc * fabs(dtheta));
     f->F += closed;
     return sign * Fc * dtheta - sign * closed * Fc / f->sigma0;

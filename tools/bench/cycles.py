@@ -3,7 +3,7 @@
 
 Sources: the tables "instruction set summary" of the Technical Reference Manuals (M0: DDI 0432C,
 table 3-1; M3: DDI 0337, table 3-1; M4: 100166, tables 3-1 and 7-1). plugin.c adds the costs of the
-executed instructions. Not modelled: wait states of flash, bus contention, interrupts, caches.
+executed instructions.
 """
 
 from __future__ import annotations

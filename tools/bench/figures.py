@@ -25,6 +25,7 @@ COLOURS = ["#d1495b", "#8f2d56", "#30638e", "#7c8b9c", "#3c896d", "#b07d2b"]
 TITLES = {"m0": "Cortex-M0", "m3": "Cortex-M3", "m4f": "Cortex-M4F", "host": "this host"}
 TOP, BOTTOM = 3.0, 1e-10  # drawn errors: diverging methods at the top, exact ones at the bottom
 ULP = 2**-24
+COUNTED = "instructions"  # unit of the cost on a core
 
 
 def plain(title: str) -> str:
@@ -120,8 +121,12 @@ def panel(
     axes.set_title(title, loc="left", fontsize=12, fontweight="bold")
 
 
-def pareto(target: dict[str, Any], host: dict[str, Any], shown: tuple[str, ...] = CORES) -> Figure:
-    """Draw a panel for each core, and one for the host."""
+def pareto(
+    target: dict[str, Any],
+    host: dict[str, Any],
+    shown: tuple[str, ...] = CORES,
+    unit: str = COUNTED,
+) -> Figure:
     cores = [core for core in shown if core in target]
     points = {core: core_points(target, host, core) for core in cores} | {"host": host_points(host)}
     titles = {point.title: point.ours for group in points.values() for point in group}
@@ -134,7 +139,7 @@ def pareto(target: dict[str, Any], host: dict[str, Any], shown: tuple[str, ...] 
         for place, core in zip(axes, cores, strict=False):
             floor = min(ways["floor"] for ways in motions_of(target, core).values())
             panel(place, points[core], TITLES[core], floor, numbers)
-            place.set_xlabel("instructions a tick, mean over the hard motions")
+            place.set_xlabel(f"{unit} a tick, mean over the hard motions")
         copied = min(ways["copy"] for ways in host["speed"].values())
         panel(axes[-1], points["host"], f"host: {host['cpu']}", copied, numbers)
         axes[-1].set_xlabel("ns a tick, mean over the hard motions")
@@ -171,16 +176,14 @@ def growth_panel(axes: Axes, host: dict[str, Any]) -> None:
     axes.legend(fontsize=8.5, loc="upper left", bbox_to_anchor=(0.0, 0.86))
 
 
-def sampling_panel(
-    axes: Axes, target: dict[str, Any], host: dict[str, Any], core: str = "m4f"
-) -> None:
-    """Draw instructions per second for an error of 1e-3, over the sampling rate."""
+def sampling_panel(axes: Axes, target: dict[str, Any], host: dict[str, Any], unit: str) -> None:
+    """Draw the cost per second on Cortex-M4F for an error of 1e-3, over the sampling rate."""
     from results import SOLVERS, parts_cost
 
-    counted = motions_of(target, core)["two_one_24"]
+    counted = motions_of(target, "m4f")["two_one_24"]
     rates = sorted({row["rate"] for row in host["rates"]})
     # A count is 1/2607 of 0.1 rad. Above 205 samples/s, no tick moves more than 8 counts.
-    long_moves = motions_of(target, core)["sine_12"]["counts_q30"]
+    long_moves = motions_of(target, "m4f")["sine_12"]["counts_q30"]
     ours = [r * (counted["counts_q30"] if r > 205 else long_moves) for r in rates]
     axes.plot(rates, ours, "-", color=OURS, linewidth=2.5, label="dahl_step_counts_q30")
     for colour, solver in zip(COLOURS[2:], SOLVERS, strict=False):
@@ -197,18 +200,18 @@ def sampling_panel(
         xscale="log",
         yscale="log",
         xlabel="samples a second; 1 Hz, 0.1 rad, a A = 20, 14-bit encoder",
-        ylabel="instructions a second, Cortex-M4F",
+        ylabel=f"{unit} a second, Cortex-M4F",
     )
     axes.set_title("Cost of an error of 1e-3 (ours: 1e-9)", loc="left", fontsize=12)
     axes.legend(fontsize=8.5)
 
 
-def growth(target: dict[str, Any], host: dict[str, Any]) -> Figure:
+def growth(target: dict[str, Any], host: dict[str, Any], unit: str = COUNTED) -> Figure:
     with plt.rc_context(STYLE):
         figure, (left, right) = plt.subplots(1, 2, figsize=(15, 5.5), layout="constrained")
         growth_panel(left, host)
         if "m4f" in target:
-            sampling_panel(right, target, host)
+            sampling_panel(right, target, host, unit)
     return figure
 
 

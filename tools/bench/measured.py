@@ -5,9 +5,6 @@ Each model is a sum of unit elements over the path, plus an offset and a spring.
 lengths form a grid. nnls of SciPy finds the torques on the training blocks of a log; R2 is computed
 on the other blocks. Elements are added one at a time: each time the one that reduces the residual
 most. If a log is missing, its name is printed and docs/ keeps its table.
-
-Two folders of measured data are not used. servo_pendulum has the duty cycle of the PWM instead of a
-torque, and gravity and inertia exceed friction. In can_steering, the wheel stands still.
 """
 
 from __future__ import annotations

@@ -97,7 +97,6 @@ def scipy_way(task: Task) -> Way:
 
 
 def numba_way(task: Task) -> Way:
-    """Use a compiled loop over the ticks."""
     import numpy as np
 
     torques = log_rivals.numba_loop()
@@ -111,7 +110,6 @@ def numba_way(task: Task) -> Way:
 
 
 def jax_way(dtype: str, task: Task) -> Way:
-    """Use jax.lax.associative_scan on the CPU."""
     import numpy as np
 
     torques = log_rivals.jax_scan(dtype)

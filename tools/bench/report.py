@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Write results.json and the pictures speed, pareto and growth from target.json and host.json.
 
-With `--docs`, also write the tables and pictures of docs/.
+With `--docs`, also write the tables and pictures of docs/. With `--cycles`, show cycles instead of
+instructions: of Cortex-M0 with a multiplier of 1 cycle, of M3 and M4F the most.
 """
 
 from __future__ import annotations
@@ -182,16 +183,15 @@ def python_block(result: dict[str, Any]) -> str:
     return "\n".join([PYTHON_MARKS[0], *lines, PYTHON_MARKS[1]])
 
 
-def show(result: dict[str, Any]) -> None:
-    """Print the numbers."""
+def show(result: dict[str, Any], unit: str) -> None:
     from rich.console import Console
     from rich.table import Table
 
     console = Console(width=None if sys.stdout.isatty() else 110)
     for core, points in result["points"].items():
-        unit = "ns a tick" if core == "host" else "instructions a tick"
-        printed = Table(title=f"{figures.TITLES[core]}: {unit}, worst error of F/Fc")
-        for column in ("way", unit, "worst"):
+        cost = "ns a tick" if core == "host" else f"{unit} a tick"
+        printed = Table(title=f"{figures.TITLES[core]}: {cost}, worst error of F/Fc")
+        for column in ("way", cost, "worst"):
             printed.add_column(column, justify="left" if column == "way" else "right")
         for key, point in sorted(points.items(), key=lambda item: item[1]["cost"]):
             style = "bold" if point["ours"] else None
@@ -225,18 +225,17 @@ def write_block(page: Path, marks: tuple[str, str], block: str) -> None:
     target_bench.put(page, page_with_block(page, marks, block).encode())
 
 
-def draw(target: dict[str, Any], host: dict[str, Any]) -> None:
+def draw(target: dict[str, Any], host: dict[str, Any], unit: str) -> None:
     for name, figure in (
-        ("speed", figures.pareto(target, host, ("m4f",))),
-        ("pareto", figures.pareto(target, host)),
-        ("growth", figures.growth(target, host)),
+        ("speed", figures.pareto(target, host, ("m4f",), unit)),
+        ("pareto", figures.pareto(target, host, unit=unit)),
+        ("growth", figures.growth(target, host, unit)),
     ):
         for kind in ("png", "svg"):
             figures.save(figure, OUT / f"{name}.{kind}")
 
 
 def write_docs(target: dict[str, Any], host: dict[str, Any]) -> None:
-    """Write the tables and pictures of docs/."""
     if host["quick"]:
         raise BenchError("build/bench/host.json is of a quick run; docs/ needs a full one")
     if set(target) < set(target_bench.CORES) or len(target["m4f"]["motions"]) == 1:
@@ -273,14 +272,22 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="tools/bench.sh report", description=__doc__.split("\n\n")[0]
     )
-    parser.add_argument("--docs", action="store_true", help="write tables and pictures of docs/")
+    choice = parser.add_mutually_exclusive_group()
+    choice.add_argument("--docs", action="store_true", help="write tables and pictures of docs/")
+    choice.add_argument("--cycles", action="store_true", help="show cycles, not instructions")
     options = parser.parse_args(arguments)
     target = load(target_bench.RESULT, "target")
     host = load(host_bench.RESULT, "host")
-    result = results.combine(target, host)
-    draw(target, host)
-    target_bench.write(RESULT, result)
-    show(result)
+    target_bench.write(RESULT, results.combine(target, host))
+    shown, unit = target, figures.COUNTED
+    if options.cycles:
+        shown, unit = results.in_cycles(target), "cycles"
+        if not shown:
+            raise BenchError(
+                "build/bench/target.json has no cycles; run tools/bench.sh target again"
+            )
+    draw(shown, host, unit)
+    show(results.combine(shown, host), unit)
     print("bench: build/bench/results.json and the pictures speed, pareto and growth written")
     if options.docs:
         write_docs(target, host)

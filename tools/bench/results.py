@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Compute results.json from target.json and host.json.
 
-Each method has a cost and an error on each core and motion. A cost is instructions per tick on a
-core, ns per tick on the host. The results also list which of our methods another method beats, and
-the ratios of speed.
+Each method has a cost and an error on each core and motion. A cost is instructions (or cycles) per
+tick on a core, ns per tick on the host. The results also list which of our methods another method
+beats, and the ratios of speed.
 """
 
 from __future__ import annotations
@@ -82,15 +82,24 @@ def errors_of(host: dict[str, Any], key: str) -> dict[str, float]:
     return {scenario: ways[name][0] for scenario, ways in host["errors"].items()}
 
 
+def in_cycles(target: dict[str, Any]) -> dict[str, Any]:
+    """Return the cores whose cycles are known, with cycles as the cost of a motion."""
+    return {
+        name: core | {"motions": core["motion_cycles"]}
+        for name, core in target.items()
+        if "motion_cycles" in core
+    }
+
+
 def motions_of(target: dict[str, Any], core: str) -> dict[str, dict[str, float]]:
-    """Return instructions by motion and method, with newlib if it was counted."""
+    """Return the costs by motion and method, with newlib if it was counted."""
     counted = target[core]["motions"]
     found: dict[str, dict[str, float]] = counted.get("newlib") or counted["picolibc"]
     return found
 
 
 def parts_cost(counted: dict[str, float], solver: str, parts: int) -> float:
-    """Return the instructions with this number of parts, on the line through 9 and 17 parts."""
+    """Return the cost with this number of parts, on the line through 9 and 17 parts."""
     nine, seventeen = (counted[f"{solver}_parts_{n}"] for n in (9, 17))
     return nine + (parts - 9) * (seventeen - nine) / 8
 
@@ -200,7 +209,6 @@ def ratios(host: dict[str, Any]) -> dict[str, float]:
 
 
 def combine(target: dict[str, Any], host: dict[str, Any]) -> dict[str, Any]:
-    """Return the content of results.json."""
     points = {core: core_points(target, host, core) for core in CORES if core in target}
     points["host"] = host_points(host)
     listed = {

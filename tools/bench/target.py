@@ -128,7 +128,6 @@ def build_plugin() -> None:
 
 
 def symbols(core: Core, image: Path) -> dict[str, tuple[int, str]]:
-    """Return address and kind of each symbol."""
     lines = (line.split() for line in run(core.tool("nm"), image).splitlines())
     return {words[2]: (int(words[0], 16), words[1]) for words in lines if len(words) == 3}
 
@@ -187,6 +186,14 @@ def read_cases(text: str, counts: str) -> tuple[dict[str, list[Call]], dict[str,
 
 def instructions(calls: dict[str, list[Call]]) -> dict[str, list[int]]:
     return {name: [call.count for call in each] for name, each in calls.items()}
+
+
+def stated_cycles(core: Core, calls: dict[str, list[Call]]) -> dict[str, list[int]]:
+    """Return one number for each call: on M0 that of a multiplier of 1 cycle, else the most."""
+    return {
+        name: [call.least if core.name == "m0" else call.most for call in each]
+        for name, each in calls.items()
+    }
 
 
 # Rows with cycles: the key of target.json and the cases of the image.
@@ -377,7 +384,7 @@ MOTION = "motion:"
 
 
 def motion_numbers(cases: dict[str, list[int]]) -> dict[str, dict[str, float]]:
-    """Return the mean instructions of a tick, by motion and method."""
+    """Return the mean cost of a tick, by motion and method."""
     result: dict[str, dict[str, float]] = {}
     for name, counts in cases.items():
         if name.startswith(MOTION):
@@ -399,6 +406,9 @@ def measure(core: Core, libcs: list[str]) -> dict[str, object]:
         cases = instructions(calls)
         result |= library_numbers(cases, numbers) | rival_numbers(cases, libc)
         result.setdefault("motions", {})[libc] = motion_numbers(cases)
+        if core.name in cycles.TABLES:
+            in_cycles = motion_numbers(stated_cycles(core, calls))
+            result.setdefault("motion_cycles", {})[libc] = in_cycles
     result["worst"] = worst_numbers(calls, text)
     if core.name in cycles.TABLES:
         result["cycles"] = cycle_numbers(calls)

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Dahl friction torque, exact at every encoder tick: the Python side.
 
-The package calls the C library for all mathematics. Public names:
+Same names, units and bits as the C library, which does all mathematics. Torques have the sign of
+the motion; for linear motion read m and N. Objects start relaxed. They can be compared, copied and
+pickled; a copy has a separate state. Use an object from one thread at a time. An argument outside
+its stated range raises dahl.Error with name, value and limit, before any move. Public names:
 
     Plan(sigma0, Fc, theta_per_count)   parameters, prepared once
     Friction(plan)                      one bearing: step it by counts or angles, read its torque

@@ -138,7 +138,6 @@ def _run(argv: list[str] | None) -> int:
 
 
 def _run_command(words: list[str], is_only_command: bool) -> int:
-    """Return the exit code of one command."""
     command = next((word for word in words if word in COMMANDS), "")
     if is_only_command:
         dependencies.block_mf4_import(command, words)

@@ -103,6 +103,19 @@ def test_no_rival_is_cheaper_and_better_on_any_core(bench: Bench) -> None:
 
 
 @pytest.mark.checks
+def test_cycles_are_at_least_the_instructions_and_no_rival_is_better(bench: Bench) -> None:
+    for name in set(SMALL) & set(HERE):
+        core = bench.get("target")[name]
+        for libc, motions in core["motion_cycles"].items():
+            for motion, ways in motions.items():
+                for way, cycles in ways.items():
+                    assert cycles >= core["motions"][libc][motion][way]
+    done = bench.run("report", "--cycles")
+    assert done.returncode == 0 and "cycles a tick" in done.stdout
+    assert not re.search("beaten:.*(m0|m3|m4f)", done.stdout)
+
+
+@pytest.mark.checks
 def test_ours_is_within_its_bound_on_every_motion(bench: Bench) -> None:
     ulp = 2.0**-23  # of Fc = 0.5, over Fc
     for motion, ways in bench.get("host")["errors"].items():

@@ -39,11 +39,11 @@ TERMS = {"offset": 0.125, "spring": 4.5, "viscous": 0.25, "inertia": 0.0375}  # 
 UNITS = {"offset": "N", "spring": "N/m", "viscous": "N s/m", "inertia": "N s2/m"}
 TIME = np.arange(ROWS) * 1e-3
 KEYS = """logs rows linear units sigma0 Fc a ci95 uncertainty identifiable verdict reasons notes
-extra extra_standard_errors r2 rmse held_out r2_coulomb coulomb_extra bilinear_sigma0 checks
-reversals informs_sigma0 cycles_scored delay_rows delay_rows_standard_error backlash resolution
-r2_plan plan load version options median_rows torque_sign angle_between_counts rows_weighing_less
-sum_of_weights rows_per_sample pieces cycles findings model exported_model exported_model_lost_r2
-models choices"""
+Fc_low length_long extra extra_standard_errors r2 rmse held_out r2_coulomb coulomb_extra
+bilinear_sigma0 checks reversals informs_sigma0 cycles_scored delay_rows delay_rows_standard_error
+backlash resolution r2_plan plan load version options median_rows torque_sign angle_between_counts
+rows_weighing_less sum_of_weights rows_per_sample pieces cycles findings model exported_model
+exported_model_lost_r2 models choices"""
 
 
 def way_of(seed: int) -> np.ndarray:
@@ -173,7 +173,9 @@ def test_the_screen_begins_with_the_verdict_and_has_each_number_with_its_unit(ri
     for name, unit in kept["units"].items():
         low, high = kept["ci95"][name]
         assert shown[name] == f"{kept[name]:.5g} {unit}, 95 %: {low:.5g} to {high:.5g}"
-    bounds = f"Fc_low {kept['ci95']['Fc'][0]:.5g} N, length_long {1 / kept['ci95']['a'][0]:.5g} m"
+    assert kept["Fc_low"] == kept["ci95"]["Fc"][0]
+    assert kept["length_long"] == 1 / kept["ci95"]["a"][0]
+    bounds = f"Fc_low {kept['Fc_low']:.5g} N, length_long {kept['length_long']:.5g} m"
     assert shown["compensator"] == bounds
     for name, unit in UNITS.items():
         assert shown[name] == f"{kept['extra'][name]:.4g} {unit}"
@@ -242,7 +244,7 @@ def test_the_header_has_the_plan_bit_for_bit_and_its_numbers(rig, root):
         low, high = kept["ci95"][name]
         assert f"{name} [{kept['units'][name]}]: 95 % within {low:.5g} to {high:.5g}" in words
     macros = dict(re.findall(r"#define DAHL_PLAN_X_(\w+) (\S+)f ", header.read_text()))
-    Fc_low, length_long = kept["ci95"]["Fc"][0], 1 / kept["ci95"]["a"][0]  # noqa: N806
+    Fc_low, length_long = kept["Fc_low"], kept["length_long"]  # noqa: N806
     assert (1 - 1e-6) * Fc_low <= float(macros["FC_LOW"]) <= Fc_low * (1 + 1e-9)
     assert length_long * (1 - 1e-9) <= float(macros["LENGTH_LONG"]) <= (1 + 1e-6) * length_long
     wanted = (kept["verdict"], f"{kept['r2_plan']:.4f}", *(path.name for path in rig.logs))
@@ -291,7 +293,7 @@ def test_the_scene_replays_the_log(rig, dahl_loop, tmp_path):
 
 # --- picture --------------------------------------------------------------------------------------
 
-PANELS = ("by angle", "by speed", "autocorrelation", "plausible", "sigma0", "Fc", "loop")
+PANELS = ("loop", "by angle", "by speed", "autocorrelation", "plausible", "sigma0", "Fc")
 
 
 def panels_of(figure) -> dict:

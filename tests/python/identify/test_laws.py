@@ -186,8 +186,26 @@ def test_a_law_is_recognised_and_its_numbers_mean_the_same(name):
         assert (result.hypothesis.lag == lag) == (name == lag)
 
 
+BOUNDS = {  # least Fc over FC, and the largest presliding length over FC/SIGMA0
+    "dahl": (1, 1),
+    "slip": (1, 3),
+    "stribeck": (1, 1.3),
+    "log speed": (0.93, 1.03),
+    "asymmetric": (0.75, 1.25),
+}
+
+
+@pytest.mark.parametrize("name", BOUNDS)
+def test_bounds_for_a_compensator_hold_at_each_speed_and_in_both_directions(name):
+    least, most = BOUNDS[name]
+    Fc_low, length_long = found(name).compensator_bounds  # noqa: N806
+    assert 0.9 * least * FC <= Fc_low <= least * FC
+    assert most * FC / SIGMA0 <= length_long <= 1.15 * most * FC / SIGMA0
+
+
 def test_a_peak_after_rests_hides_the_slope_at_rest_only() -> None:
     result = identify([hostile_logs.KINDS["adhesion after rests"](1)])
+    assert result.compensator_bounds is None and "claimed" in result.against_bounds
     assert result.hypothesis.law == "breakaway" and result.claimed == (False, True)
     assert result.Fc.low <= hostile_logs.FC <= result.Fc.high
 

@@ -59,6 +59,7 @@ def test_a_load_is_followed(course, more):
     assert (min(follows["shares"]) < 0.02) == (more > MORE)
     if more == MORE:
         assert found["identifiable"] == {"sigma0": True, "Fc": True}
+        assert found["Fc_low"] is None and found["length_long"] is None
         assert found["r2_plan"] > 0.98 and follows["r2"] > follows["r2_without"] + 0.02
         for name in ("sigma0", "Fc"):
             low, high = found["ci95"][name]

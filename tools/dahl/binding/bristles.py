@@ -38,7 +38,7 @@ class Bristle(RatioElement):
             raise Error(self._refusal())
 
     def _params(self) -> tuple[Any, ...]:
-        """The arguments of dahl_.._prepare after the plan."""
+        """Return the arguments of dahl_.._prepare after the plan."""
         raise NotImplementedError
 
     def _refusal(self) -> str:

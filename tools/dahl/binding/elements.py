@@ -24,9 +24,8 @@ class Element(Copied):
         raise NotImplementedError
 
     def step_counts(self, dcounts: int) -> float:
-        """Move by dcounts, a whole number within int32; returns F in N m within 0.55 ulp of Fc (of
-        the sum of Fc, of the larger Fc) of the exact value. Raises dahl.Error for any other
-        dcounts.
+        """Move by dcounts, a whole number within int32, and return F in N m. Error: 0.55 ulp of Fc
+        (of the sum of Fc, of the larger Fc).
         """
         step = getattr(c, f"dahl_{self._kind}step_counts")
         return float(step(*self._arguments(), checks.counts(dcounts)))
@@ -40,12 +39,8 @@ class Element(Copied):
         self, moves: ArrayLike, out: NDArray[np.float32] | None = None
     ) -> NDArray[np.float32]:
         """Moves in counts, shape (n,), whole numbers within int32 -> torques in N m after each,
-        shape (n,), float32, into `out` if given: the bits of step_counts(), move by move.
-
-        A C-contiguous int32 array is read in place, anything else of whole numbers is copied first.
-        Raises dahl.Error, before any move, for another shape or type, for the first value that is
-        not whole or beyond int32, for masked values, for an `out` that C cannot fill, and for a
-        plan without theta_per_count.
+        shape (n,), float32, into `out` if given: the bits of step_counts(). A C-contiguous int32
+        array is read in place, other whole numbers are copied first. No value may be masked.
         """
         batch = getattr(c, f"dahl_batch_{self._kind}counts")
         return arrays.run(batch, self._arguments(), arrays.moves(moves, np.int32), out)
@@ -56,8 +51,8 @@ class RatioElement(Element):
     """An element that also returns its torque in whole numbers."""
 
     def step_counts_q30(self, dcounts: int) -> int:
-        """The same move, the same errors; returns the torque in Q30, -2^30 .. 2^30, as a part of Fc
-        (of the larger Fc, of the sum of Fc). FrictionTorque frames carry this number.
+        """Move as step_counts() does and return the torque in Q30, -2^30 .. 2^30, as a fraction of
+        Fc (of the larger Fc, of the sum of Fc). FrictionTorque frames carry this number.
         """
         step = getattr(c, f"dahl_{self._kind}step_counts_q30")
         return int(step(*self._arguments(), checks.counts(dcounts)))

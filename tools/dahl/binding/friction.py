@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""One bearing with Dahl friction: Plan, State, Friction. Same names, units and bits as dahl.h."""
+"""One bearing with Dahl friction (dahl.h): Plan, State, Friction."""
 
 from __future__ import annotations
 
@@ -23,9 +23,8 @@ STATE_MIN, STATE_MAX = -(2**62) - 2**31, 2**62 + 2**31 - 1  # of w after any ste
 
 @checks.calls_checked
 class State(Copied):
-    """dahl_state_t, the state of one bearing: w = F/Fc in Q62, a whole number; 0 is relaxed, +-2^62
-    is +-Fc. Comparable, picklable; a copy is a state of its own. Raises dahl.Error for a w that no
-    step can leave.
+    """State of one bearing (dahl_state_t): w = F/Fc in Q62, a whole number; 0 is relaxed, +-2^62 is
+    +-Fc. w must be in the range that a step can leave.
     """
 
     def __init__(self, w: int = 0) -> None:
@@ -52,16 +51,14 @@ class State(Copied):
 @checks.calls_checked
 @dataclass(frozen=True, repr=False)
 class Plan(parameters.Counts, Copied):
-    """Parameters, prepared once (dahl_prepare): shared by any number of Frictions, never changed.
+    """Parameters, prepared once (dahl_prepare). Any number of Frictions may share a plan.
 
     sigma0           N m/rad  stiffness at rest, 2^-64 <= sigma0 < 2^64                (Eq. 1)
     Fc               N m      Coulomb torque, 2^-64 <= Fc < 2^64                       (Eq. 1)
     theta_per_count  rad      per encoder count, 2^-64 <= theta_per_count < 2^64, with
                               2^-30 <= sigma0/Fc*theta_per_count < 2^20; 0: no encoder
 
-    For linear motion read m and N. Each is rounded to float, as in C. Plans of equal parameters are
-    equal and have one hash; a plan can be pickled. Takes about 10 us to make. Raises dahl.Error
-    with the parameter, its value and its limit.
+    Each is rounded to float, as in C. A plan is immutable and has a hash. Cost: 10 us.
     """
 
     sigma0: float
@@ -85,14 +82,13 @@ class Plan(parameters.Counts, Copied):
 
     @property
     def ulp(self) -> float:
-        """N m from Fc to the next float away from zero; the unit of the library's error bounds."""
+        """N m from Fc to the next float away from zero: the unit of the error bounds."""
         return float(np.spacing(np.float32(self.Fc)))
 
     def tip_torque(self, stroke: int) -> float:
-        """The torque in N m at the tips of the loop that a shaft runs if it goes to and fro by the
-        same stroke for ever: Fc tanh(u/2), u the travel of the stroke. stroke is in counts from end
-        to end, a whole number from 0 to 2^32-1. Error: 2^-30 of the torque, and one rounding.
-        Raises dahl.Error for any other stroke, and without theta_per_count.
+        """Return the torque in N m at the tips of the steady loop of a constant stroke: Fc
+        tanh(u/2), u the travel of the stroke. stroke is in counts from end to end, a whole number
+        from 0 to 2^32-1. Error: 2^-30 of the torque, and one rounding.
         """
         self._need_counts()
         stroke = checks.whole("stroke", stroke, 0, UINT32_MAX)
@@ -105,12 +101,8 @@ class Plan(parameters.Counts, Copied):
 
 @checks.calls_checked
 class Friction(RatioElement):
-    """One bearing: a Plan and its state, relaxed at first (dahl_plan_t, dahl_state_t; Eqs. 7, 18,
-    27). Torques in N m, with the sign of the motion.
-
-    Two are equal if plan and state are; picklable; a copy shares the plan and has a state of its
-    own. One thread at a time. A single step costs about .3 us from Python, a tick in a batch about
-    10 ns. Raises dahl.Error for anything that is no Plan.
+    """One bearing: a Plan and its state (Eqs. 7, 18, 27). Cost: 0.3 us a step, 10 ns a tick of
+    run_counts().
     """
 
     _derived_fields = frozenset({"_step"})
@@ -142,15 +134,14 @@ class Friction(RatioElement):
 
     @checks.quick_counts
     def step_counts(self, dcounts: int) -> float:
-        """Move by dcounts, a whole number within int32; returns F in N m within 0.52 ulp of Fc of
-        the exact value (Eqs. 7, 18, 27), within 0.6 ulp once step() has moved it. Raises dahl.Error
-        for any other dcounts, and for a plan without theta_per_count.
+        """Move by dcounts, a whole number within int32, and return F in N m. Error: 0.52 ulp of Fc,
+        or 0.6 ulp if step() has moved the state. The plan must have theta_per_count.
         """
         return super().step_counts(dcounts)
 
     def step(self, dtheta: float) -> float:
-        """Move by dtheta rad; returns F in N m within 0.6 ulp of Fc. As in C, NaN is no motion and
-        an infinite angle saturates at +-Fc. Raises dahl.Error if dtheta is no number.
+        """Move by dtheta rad and return F in N m. Error: 0.6 ulp of Fc. As in C, NaN is no motion
+        and an infinite angle saturates at +-Fc.
         """
         angle = checks.real("dtheta", dtheta, "an angle in rad")
         return float(c.dahl_step(self._plan._prepared, self._state._c, angle))
@@ -165,18 +156,14 @@ class Friction(RatioElement):
         self.set_torque(value)
 
     def set_torque(self, F: float) -> None:  # noqa: N803 (the field's name)
-        """Set the state to F in N m. As in C, F is clamped to +-Fc and NaN has no effect. Raises
-        dahl.Error if F is no number.
-        """
+        """Set the state to F in N m. As in C, F is clamped to +-Fc and NaN has no effect."""
         torque = checks.real("F", F, "a torque in N m")
         c.dahl_set_torque(self._plan._prepared, self._state._c, torque)
 
     def counts_to_torque(self, F: float) -> int:  # noqa: N803 (the field's name)
-        """A move in counts after which step_counts() returns a torque that has reached F in N m: F
-        or beyond, seen from the torque now; 0 if that is F. Nothing moves. One count less does not
-        reach F; dahl_parts.h bounds by how much a move that is shorter still may. Raises dahl.Error
-        for an F that is no finite number, that is beyond Fc or that a move of 2^31-1 counts does
-        not reach, and for a plan without theta_per_count.
+        """Return a move in counts after which step_counts() returns F in N m or a torque beyond F,
+        seen from the present one. The state does not move. One count less does not reach F; see
+        dahl_counts_to_torque. A move of 2^31-1 counts must reach F.
         """
         wanted, found = checks.finite("F", F, "N m"), c.new("int32_t *")
         if c.dahl_counts_to_torque(*self._arguments(), wanted, found) != 0:
@@ -185,9 +172,8 @@ class Friction(RatioElement):
         return int(found[0])
 
     def change_plan(self, plan: Plan) -> None:
-        """Continue with other parameters. The torque is kept while the new bristle can carry it;
-        the stored energy F^2/(2 sigma0) never grows (see dahl_change_plan). Raises dahl.Error for
-        anything that is no Plan.
+        """Continue with other parameters. The torque is kept if the new bristle can carry it; the
+        stored energy F^2/(2 sigma0) never grows (see dahl_change_plan).
         """
         checks.instance("plan", plan, Plan)
         c.dahl_change_plan(self._plan._prepared, plan._prepared, self._state._c)
@@ -196,11 +182,8 @@ class Friction(RatioElement):
 
     def run(self, moves: ArrayLike, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
         """Moves in rad, shape (n,) -> torques in N m after each, shape (n,), float32, into `out` if
-        given: the bits of step(), move by move. As in C, NaN is no motion, infinite saturates.
-
-        A C-contiguous float32 array is read in place, anything else is rounded to float first.
-        Raises dahl.Error, before any move, for another shape or type, for masked values, and for an
-        `out` that C cannot fill.
+        given: the bits of step(). A C-contiguous float32 array is read in place, other values are
+        rounded to float32 first.
         """
         plan, state = self._plan._prepared, self._state._c
         return arrays.run(c.dahl_batch, (plan, state), arrays.moves(moves, np.float32), out)

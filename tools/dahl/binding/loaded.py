@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A bearing whose Fc follows a load. Same names, units and bits as dahl_parts.h."""
+"""A bearing whose Fc follows a load (dahl_parts.h)."""
 
 from __future__ import annotations
 
@@ -16,23 +16,19 @@ from dahl.errors import Error
 
 @checks.calls_checked
 class Loaded(Copied):
-    """A bearing of a Plan whose Fc follows a load, given with each tick: normal force, torque
-    through a gear, preload, temperature. By default sigma0 follows it too (dahl_loaded_state_t):
-    if the load falls F falls with it, if it grows F is kept. With fixed_stiffness sigma0
-    stays (dahl_clamped_step): a load that falls cuts F off at load*Fc, one that grows leaves it,
-    and ticks are by angle. By either rule no closed cycle of motion and load gives energy.
+    """A bearing whose Fc follows a load, given with each tick: normal force, torque through a gear,
+    preload, temperature. By default sigma0 follows it too (dahl_loaded_state_t): F falls with the
+    load, and is kept if the load grows. With fixed_stiffness, sigma0 is constant
+    (dahl_clamped_step): a load that falls clamps F to load*Fc, and ticks are by angle. By either
+    rule no closed cycle of motion and load returns energy.
 
     plan             of the bearing at a load of 1
     load             0 <= load < 2, rounded to 2^-30; at 1 the torques have the bits of
                      Friction(plan)
     fixed_stiffness  True: step() and run(), in rad; False: step_counts() and the like, in counts
 
-    Torques are within 0.55 ulp of load*Fc, -load*Fc .. load*Fc; with fixed_stiffness within 0.6 ulp
-    of Fc, or of load*Fc if that is more. A step costs about 1 us from Python, and so does a tick
-    in run(); a tick in run_counts() about 20 ns. Relaxed and without load at first. Two are equal
-    if plan, rule and state are; picklable; a copy has a state of its own. Raises dahl.Error for
-    anything that is no Plan or no rule, for a plan without theta_per_count if moves are in counts,
-    and for a move of the other rule's kind.
+    Error: 0.55 ulp of load*Fc; with fixed_stiffness 0.6 ulp of Fc, or of load*Fc if that is more.
+    Cost: 1 us a step or tick of run(), 20 ns a tick of run_counts(). The load is 0 at first.
 
     >>> gear = dahl.Loaded(dahl.Plan(100.0, 0.5, 1e-3))
     >>> gear.step_counts(10**6, load=1.5), gear.step_counts(0, load=0.5)
@@ -56,7 +52,7 @@ class Loaded(Copied):
 
     @property
     def fixed_stiffness(self) -> bool:
-        """Whether sigma0 stays when the load changes; moves are then in rad."""
+        """Whether sigma0 is constant; moves are then in rad."""
         return self._fixed_stiffness
 
     @property
@@ -71,17 +67,13 @@ class Loaded(Copied):
         return step(0, self._state.load_q30)
 
     def step_counts(self, dcounts: int, load: float) -> float:
-        """Apply the load, then move by dcounts, a whole number within int32; returns F in N m.
-        Raises dahl.Error for any other dcounts, for a load outside 0 <= load < 2, and with
-        fixed_stiffness.
-        """
+        """Apply the load, move by dcounts, a whole number within int32, and return F in N m."""
         self._need_rule(False, "step_counts")
         return self._step(checks.counts(dcounts), _load_q30(load))
 
     def step(self, dtheta: float, load: float) -> float:
-        """Apply the load, then move by dtheta rad, with fixed_stiffness; returns F in N m. As in C,
-        NaN is no motion and an infinite angle saturates at +-load*Fc. Raises dahl.Error if dtheta
-        is no number, for a load outside 0 <= load < 2, and without fixed_stiffness.
+        """Apply the load, then move by dtheta rad, and return F in N m. As in C, NaN is no motion
+        and an infinite angle saturates at +-load*Fc.
         """
         self._need_rule(True, "step")
         angle = checks.real("dtheta", dtheta, "an angle in rad")
@@ -90,10 +82,8 @@ class Loaded(Copied):
     def run(
         self, moves: ArrayLike, loads: ArrayLike, out: NDArray[np.float32] | None = None
     ) -> NDArray[np.float32]:
-        """Moves in rad and a load for each, both of shape (n,), with fixed_stiffness -> torques in
-        N m after each, shape (n,), float32, into `out` if given: the bits of step(), move by move.
-        Raises dahl.Error, before any move, as Friction.run() does, for the first load outside
-        0 <= load < 2, and without fixed_stiffness.
+        """Moves in rad and a load for each, both of shape (n,) -> torques in N m after each, shape
+        (n,), float32, into `out` if given: the bits of step().
         """
         self._need_rule(True, "run")
         array = arrays.moves(moves, np.float32)
@@ -103,7 +93,7 @@ class Loaded(Copied):
         return result
 
     def step_counts_q30(self, dcounts: int, load: float) -> int:
-        """The same move, the same errors; returns F/Fc in Q30, -2^31 .. 2^31: beyond 2^30 at a load
+        """Move as step_counts() does and return F/Fc in Q30, -2^31 .. 2^31: beyond 2^30 at a load
         above 1.
         """
         self._need_rule(False, "step_counts_q30")
@@ -115,9 +105,7 @@ class Loaded(Copied):
         self, moves: ArrayLike, loads: ArrayLike, out: NDArray[np.float32] | None = None
     ) -> NDArray[np.float32]:
         """Moves in counts and a load for each, both of shape (n,) -> torques in N m after each,
-        shape (n,), float32, into `out` if given: the bits of step_counts(), move by move. Raises
-        dahl.Error, before any move, as Friction.run_counts() does, and for the first load outside
-        0 <= load < 2.
+        shape (n,), float32, into `out` if given: the bits of step_counts().
         """
         self._need_rule(False, "run_counts")
         array = arrays.moves(moves, np.int32)
@@ -129,7 +117,7 @@ class Loaded(Copied):
         return float(step(self._plan._prepared, self._state, dcounts, load_q30))
 
     def _clamped_step(self, dtheta: float, load_q30: int) -> float:
-        """The rule of fixed_stiffness, whose state in C has no load: F/Fc in Q62 alone."""
+        """Step by the rule of fixed_stiffness, whose state in C has no load."""
         self._state.load_q30 = load_q30
         bristle = c.addressof(self._state, "bristle")
         return float(c.dahl_clamped_step(self._plan._prepared, bristle, dtheta, load_q30))

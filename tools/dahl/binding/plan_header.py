@@ -139,7 +139,7 @@ def bounds(name: str, Fc_low: float, length_long: float, torque: str, angle: str
     prefix = f"DAHL_PLAN_{name.upper()}"
     low, long = _float(_rounded(Fc_low, 0.0)), _float(_rounded(length_long, np.inf))
     return (
-        "\n/* Bounds for dahl_compensator.h: ends of the 95 % intervals. */\n"
+        "\n/* Bounds for dahl_compensator.h, from the 95 % intervals. */\n"
         f"#ifndef {prefix}_FC_LOW\n"
         f"#define {prefix}_FC_LOW {low} /* {torque} */\n"
         f"#define {prefix}_LENGTH_LONG {long} /* {angle} */\n"
@@ -160,7 +160,6 @@ def _float(value: float) -> str:
 
 
 def _definition(name: str, plan: AnyPlan) -> list[str]:
-    """Return the lines that define one plan."""
     prefix = _c_names(type(plan))[0]
     words = _fields(plan._prepared, c.typeof(f"{prefix}plan_t"))
     return [

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Several elements on one shaft: Slip, and Parallel for any mix of Friction and Slip. Same names,
-units and bits as dahl_parts.h.
-"""
+"""Elements on one shaft (dahl_parts.h): Slip, and Parallel for a mix of Friction and Slip."""
 
 from __future__ import annotations
 
@@ -25,7 +23,7 @@ def each_element(
     theta_per_count: float,
     check: Callable[[float, float, float], T],
 ) -> Iterator[T]:
-    """check(sigma0, Fc, theta_per_count) of each element. Raises its dahl.Error with the index."""
+    """Yield check(sigma0, Fc, theta_per_count) of each element; add the index to its error."""
     for k, (sigma0, torque) in enumerate(zip(*pairs, strict=True)):
         try:
             yield check(sigma0, torque, theta_per_count)
@@ -51,12 +49,12 @@ class SlipParameters:
 
     @property
     def sigma0(self) -> tuple[float, ...]:
-        """N m/rad, one an element."""
+        """N m/rad, one for each element."""
         return self._sigma0
 
     @property
     def Fc(self) -> tuple[float, ...]:  # noqa: N802
-        """N m, one an element."""
+        """N m, one for each element."""
         return self._Fc
 
     @property
@@ -75,16 +73,13 @@ class SlipParameters:
 
 @checks.calls_checked
 class Slip(SlipParameters, RatioElement):
-    """Slip elements in parallel (Maxwell slip, Prandtl-Ishlinskii; dahl_slip_plan_t), with their
-    state, relaxed at first: F = sum of springs sigma0 that slip at Fc.
+    """Slip elements in parallel (Maxwell slip, Prandtl-Ishlinskii; dahl_slip_plan_t) and their
+    state: F is the sum of springs sigma0 that slip at Fc.
 
-    sigma0           N m/rad  one an element, 1 to 8 of them; ranges as in Plan
+    sigma0           N m/rad  one for each of 1 to 8 elements; ranges as in Plan
     Fc               N m      torque at which each slips, as many
     theta_per_count  rad      per encoder count; sigma0/Fc*theta_per_count in the range of Plan for
                               each element
-
-    Two are equal if parameters and deflections are; picklable; a copy has a state of its own.
-    Raises dahl.Error with the parameter, its value and its limit.
 
     >>> dahl.Slip(sigma0=[100.0, 50.0], Fc=[0.5, 1.0], theta_per_count=1e-3).step_counts(10)
     1.0
@@ -140,11 +135,8 @@ class Slip(SlipParameters, RatioElement):
 @checks.calls_checked
 class Parallel(RatioElement):
     """Elements on one shaft, whose torques add (dahl_part_t): any mix of Friction and Slip, each
-    with a state of its own, which moves with this. The sum in N m is rounded once, within 0.55 ulp
-    of the sum of all Fc.
-
-    Equal if all parts are; picklable; a copy has parts of its own. Raises dahl.Error for anything
-    else, for a part that is given twice, and for a Friction without theta_per_count.
+    given once. Moving this moves the parts. The sum in N m is rounded once, within 0.55 ulp of the
+    sum of all Fc.
 
     >>> bearing = dahl.Friction(dahl.Plan(100.0, 0.5, 1e-3))
     >>> dahl.Parallel(bearing, dahl.Slip([20.0], [1.0], 1e-3)).step_counts(10**6)
@@ -163,15 +155,15 @@ class Parallel(RatioElement):
 
     @property
     def parts(self) -> tuple[Friction | Slip, ...]:
-        """The parts as given; they move with this."""
+        """The parts as given."""
         return self._parts
 
     def _arguments(self) -> tuple[Any, ...]:
         return c.new("dahl_part_t[]", [_c_part(part) for part in self._parts]), len(self._parts)
 
     def step_counts_q30(self, dcounts: int) -> int:
-        """The same move, the same errors; returns F over the sum of Fc in Q30, -2^30 .. 2^30: the
-        bits of a firmware that made its shares from the plans that the parts have now.
+        """Move as step_counts() does and return F over the sum of Fc in Q30, -2^30 .. 2^30: the
+        bits of a firmware with dahl_parallel_shares() of the present plans.
         """
         moved = checks.counts(dcounts)
         parts, count = self._arguments()

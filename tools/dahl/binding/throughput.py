@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The fast form for long logs, in double and in vectors: Throughput, ThroughputSlip,
-ThroughputParallel. Same names and units as dahl_batch.h.
+"""The fast form for long logs, in double and in vectors (dahl_batch.h): Throughput, ThroughputSlip,
+ThroughputParallel.
 """
 
 from __future__ import annotations
@@ -22,13 +22,12 @@ from dahl.errors import Error
 @checks.calls_checked
 @dataclass(frozen=True)
 class Throughput(parameters.Counts):
-    """dahl_throughput_params_t: parameters in double (sigma0 in N m/rad, Fc in N m, theta_per_count
-    in rad), for logs of millions of ticks.
+    """Parameters in double (sigma0 in N m/rad, Fc in N m, theta_per_count in rad), for logs of
+    millions of ticks (dahl_throughput_params_t).
 
-    The same model, parameters and limits as Plan and the same 0.52 ulp of Fc, but not the
-    same bits: computed in double, in vectors, 3 to 10 times as fast as Friction.run_counts. New
-    parameters for every call are free: it prepares no plan. Immutable, comparable, picklable.
-    Raises dahl.Error with the parameter, its value and its limit.
+    The model, limits and 0.52 ulp of Fc are those of Friction, but not the bits: computed in
+    double, in vectors, 3 to 10 times as fast as Friction.run_counts. It is immutable and prepares
+    no plan, so new parameters for every call cost no time.
 
     >>> dahl.Throughput(100.0, 0.5, 2 * 3.14159265 / 16384).run_counts([3])
     array([0.10277178], dtype=float32)
@@ -59,12 +58,11 @@ class Throughput(parameters.Counts):
     ) -> NDArray[np.float32]:
         """Moves in counts, shape (n,), whole numbers within int32 -> torques in N m after each,
         shape (n,), float32, into `out` if given. F in N m is the torque before the first move, a
-        finite number, clamped to +-Fc. Raises dahl.Error as Friction.run_counts() does, and for F
-        and threads.
+        finite number, clamped to +-Fc.
 
-        threads, 1 to 1024: a log of 2^19 ticks and more is computed in as many parts at once as it
-        has threads, of 2^18 ticks or more each: the same bound, and nearly always the same bits.
-        A part whose motion is less than 45 presliding lengths needs twice the work.
+        threads, 1 to 1024, compute parts of 2^18 ticks or more at once: the same bound, and nearly
+        always the same bits. A part that moves less than 45 presliding lengths needs twice the
+        work.
         """
         self._need_counts()
         moves, scale = arrays.moves(moves, np.int32), self.sigma0 / self.Fc * self.theta_per_count
@@ -78,9 +76,7 @@ class Throughput(parameters.Counts):
         *,
         threads: int = 1,
     ) -> NDArray[np.float32]:
-        """As run_counts(), with moves in rad (rounded to float32; NaN is no motion, infinite
-        saturates); theta_per_count is not used.
-        """
+        """Do the same for moves in rad, rounded to float32. NaN is no motion, inf saturates."""
         moves = arrays.moves(moves, np.float32)
         return self._run(c.dahl_throughput, moves, self.sigma0 / self.Fc, F, out, threads)
 
@@ -115,8 +111,7 @@ class Throughput(parameters.Counts):
         params: Iterable[Throughput], moves: ArrayLike, out: NDArray[np.float32] | None = None
     ) -> NDArray[np.float32]:
         """Moves in counts, shape (n, channels), a Throughput for each channel -> torques in N m,
-        same shape, float32, into `out` if given; all channels start relaxed. Raises dahl.Error as
-        Friction.run_counts() does, and for params that are no Throughputs.
+        same shape, float32, into `out` if given. All channels start relaxed.
         """
         channels = _channels(params)
         for each in channels:
@@ -128,7 +123,7 @@ class Throughput(parameters.Counts):
     def run_channels(
         params: Iterable[Throughput], moves: ArrayLike, out: NDArray[np.float32] | None = None
     ) -> NDArray[np.float32]:
-        """As run_counts_channels(), with moves in rad."""
+        """Do the same for moves in rad."""
         channels = _channels(params)
         moves = arrays.moves(moves, np.float32, len(channels))
         return _run_channels(c.dahl_throughput_channels, channels, moves, out)
@@ -169,8 +164,7 @@ class _Fast:
         self, moves: ArrayLike, out: NDArray[np.float32] | None = None
     ) -> NDArray[np.float32]:
         """Moves in counts, shape (n,), whole numbers within int32 -> torques in N m after each,
-        shape (n,), float32, into `out` if given; all is relaxed before the first one. Raises
-        dahl.Error as Friction.run_counts() does.
+        shape (n,), float32, into `out` if given. All elements start relaxed.
         """
         elements = c.new("dahl_throughput_element_t[]", self._elements())
         batch, moves = c.dahl_throughput_parallel_counts, arrays.moves(moves, np.int32)
@@ -179,11 +173,9 @@ class _Fast:
 
 @checks.calls_checked
 class ThroughputSlip(SlipParameters, _Fast):
-    """Parameters of slip elements in double, for logs of millions of ticks
-    (dahl_throughput_element_t): the model, units and limits of Slip, in vectors, about 5 times as
-    fast as Slip.run_counts. Torques in N m are within 0.5001 ulp of the sum of Fc, without end; not
-    the bits of Slip. It prepares no plan and keeps no state. Equal if parameters
-    are; picklable. Raises dahl.Error as Slip does.
+    """Parameters of slip elements in double (dahl_throughput_element_t): the model, units and
+    limits of Slip, about 5 times as fast as Slip.run_counts, with other bits. Error: 0.5001 ulp of
+    the sum of Fc.
 
     >>> dahl.ThroughputSlip([100.0, 50.0], [0.5, 1.0], 1e-3).run_counts([10, 10])
     array([1. , 1.5], dtype=float32)
@@ -220,11 +212,9 @@ class ThroughputSlip(SlipParameters, _Fast):
 
 @checks.calls_checked
 class ThroughputParallel(_Fast):
-    """Elements on one shaft, whose torques in N m add, in double, for long logs
-    (dahl_throughput_element_t): any mix of Throughput and ThroughputSlip. Within 0.52 ulp of the
-    sum of all Fc, without end; not the bits of Parallel, 5 to 8 times as fast. Equal if all
-    parts are; picklable. Raises dahl.Error for anything else, and for a Throughput without
-    theta_per_count.
+    """Elements on one shaft, whose torques add, in double (dahl_throughput_element_t): any mix of
+    Throughput and ThroughputSlip, 5 to 8 times as fast as Parallel, with other bits. Error: 0.52
+    ulp of the sum of all Fc.
 
     >>> bearing, seal = dahl.Throughput(100, 0.5, 1e-3), dahl.ThroughputSlip([20], [1], 1e-3)
     >>> dahl.ThroughputParallel(bearing, seal).run_counts([10**6])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A bearing that adds up the energy that it absorbs. Same names, units and bits as dahl_parts.h."""
+"""A bearing that adds up the energy that it absorbs (dahl_parts.h)."""
 
 from __future__ import annotations
 
@@ -14,13 +14,9 @@ from dahl.binding.library import c
 
 @checks.calls_checked
 class Work(Element):
-    """One bearing of a Plan that adds up its work (dahl_work_t): the torques of
-    Friction(plan), bit for bit, and the work along the path in J, in whole numbers that do not
-    overflow for 2^63 ticks.
-
-    A step costs about 1 us from Python, a tick in run_counts() about 10 ns. Relaxed at first. Two
-    are equal if plan, state and sums are; picklable; a copy has a state of its own. Raises
-    dahl.Error for anything that is no Plan, and for a plan without theta_per_count.
+    """One bearing that adds up its work (dahl_work_t): the torques of Friction(plan), bit for bit,
+    and the work along the path in J. The sums are integers that do not overflow for 2^63 ticks. The
+    plan must have theta_per_count. Cost: 1 us a step, 10 ns a tick of run_counts().
 
     >>> bearing = dahl.Work(dahl.Plan(100.0, 0.5, 1e-3))
     >>> torques = bearing.run_counts([10**6, -(10**6)])
@@ -42,14 +38,13 @@ class Work(Element):
 
     @property
     def state(self) -> State:
-        """The state, live: w = F/Fc in Q62. Work counts from the state at the start on."""
+        """The state, live: w = F/Fc in Q62."""
         return self._state
 
     @property
     def work(self) -> float:
-        """J (N m rad) so far, the sum of F dtheta along the path: positive if the bearing absorbed
-        energy. Infinite beyond a float. Error: half an ulp of it, and for each reversal 2^-30 of
-        Fc^2/sigma0.
+        """J so far, the sum of F dtheta along the path: positive if the bearing absorbed energy.
+        Infinite beyond a float. Error: half an ulp, and for each reversal 2^-30 of Fc^2/sigma0.
         """
         return float(c.dahl_work(self._plan._params(), self._sums))
 

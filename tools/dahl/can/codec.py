@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Pack and unpack the frames of a friction node, in the C library. dahl.dbc defines the frames.
-Counter and CRC are those of AUTOSAR E2E profile 2.
+"""Pack and unpack the frames of a friction node (dahl.dbc), in the C library.
 
 >>> from dahl import codec
 >>> data = codec.to_bytes(codec.EncoderState(count=-7, counter=3))
@@ -9,8 +8,8 @@ Counter and CRC are those of AUTOSAR E2E profile 2.
 >>> codec.from_bytes(0x100, data)
 EncoderState(count=-7, counter=3, valid=True)
 
-pack() and unpack() do the same with python-can's messages. All raise dahl.Error in one line: for a
-value out of its range, another length, a wrong CRC, an id that no frame of a node has.
+pack() and unpack() do the same with python-can's messages. All raise dahl.Error for a value out of
+its range, another length, a wrong CRC, or an id that no frame of a node has.
 """
 
 from __future__ import annotations
@@ -82,15 +81,13 @@ F = TypeVar("F", bound="Frame")
 
 @checks.names_checked
 def to_bytes(frame: Frame) -> bytes:
-    """Return the 8 bytes of a frame, with CRC and counter. Raises dahl.Error if it is no Frame."""
+    """Return the 8 bytes of a frame, with CRC and counter."""
     return _pack_raw(frame, 0).data()
 
 
 @checks.names_checked
 def from_bytes(identifier: int, data: bytes | bytearray) -> Frame:
-    """Return the frame of an 11-bit id and 8 bytes. Raises dahl.Error for another id or length, for
-    a wrong CRC, and for a value out of its range.
-    """
+    """Return the frame of an 11-bit id and 8 bytes."""
     identifier = checks.whole("identifier", identifier, 0, STANDARD_MAX)
     if not isinstance(data, (bytes, bytearray)):
         raise Error(f"data = {checks.shown(data)} is neither bytes nor a bytearray")
@@ -103,9 +100,7 @@ def from_bytes(identifier: int, data: bytes | bytearray) -> Frame:
 
 @checks.names_checked
 def pack(frame: Frame, node: int = 0) -> can.Message:
-    """Return a message of python-can with the id of a node, 0 .. 15. Raises dahl.Error if frame is
-    no Frame or node is out of range.
-    """
+    """Return a message of python-can with the id of a node, 0 .. 15."""
     return _pack_raw(frame, number_of(node)).message()
 
 
@@ -121,8 +116,7 @@ def unpack(message: can.Message, kind: type[F]) -> F: ...
 @checks.names_checked
 def unpack(message: can.Message, kind: type[Frame] = Frame) -> Frame:
     """Return the frame in a message of python-can; its node is arbitration_id & 15. Raises
-    dahl.Error as from_bytes() does, for a message that is no classic data frame, and for a frame
-    that is not of the given kind, such as FrictionTorque.
+    dahl.Error also if the message is no classic data frame, or the frame not of this kind.
     """
     raw = RawFrame()
     raw.read(message)

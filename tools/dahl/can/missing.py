@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Count the frames of friction nodes that a recorder has missed, by their sequence counters.
 
-A counter has 4 bits, so it shows a gap modulo 16: that is the least number of missing frames. The
-most follows from the time stamps and the mean period of these frames. A gap of 16 n frames looks
-like a pause of the sender, and is not counted.
+A counter has 4 bits, so it shows a gap modulo 16: the least number of missing frames. The most
+follows from the time stamps and the mean period. A gap of 16 n frames looks like a pause of the
+sender, and is not counted.
 
 Angles that did not reach the node either were lost on the bus, not by the recorder. The counter of
 the answers then has no gap. Without answers each gap counts.

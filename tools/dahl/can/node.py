@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""The friction node in Python: the node of the firmware, on any bus that python-can opens.
+"""The friction node of the firmware, on any bus that python-can opens.
 
-Node answers frames with the same bits as the firmware. It has no bus and no clock. run() serves
-nodes on a bus, Listener does so in a can.Notifier, serve() in asyncio. ask() and expect_silence()
-test a node from the other end of the bus.
+Node answers frames. It has no bus and no clock. run() serves nodes on a bus, Listener does so in a
+can.Notifier, serve() in asyncio. ask() and expect_silence() test a node from the other end.
 
 >>> import dahl
 >>> from dahl import codec
@@ -56,7 +55,7 @@ Model: TypeAlias = Plan | Slip | Parallel | Bristle | Loaded
 
 @dataclass(frozen=True)
 class Counts:
-    """Frames since the node was made, by result; dahl_node_counts_t explains each."""
+    """Frames since the node was created, by result (dahl_node_counts_t)."""
 
     ok: int
     repeated: int
@@ -79,11 +78,10 @@ COUNTS = tuple(Counts.__dataclass_fields__)
 
 @checks.calls_checked
 class Node(Copied):
-    """A friction node (dahl_node_t): frames in, frames out, relaxed at first.
+    """A friction node (dahl_node_t): frames in, frames out.
 
-    friction       a Plan, a Slip, or the object of another model; the node copies
-                   its parameters, not its state. Parameter Load sets the load of a Loaded, 0 .. 1;
-                   1 at first
+    friction       a Plan, a Slip, or the object of another model; the node copies its parameters,
+                   not its state. Parameter Load sets the load of a Loaded, 0 .. 1; 1 at first
     number         0 .. 15, the low 4 bits of its ids
     gain           fraction of the torque that is answered, 0 .. 1
     limit          fraction of Fc that the answer is clamped to, 0 .. 1
@@ -92,10 +90,8 @@ class Node(Copied):
     max_step       counts per ms; a faster count is a jump. 0: no limit
     status_period  s from one Status to the next, 0 .. 60; 0: only after an event
 
-    It has no clock: the caller gives `now` in s, on any clock. A call without it uses the last
-    `now`, 0 at first. It accepts any frame; a table in docs/loop.md shows what it does with each.
-    Comparable, picklable; a copy has a state of its own. One thread at a time. About 2 us a frame.
-    Raises dahl.Error with the argument, its value and its limit.
+    The caller gives `now` in s, on any clock. A call without it uses the last `now`, 0 at first.
+    docs/loop.md shows how the node reacts to each frame. Cost: 2 us a frame.
     """
 
     _derived_fields = frozenset({"_node", "_kept", "_in", "_out"})
@@ -124,7 +120,7 @@ class Node(Copied):
         self._node.gain_now = 0 if self._node.ramp_us else self._node.gain
 
     def _begin(self, number: int) -> None:
-        """dahl_node_init, and dahl_node_use_NAME if it is no Plan."""
+        """Call dahl_node_init, and dahl_node_use_NAME if the model is no Plan."""
         use = _use_of(self._friction)
         if use is None:
             known = ", ".join(models.class_of(row).__name__ for row in models.table().values())
@@ -142,7 +138,7 @@ class Node(Copied):
 
     @property
     def friction(self) -> Model:
-        """The model given; a ParamWrite may have changed the node since."""
+        """The model of __init__(); a ParamWrite may have changed the node since."""
         return self._friction
 
     @property
@@ -166,9 +162,8 @@ class Node(Copied):
         return Counts(*(getattr(self._node.counts, name) for name in COUNTS))
 
     def receive(self, message: can.Message, now: float | None = None) -> can.Message | None:
-        """Process one frame of any kind. Returns the answer to send at once, if there is one: a
-        FrictionTorque to an EncoderState, a ParamReply to a ParamWrite, a Status to a Reset. `now`
-        in s. Raises dahl.Error if message is no can.Message, or `now` no number within +-1e300.
+        """Process one frame of any kind. Return the answer to send at once, if there is one: a
+        FrictionTorque to an EncoderState, a ParamReply to a ParamWrite, a Status to a Reset.
         """
         moment = self._us if now is None else self._at(now)
         self._in.read(message)
@@ -179,9 +174,8 @@ class Node(Copied):
         return None
 
     def tick(self, now: float | None = None) -> can.Message | None:
-        """Check the clock; call it every few ms. Returns a Status to send if one is due. The first
-        call returns one at once. `now` in s. Raises dahl.Error if `now` is no number within
-        +-1e300.
+        """Check the clock; call it every few ms. Return a Status to send if one is due, as in the
+        first call.
         """
         moment = self._us if now is None else self._at(now)
         return self._out.message() if c.dahl_node_tick(self._node, moment, self._out.c) else None
@@ -296,7 +290,7 @@ def _use_parallel(mix: Parallel) -> Use:
 
 
 def _elements(part: Friction | Slip) -> list[tuple[float, float, float, bool]]:
-    """sigma0, Fc, theta_per_count, and whether it slips, of each element of a part."""
+    """Return sigma0, Fc, theta_per_count, and whether it slips, of each element of a part."""
     if isinstance(part, Slip):
         pairs = zip(part.sigma0, part.Fc, strict=True)
         return [(sigma0, torque, part.theta_per_count, True) for sigma0, torque in pairs]
@@ -313,7 +307,7 @@ USES: dict[type, Callable[[Any], Use]] = {
 
 
 def _use_of(friction: object) -> Callable[[Any], Use] | None:
-    """Return the entry of its class or of a base class; None if there is none."""
+    """Return the entry of its class or of a base class, or None."""
     return next((USES[kind] for kind in type(friction).__mro__ if kind in USES), None)
 
 
@@ -360,7 +354,7 @@ class Listener:
         """The Notifier keeps it as its `exception`."""
 
     def stop(self) -> None:
-        """No Status from now on."""
+        """Stop the thread."""
         self._ended.set()
         if threading.current_thread() is not self._clock:
             self._clock.join()
@@ -379,8 +373,7 @@ def run(
     ended: Callable[[], bool] = lambda: False,
 ) -> Traffic:
     """Serve nodes on a bus until `ended()` is true, which is checked every few ms, or for
-    `seconds`; without either for ever. Returns the counts of frames. Raises dahl.RunError if the
-    bus fails.
+    `seconds`. Return the counts of frames. Raises dahl.RunError if the bus fails.
     """
     _check_bus(bus, "send", "recv")
     link = _Link(bus, nodes)
@@ -396,9 +389,8 @@ def run(
 
 
 async def serve(bus: can.BusABC, *nodes: Node) -> None:
-    """Serve nodes on a bus within asyncio, until the task is cancelled; run() does it in a thread.
-    Raises dahl.RunError if the bus fails. No other code may receive from this bus; if it has a
-    can.Notifier, use a Listener.
+    """Serve nodes on a bus in a thread, until the task is cancelled. Raises dahl.RunError if the
+    bus fails. No other code may receive from this bus; if it has a can.Notifier, use a Listener.
     """
     ended = threading.Event()
     thread = ThreadPoolExecutor(1)  # the threads of asyncio are few, and belong to the caller
@@ -465,10 +457,9 @@ def expect_silence(
     node: int = 0,
     seconds: float = 0.1,
 ) -> None:
-    """Send a frame that a node must not answer, and wait. A can.Message is sent as it is, such as
-    one with a wrong CRC; without a frame nothing is sent. Frames that wait on the bus are dropped
-    first. Raises dahl.RunError for a FrictionTorque or ParamReply of the node within `seconds`;
-    Status does not count, since a node sends it unasked.
+    """Send a frame that a node must not answer, and wait. A can.Message, for example with a wrong
+    CRC, is sent as it is; None sends no frame. Frames that wait on the bus are dropped first.
+    Raises dahl.RunError if the node sends a FrictionTorque or ParamReply within `seconds`.
     """
     _check_bus(bus, "send", "recv")
     seconds, node = _within("seconds", seconds, 0, MAX_PARAM_S, "s"), codec.number_of(node)
@@ -570,7 +561,7 @@ class _Link:
                 self._send(node.tick(time.monotonic()))
 
     def _is_for(self, node: Node, message: can.Message) -> bool:
-        """False for frames that nodes sent. Of several nodes each gets frames of its number."""
+        """Return whether a node must receive a frame. Several nodes receive by number."""
         if message.is_error_frame:
             return True
         own = not message.is_rx and message.arbitration_id & ~15 in ANSWERS

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Fixtures for tests of a friction node, and of programs that speak to one. The node is simulated
-in this process, or it is on a rig that --dahl-interface names; the tests are the same.
+"""Fixtures for tests of a friction node, simulated in this process or on a rig (--dahl-interface).
 
     dahl_bus        a python-can bus; the report of a failed test has its frames
     dahl_node       the node that answers on it: a dahl.Node, on a rig a dahl.can.rig.RigNode, which
@@ -8,17 +7,11 @@ in this process, or it is on a rig that --dahl-interface names; the tests are th
     dahl_make_node  dahl_make_node(number=3, friction=None, **settings) makes one more node
     dahl_async_bus  the bus for `async def` tests: await dahl_async_bus.ask(frame)
     dahl_plan, dahl_node_settings
-                    of that node; a test file that has a fixture of this name has its own
-    mark dahl       dahl(plan=..., timeout=...) gives both for one test. Every test that uses
-                    dahl_bus has this mark, so that -m dahl selects them
+                    arguments of that node; a test file may define fixtures of these names
+    mark dahl       dahl(plan=..., timeout=...) gives both for one test
 
-On a rig each test begins with a Reset. The settings of a simulated node are written to the node,
-and its earlier ones are restored after the test. Its plan is written only if the test gives one;
-else dahl_plan is that of the rig. One test at a time uses a rig, also among the workers of
-pytest-xdist. If a node has never answered, its tests are skipped. With --dahl-serve the nodes are
-simulated on that bus.
-
-pytest loads this module if dahl is installed. Until a fixture is used it has no cost.
+docs/python.md explains the options and a rig. Imports are in the fixtures, because pytest loads
+this module whenever dahl is installed.
 """
 
 from __future__ import annotations
@@ -85,7 +78,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Refuse options that would be ignored, or that no test could use."""
+    """Reject options without effect."""
     config.addinivalue_line("markers", MARK)
     config.stash[_contacts] = {}
     words = str(config.getoption("--dahl-bus-kwargs")).split()
@@ -133,9 +126,7 @@ def pytest_runtest_makereport(
 
 @contextlib.contextmanager
 def _one_line() -> Iterator[None]:
-    """Fail a test with one line, without the insides of a fixture, if the bus does not open or the
-    node is silent.
-    """
+    """Fail a test with one line, without a traceback, after an error of the bus or the node."""
     try:
         yield
     except Error as error:
@@ -151,9 +142,7 @@ def _mark_arguments(request: pytest.FixtureRequest) -> Settings:
 
 @pytest.fixture
 def dahl_plan(request: pytest.FixtureRequest) -> Model:
-    """Parameters of dahl_node: 100 N m/rad, 0.5 N m, an encoder of 16384 counts a turn; on a rig
-    those that it has.
-    """
+    """Parameters of dahl_node: 100 N m/rad, 0.5 N m, 16384 counts a turn; on a rig its own."""
     from dahl.binding.friction import Plan
 
     arguments = _mark_arguments(request)
@@ -168,7 +157,7 @@ def dahl_plan(request: pytest.FixtureRequest) -> Model:
 
 @pytest.fixture
 def dahl_node_settings() -> Settings:
-    """Return the other arguments of Node(): a timeout in s that a busy machine does not reach."""
+    """Return the other arguments of Node(). The timeout in s is long, for a busy machine."""
     return {"timeout": 10.0}
 
 
@@ -177,7 +166,7 @@ def dahl_node_settings() -> Settings:
 
 @pytest.fixture
 def dahl_bus_settings(request: pytest.FixtureRequest) -> Settings:
-    """Arguments of can.Bus() to open the bus; a separate channel for each test if virtual."""
+    """Arguments of can.Bus(); a separate channel for each test if virtual."""
     from dahl.can import codec
 
     with _one_line():
@@ -205,9 +194,7 @@ def dahl_bus(request: pytest.FixtureRequest, dahl_bus_settings: Settings) -> Ite
 
 @pytest.fixture
 def dahl_async_bus(dahl_bus: can.BusABC) -> AsyncBus:
-    """dahl_bus for `async def` tests, which run in asyncio without any plugin, and with that of
-    pytest-asyncio or anyio too.
-    """
+    """dahl_bus for `async def` tests, with or without a plugin for asyncio."""
     from dahl.can.async_bus import AsyncBus
 
     return AsyncBus(dahl_bus)
@@ -224,7 +211,6 @@ def _log_of(request: pytest.FixtureRequest, bus: can.BusABC) -> FrameLog:
 
 
 def _is_rig(request: pytest.FixtureRequest) -> bool:
-    """Return whether the nodes are on a rig."""
     interface = request.getfixturevalue("dahl_bus_settings")["interface"]
     return interface != VIRTUAL and not request.config.getoption("--dahl-serve")
 
@@ -255,7 +241,7 @@ def _open(request: pytest.FixtureRequest, settings: Settings) -> can.BusABC:
 
 def _contact(request: pytest.FixtureRequest, key: str, call: Callable[[bool], T]) -> T:
     """Return the result of a call to a rig; skip the test if the rig has never answered. A rig that
-    has answered before, and does not now, is a failure. call(True) is the first one.
+    has answered before must answer. call(True) is the first call.
     """
     from dahl.can.rig import NoRig
 
@@ -280,8 +266,8 @@ def _contact(request: pytest.FixtureRequest, key: str, call: Callable[[bool], T]
 def dahl_make_node(
     request: pytest.FixtureRequest, dahl_bus: can.BusABC, dahl_node_settings: Settings
 ) -> Iterator[Callable[..., AnyNode]]:
-    """Return a function that makes one more node on dahl_bus, or returns the one of this number on
-    a rig: make(number=1, friction=dahl_plan, **settings), with the other arguments of dahl.Node.
+    """Return make(number=1, friction=dahl_plan, **settings), with the other arguments of dahl.Node:
+    it makes one more node on dahl_bus, or returns the one of this number on a rig.
     """
     with _one_line(), contextlib.ExitStack() as nodes:
 

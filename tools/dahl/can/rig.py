@@ -129,8 +129,7 @@ class RigNode:
     """A node on a rig, with the properties of dahl.Node.
 
     Reading `state`, `errors` or `counts` makes it send a Status; `friction` reads its parameters.
-    A property that no frame carries raises dahl.RunError with its name. So do calls that need a
-    node of this process.
+    A property that no frame carries raises dahl.RunError.
     """
 
     def __init__(self, bus: can.BusABC, frames: FrameLog, number: int) -> None:
@@ -249,7 +248,6 @@ class RigNode:
             self._own = [codec.ParamReply.base]
 
     def _ask(self, asked: ParamWrite) -> codec.ParamReply:
-        """Read or write a parameter."""
         self._counter = (self._counter + 1) % codec.COUNTERS
         asked = replace(asked, counter=self._counter)
         self._replies.clear()

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Write the bus description (DBC) of a bus with N friction nodes.
 
-Node 0 has the plain names of the project's own DBC; node n has the same frames at id + n, and its
-number behind each name: FrictionTorque_3. Counter and CRC are alike for all: the data ids are those
-of the kind of frame, whatever the number of the node.
+Node 0 has the names of dahl.dbc; node n has the same frames at id + n, and its number behind each
+name: FrictionTorque_3. Counter and CRC are the same for all nodes.
 """
 
 from __future__ import annotations

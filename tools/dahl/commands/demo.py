@@ -435,7 +435,6 @@ def _table(numbers: dict[str, Any], scene: Scene, not_recorded: int) -> Any:
 
 
 def _special(numbers: dict[str, Any]) -> dict[str, str]:
-    """Rows of scenes with faults or a rotor."""
     from dahl.report import traces
 
     rows = {}

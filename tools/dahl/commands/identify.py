@@ -358,10 +358,9 @@ def _report(args: argparse.Namespace, result: Result, name: str) -> None:
     if quiet:
         return
     out = console()
-    out.print(report.table(result))
-    out.print(report.model_table(result))
+    out.print(*report.tables(result), sep="\n")
     if written:
         out.print("files   " + ", ".join(map(str, written)), soft_wrap=True)
     if written and written[-1].suffix != ".h":
-        why = "; ".join(export.plan_quality(result, export.runnable_model(result)).against)
+        why = "; ".join(export.runnable_model(result).against)
         out.print(f"no plan for firmware: {why} (--force writes one)", soft_wrap=True)

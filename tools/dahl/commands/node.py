@@ -91,7 +91,6 @@ def _interface(args: argparse.Namespace) -> str | None:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Raise dahl.Error for options that exclude each other."""
     _check_bus(args)
     given = [name for name in OWN if getattr(args, name) is not None]
     if given and (args.scene or len(given) < len(OWN)):
@@ -106,7 +105,6 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _check_bus(args: argparse.Namespace) -> None:
-    """Raise dahl.Error for bus options that do not apply."""
     given = named(args)
     if "interface" in given:
         if args.target:
@@ -121,7 +119,6 @@ def _check_bus(args: argparse.Namespace) -> None:
 
 
 def _scene(args: argparse.Namespace, folder: Path) -> Scene:
-    """Return the named scene, or a scene of the given parameters."""
     from dahl.sim import scene
 
     if args.sigma0 is None:

@@ -2,16 +2,14 @@
 """Record a bus into a log: candump (.log, which canplayer can replay), ASC, BLF, TRC or MF4, by the
 ending of its name.
 
-Works with any interface that python-can has. Stop it with Ctrl-C, or give --frames or --seconds. A
-.log, .asc or .trc holds whole lines at any moment; .blf and .mf4 are whole once it has ended. A
-.trc holds no CAN FD, remote or error frames: they are left out, and their number is printed at the
-end.
+Stop it with Ctrl-C, or give --frames or --seconds. A .log, .asc or .trc holds whole lines at any
+moment; .blf and .mf4 are whole once it has ended. A .trc cannot hold CAN FD, remote or error
+frames; their number is printed at the end.
 
-If the log lacks frames of a friction node, it prints how many and exits with 1: a program that
-reads too slowly loses frames. They are counted by the sequence counters of EncoderState,
-FrictionTorque and Status; with SocketCAN also by the kernel. A counter has 4 bits, so "3 to 1987"
-means 3 by the counters and 1987 by the time stamps. A frame that did not reach the node either, a
-repeated one and a restarted node do not count. Frames of other devices have no such counter.
+If the log lacks frames of a friction node, because this program read too slowly, it prints how many
+and exits with 1. They are counted by the 4-bit sequence counters of EncoderState, FrictionTorque
+and Status; with SocketCAN also by the kernel. "3 to 1987" means 3 by the counters and 1987 by the
+time stamps.
 """
 
 from __future__ import annotations

@@ -39,8 +39,14 @@ def logs_in(folder: Path) -> list[Path]:
     return found
 
 
-def identify_file(path: Path, source: Source, options: Options) -> dict[str, Any]:
-    """Return the numbers of one log, or {"error": reason} if the log cannot be used."""
+def identify_file(
+    key: tuple[str, ...], path: Path, source: Source, options: Options
+) -> dict[str, Any]:
+    """Return the numbers of one log, or {"error": reason} if the log cannot be used.
+
+    joblib stores them by all arguments; `key` has the hashes of the log, the DBC and the method.
+    """
+    del key
     try:
         return report.numbers(estimate.identify([readers.read(path, source)], options))
     except RunError:  # such as a missing library: not a fault of the log
@@ -66,12 +72,6 @@ def method_version() -> str:
     return __version__ + "".join(map(digest, sources))
 
 
-def _stored(key: tuple[str, ...], path: Path, source: Source, options: Options) -> dict[str, Any]:
-    """Call identify_file(); `key` has the hashes by which joblib stores the result."""
-    del key
-    return identify_file(path, source, options)
-
-
 class Store:
     """Results in a folder, by content and path of the log, options and method."""
 
@@ -81,7 +81,7 @@ class Store:
         dbc = source.dbc and source.dbc.resolve()
         self.source, self.options = replace(source, dbc=dbc), options
         self.method = (digest(dbc) if dbc else "", method_version())
-        self.call = joblib.Memory(folder, verbose=0).cache(_stored)
+        self.call = joblib.Memory(folder, verbose=0).cache(identify_file)
 
     def arguments(self, path: Path) -> tuple[Any, ...]:
         path = path.resolve()
@@ -101,14 +101,12 @@ class Store:
         return numbers
 
 
-def _indexed(index: int, store: Store, path: Path) -> tuple[int, dict[str, Any]]:
+def _numbers(store: Store, path: Path) -> tuple[Path, dict[str, Any]]:
     from joblib.memory import CacheWarning
 
-    with warnings.catch_warnings():
-        warnings.simplefilter(
-            "ignore", CacheWarning
-        )  # a result that cannot be stored is computed again
-        return index, store.call(*store.arguments(path))
+    with warnings.catch_warnings():  # a result that cannot be stored is computed again
+        warnings.simplefilter("ignore", CacheWarning)
+        return path, store.call(*store.arguments(path))
 
 
 def run(
@@ -126,9 +124,8 @@ def run(
             yield path, stored, True
     with _cluster(dask):
         parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
-        calls = (joblib.delayed(_indexed)(k, store, path) for k, path in enumerate(left))
-        for k, numbers in parallel(calls):
-            yield left[k], numbers, False
+        for path, numbers in parallel(joblib.delayed(_numbers)(store, path) for path in left):
+            yield path, numbers, False
 
 
 @contextlib.contextmanager

@@ -200,10 +200,7 @@ class Fitter:
         """F/Fc of each element on these moves, without a lag."""
         law, s = h.friction, self.samples
         a = np.exp(np.clip(p[: law.elements], -50, 50))
-        shape = [
-            float(np.clip(x, low, high))
-            for x, (_, low, high) in zip(p[law.elements :], law.shape, strict=False)
-        ]
+        shape = self._shape(h, p)
         if law.kinds == ("limits",):
             limits = self._limits(h, a[0], shape)
             return [models.dahl_with_limits(moves, pieces, a[0], limits)]
@@ -217,6 +214,26 @@ class Fitter:
             return [models.tabulated(moves, pieces, a[0], h.law, shape[0])]
         laws = {"dahl": models.dahl, "slip": models.slip}
         return [laws[kind](moves, pieces, a[k]) for k, kind in enumerate(law.kinds)]
+
+    def _shape(self, h: Hypothesis, p: np.ndarray) -> list[float]:
+        law = h.friction
+        return [
+            float(np.clip(x, low, high))
+            for x, (_, low, high) in zip(p[law.elements :], law.shape, strict=False)
+        ]
+
+    def limit_range(self, fit: Fit) -> tuple[float, float]:
+        """Least and largest Fc in parts of the mean or fast Fc that the law states.
+
+        The range covers both directions, and the speeds and rests of the log.
+        """
+        h, shape = fit.hypothesis, self._shape(fit.hypothesis, fit.p)
+        if h.law == "asymmetric":
+            return 1 - abs(shape[0]), 1 + abs(shape[0])
+        if h.friction.kinds != ("limits",):
+            return 1.0, 1.0
+        limits = self._limits(h, float(np.exp(fit.p[0])), shape)
+        return min(float(limits.min()), 1.0), max(float(limits.max()), 1.0)
 
     def _limits(self, h: Hypothesis, a: float, shape: Sequence[float]) -> np.ndarray:
         """Fc of each sample, in parts of Fc: (n,)."""

@@ -7,11 +7,9 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from dahl.errors import Error
-from dahl.identify import estimate
-from dahl.identify.estimate import Options
+from dahl.identify.estimate import Options, identify
 from dahl.identify.result import Result
 from dahl.io.can_signals import Signals
-from dahl.io.log import Log
 from dahl.io.readers import Source, to_log
 
 if TYPE_CHECKING:
@@ -33,16 +31,26 @@ def follow(
     Raises dahl.Error if the log could not be identified by then.
     """
     signals, due = signals_of(source), FIRST_ROWS
+
+    def estimate() -> Result:
+        columns = signals.columns, signals.values("bus")
+        return identify([to_log("bus", source, columns)], options)
+
     for frame in frames:
         if frame is not None:
             signals.feed(frame)
-        if (rows := signals.rows()) >= due:
-            due = int(rows * GROWTH)
-            result, words = _estimate(signals, source, options)
-            show(rows, result, words)
-            if result is not None and is_known(result, within):
-                return result
-    return estimate.identify([_log(signals, source)], options)
+        if (rows := signals.rows()) < due:
+            continue
+        due = int(rows * GROWTH)
+        try:
+            result = estimate()
+        except Error as error:  # too little motion so far
+            show(rows, None, str(error))
+            continue
+        show(rows, result, result.verdict)
+        if is_known(result, within):
+            return result
+    return estimate()
 
 
 def signals_of(source: Source) -> Signals:
@@ -50,18 +58,6 @@ def signals_of(source: Source) -> Signals:
     if source.dbc is None or not (source.angle and source.torque):
         raise Error("--follow needs --dbc FILE, --angle SIGNAL and --torque SIGNAL")
     return Signals(source.dbc, source.signals)
-
-
-def _log(signals: Signals, source: Source) -> Log:
-    return to_log("bus", source, (signals.columns, signals.values("bus")))
-
-
-def _estimate(signals: Signals, source: Source, options: Options) -> tuple[Result | None, str]:
-    try:
-        result = estimate.identify([_log(signals, source)], options)
-    except Error as error:  # too little motion so far
-        return None, str(error)
-    return result, result.verdict
 
 
 def is_known(result: Result, within: float) -> bool:

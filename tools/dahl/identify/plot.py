@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Draw the picture of an identification: the fit over the measurement, and the residual."""
+"""Draw NAME.png: the fit over the measurement, and the residual."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -12,32 +13,39 @@ from matplotlib.figure import Figure
 
 from dahl.identify.result import NAMES, Result
 from dahl.report import plots
-from dahl.report.plots import COMPUTED, MEASURED
+from dahl.report.plots import COMPUTED, MARK, MEASURED
 
+PANELS: Any = [  # matplotlib has no exported type of it
+    ["loop", "loop"],
+    ["by angle", "by speed"],
+    ["autocorrelation", "plausible"],
+    ["sigma0", "Fc"],
+]
 MAX_LAG = 60  # samples of the autocorrelation
 CORRELATED_SAMPLES = 20_000  # from the start
 OUTLIER_WEIGHT = 0.5  # samples of less weight are marked
-MARK = "#e9a23b"
 
 
 def draw(path: Path, result: Result, title: str) -> None:
     """Write the picture; an old file stays until the new one is complete."""
     with rc_context(plots.STYLE):
         figure = Figure(figsize=(11, 14), layout="constrained")
-        axes = figure.subplots(4, 2, height_ratios=(2.6, 1, 1, 1))
-        loop = _merge(figure, axes[0])
-        _draw_loop(loop, result)
-        _draw_residual(axes[1], result)
-        _draw_autocorrelation(axes[2, 0], result)
-        _draw_hypotheses(axes[2, 1], result)
-        _draw_cycles(axes[3], result)
-        loop.set_title(
-            plots.escape(result.verdict),
-            loc="left",
-            fontsize=10,
-            color="#555555",
-            wrap=True,
-        )
+        panels = figure.subplot_mosaic(PANELS, height_ratios=(2.6, 1, 1, 1))
+        size, unit = result.logs[0].shown_in
+        angle = result.samples.angles[result.hypothesis.angle]
+        from_start = (angle - angle[0]) / size
+        name = "position" if result.logs[0].linear else "angle"
+        label = f"{name} from the start [{unit}]"
+        _draw_loop(panels["loop"], result, from_start, label)
+        _draw_residual(panels["by angle"], result, from_start, label)
+        speed = result.samples.speed / size * (1.0 if result.samples.timed else 1e-3)
+        label = f"speed [{unit}/{'s' if result.samples.timed else 'row'}]"
+        _draw_residual(panels["by speed"], result, speed, label)
+        _draw_autocorrelation(panels["autocorrelation"], result)
+        _draw_hypotheses(panels["plausible"], result)
+        for name, values in result.by_cycle().items():
+            if name in NAMES:
+                _draw_cycles(panels[name], result, name, values)
         found = {name: f"{getattr(result, name).value:.4g} {result.units[name]}" for name in NAMES}
         numbers = ", ".join(f"{name} = {words}" for name, words in found.items())
         words = f"{plots.escape(title)}\n{result.hypothesis.friction.label}: {numbers}"
@@ -45,30 +53,11 @@ def draw(path: Path, result: Result, title: str) -> None:
         plots.save(figure, path)
 
 
-def _merge(figure: Figure, pair: np.ndarray) -> Axes:
-    """Return one panel in the place of two."""
-    place = pair[0].get_gridspec()[pair[0].get_subplotspec().rowspan.start, :]
-    for axes in pair:
-        axes.remove()
-    merged: Axes = figure.add_subplot(place)
-    return merged
-
-
-def _angle(result: Result) -> tuple[np.ndarray, str]:
-    """Return the angle of the samples from the start, and its label."""
-    log = result.logs[0]
-    size, unit = log.shown_in
-    angle = result.samples.angles[result.hypothesis.angle]
-    name = "position" if log.linear else "angle"
-    return (angle - angle[0]) / size, f"{name} from the start [{unit}]"
-
-
-def _draw_loop(axes: Axes, result: Result) -> None:
+def _draw_loop(axes: Axes, result: Result, angle: np.ndarray, label: str) -> None:
     """Draw torque over angle, measured and fitted; each piece is a line.
 
     The fit begins when the unknown torque at the start of a piece is forgotten.
     """
-    angle, label = _angle(result)
     measured, log = result.samples.torque, result.logs[0]
     for k, rows in enumerate(result.samples.pieces):
         words = ("measured", f"fitted: {result.hypothesis.friction.label}") if k == 0 else ("", "")
@@ -83,34 +72,28 @@ def _draw_loop(axes: Axes, result: Result) -> None:
     if is_outlier.any():
         label_outliers = f"outliers, {100 * is_outlier.mean():.1f} % of the samples"
         axes.plot(angle[is_outlier], measured[is_outlier], "x", color=MARK, label=label_outliers)
-    kind = "force" if log.linear else "torque"
-    axes.set(xlabel=label, ylabel=f"{kind} [{log.unit}]")
+    axes.set(xlabel=label, ylabel=f"{'force' if log.linear else 'torque'} [{log.unit}]")
     axes.legend(loc="best", fontsize=9)
+    verdict = plots.escape(result.verdict)
+    axes.set_title(verdict, loc="left", fontsize=10, color="#555555", wrap=True)
 
 
-def _draw_residual(pair: np.ndarray, result: Result) -> None:
-    """Draw the residual over angle and over speed; structure there is lack of fit."""
-    log = result.logs[0]
-    size, unit = log.shown_in
-    angle, label = _angle(result)
-    speed_label = f"speed [{unit}/{'s' if result.samples.timed else 'row'}]"
-    speed = result.samples.speed / size * (1.0 if result.samples.timed else 1e-3)
+def _draw_residual(axes: Axes, result: Result, x: np.ndarray, label: str) -> None:
+    """Draw the residual over a column; structure there is lack of fit."""
     used = result.samples.used > 0
-    for axes, x, words in ((pair[0], angle, label), (pair[1], speed, speed_label)):
-        axes.plot(x[used], result.residual[used], ".", color=MEASURED, markersize=1.5)
-        axes.axhline(0, color=COMPUTED, linewidth=1)
-        axes.set(xlabel=words, ylabel=f"residual [{log.unit}]")
+    axes.plot(x[used], result.residual[used], ".", color=MEASURED, markersize=1.5)
+    axes.axhline(0, color=COMPUTED, linewidth=1)
+    axes.set(xlabel=label, ylabel=f"residual [{result.logs[0].unit}]")
 
 
 def _draw_autocorrelation(axes: Axes, result: Result) -> None:
     """Draw the autocorrelation of the residual, with the band of white noise."""
     x = (result.residual * (result.samples.used > 0))[:CORRELATED_SAMPLES]
-    n = len(x)
-    most = min(MAX_LAG, n // 4)
     power = float(x @ x) or 1.0
-    lags = np.arange(1, most + 1)
+    lags = np.arange(1, min(MAX_LAG, len(x) // 4) + 1)
     axes.bar(lags, [float(x[k:] @ x[:-k]) / power for k in lags], width=0.8, color=MEASURED)
-    axes.axhspan(-1.96 / np.sqrt(n), 1.96 / np.sqrt(n), color=COMPUTED, alpha=0.25)
+    white = 1.96 / np.sqrt(len(x))
+    axes.axhspan(-white, white, color=COMPUTED, alpha=0.25)
     axes.set(xlabel="lag [samples] (shaded: white noise)", ylabel="autocorrelation of the residual")
 
 
@@ -120,22 +103,20 @@ def _draw_hypotheses(axes: Axes, result: Result) -> None:
     for fit in result.plausible.fits:
         axes.plot(*fit.value, "o", color=MEASURED, markersize=4)
     axes.plot(*result.chosen.value, "o", color=COMPUTED, markersize=7, label="chosen")
-    ends = [(result.sigma0.low, result.sigma0.high), (result.Fc.low, result.Fc.high)]
-    if np.isfinite(ends).all():
-        axes.axvspan(*ends[0], color=COMPUTED, alpha=0.15)
-        axes.axhspan(*ends[1], color=COMPUTED, alpha=0.15)
+    if np.isfinite([result.sigma0.high, result.Fc.high]).all():
+        axes.axvspan(result.sigma0.low, result.sigma0.high, color=COMPUTED, alpha=0.15)
+        axes.axhspan(result.Fc.low, result.Fc.high, color=COMPUTED, alpha=0.15)
     axes.set(xlabel=f"sigma0 [{log.slope_unit}] of plausible hypotheses", ylabel=f"Fc [{log.unit}]")
     axes.legend(loc="best", fontsize=9)
 
 
-def _draw_cycles(pair: np.ndarray, result: Result) -> None:
-    """Draw sigma0 and Fc cycle by cycle with their intervals."""
-    cycles = result.by_cycle()
-    for axes, name in zip(pair, NAMES, strict=True):
-        p = getattr(result, name)
-        if np.isfinite(p.high):
-            axes.axhspan(p.low, p.high, color=COMPUTED, alpha=0.25)
-        axes.axhline(p.value, color=COMPUTED, linewidth=1)
-        axes.plot(np.arange(len(cycles[name])) + 1, cycles[name], "o", color=MEASURED, ms=4)
-        axes.set(xlabel="cycle (shaded: 95 % of the whole log)")
-        axes.set_ylabel(f"{name} [{result.units[name]}]")
+def _draw_cycles(axes: Axes, result: Result, name: str, values: np.ndarray) -> None:
+    """Draw sigma0 or Fc cycle by cycle with its interval."""
+    p = getattr(result, name)
+    if np.isfinite(p.high):
+        axes.axhspan(p.low, p.high, color=COMPUTED, alpha=0.25)
+    axes.axhline(p.value, color=COMPUTED, linewidth=1)
+    axes.plot(np.arange(len(values)) + 1, values, "o", color=MEASURED, ms=4)
+    axes.set(
+        xlabel="cycle (shaded: 95 % of the whole log)", ylabel=f"{name} [{result.units[name]}]"
+    )

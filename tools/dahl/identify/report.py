@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,17 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dahl.identify import excitation, models
-from dahl.identify.export import (
-    RunnableModel,
-    about,
-    header,
-    plan_quality,
-    runnable_model,
-    write_scene,
-)
+from dahl.identify.export import RunnableModel, header, runnable_model, write_scene
 from dahl.identify.fit import Fit, cost_of, jackknife, solve
 from dahl.identify.models import LAWS, turning_points
-from dahl.identify.result import NAMES, Parameter, Result, terms_of
+from dahl.identify.result import NAMES, Result, terms_of
 from dahl.identify.samples import MIN_TURN_LENGTHS
 from dahl.identify.select import penalised_cost
 from dahl.io.files import write_atomic
@@ -31,6 +25,7 @@ from dahl.version import __version__
 if TYPE_CHECKING:
     from rich.table import Table
 
+BOUNDS = ("Fc_low", "length_long")  # for dahl_compensator.h; null if a log gives none
 MAX_CHOICES = 40  # best hypotheses that JSON lists
 UNITS = {"offset": "{T}", "spring": "{k}", "viscous": "{T} s/{x}", "inertia": "{T} s2/{x}"}
 MIN_INFORMING_SLOPE = 0.1  # of sigma0; a smaller slope says little about sigma0
@@ -70,17 +65,19 @@ def best_by_law(result: Result) -> dict[str, Fit]:
 
 def numbers(result: Result) -> dict[str, Any]:
     """Return all numbers by their JSON keys, in N m and rad, or N and m if `linear` is true."""
-    log, model = result.logs[0], runnable_model(result)
-    quality = plan_quality(result, model)
-    residual = result.residual * np.sqrt(result.samples.used)
+    log, model, samples = result.logs[0], runnable_model(result), result.samples
+    parameters = {name: getattr(result, name) for name in ("sigma0", "Fc", "a")}
+    residual = result.residual * np.sqrt(samples.used)
+    least = MIN_TURN_LENGTHS / result.a.value
     return {
         "logs": list(dict.fromkeys(one.name for one in result.raw)),
         "rows": sum(one.rows for one in result.logs),
         "linear": log.linear,
         "units": result.units,
-        **{name: getattr(result, name).value for name in ("sigma0", "Fc", "a")},
-        "ci95": {name: _ends(getattr(result, name)) for name in ("sigma0", "Fc", "a")},
-        "uncertainty": {name: getattr(result, name).uncertainty for name in NAMES},
+        **{name: p.value for name, p in parameters.items()},
+        "ci95": {name: [_finite(p.low), _finite(p.high)] for name, p in parameters.items()},
+        **dict(zip(BOUNDS, result.compensator_bounds or (None, None), strict=True)),
+        "uncertainty": {name: parameters[name].uncertainty for name in NAMES},
         "identifiable": dict(zip(NAMES, result.claimed, strict=True)),
         "verdict": result.verdict,
         "reasons": result.reasons,
@@ -88,21 +85,21 @@ def numbers(result: Result) -> dict[str, Any]:
         "extra": result.terms,
         "extra_standard_errors": _term_errors(result),
         "r2": 1 - float(residual @ residual) / result.spread,
-        "rmse": float(np.sqrt(residual @ residual / result.samples.used.sum())),
+        "rmse": float(np.sqrt(residual @ residual / samples.used.sum())),
         **_simple_models(result),
         "checks": result.checks,
-        "reversals": _reversals(result),
+        "reversals": sum(len(turning_points(one.theta, least)) for one in result.logs),
         "informs_sigma0": _informing_part(result),
-        "cycles_scored": result.samples.cycles,
+        "cycles_scored": samples.cycles,
         "delay_rows": result.delay_rows,
         "delay_rows_standard_error": _delay_error(result),
         "backlash": result.play,
         "resolution": log.resolution,
-        "r2_plan": quality.r2,
+        "r2_plan": model.plan_r2,
         "plan": {
-            "theta_per_count": quality.theta_per_count,
-            "of_target": quality.is_for_target,
-            "against": quality.against,
+            "theta_per_count": model.theta_per_count,
+            "of_target": bool(result.options.target_counts),
+            "against": model.against,
         },
         "load": _load(result),
         **_how(result),
@@ -114,9 +111,9 @@ def as_json(result: Result) -> str:
     return json.dumps(numbers(result), indent=2) + "\n"
 
 
-def _ends(p: Parameter) -> list[float | None]:
-    """Return the ends of an interval; None for infinity, which JSON lacks."""
-    return [float(x) if math.isfinite(x) else None for x in (p.low, p.high)]
+def _finite(x: float) -> float | None:
+    """Return a number; None for infinity, which JSON lacks."""
+    return x if math.isfinite(x) else None
 
 
 def notes(result: Result) -> list[str]:
@@ -162,13 +159,16 @@ def _delay_error(result: Result) -> float:
 
 def _simple_models(result: Result) -> dict[str, Any]:
     """Return held-out R2 and rms of Dahl's law, Coulomb's, no friction and one slip element."""
+    import pandas as pd
+
     s, fits = result.samples, best_by_law(result)
     terms = [name for name in result.hypothesis.terms if name != "waves"]
     columns = result.fitter.term_columns(terms)
-    sign = _last_direction(result.fitter.moves["between counts"])
+    signs = pd.Series(np.sign(result.fitter.moves["between counts"])).replace(0.0, np.nan)
+    last_sign = signs.ffill().fillna(0.0).to_numpy()  # of the last move that was not 0
     costs = {
         "dahl": fits["dahl"].total if "dahl" in fits else math.nan,
-        "coulomb": _held_out(result, [sign, *columns]),
+        "coulomb": _held_out(result, [last_sign, *columns]),
         "none": _held_out(result, columns or [np.zeros(s.rows)]),
         "bilinear": fits["slip"].total if "slip" in fits else math.nan,
     }
@@ -186,22 +186,10 @@ def _simple_models(result: Result) -> dict[str, Any]:
     }
 
 
-def _last_direction(moves: np.ndarray) -> np.ndarray:
-    """Return the sign of the last move that was not 0; 0 before the first one."""
-    import pandas as pd
-
-    return pd.Series(np.sign(moves)).replace(0.0, np.nan).ffill().fillna(0.0).to_numpy()
-
-
 def _held_out(result: Result, columns: list[np.ndarray]) -> float:
     """Return the squared residual of left-out cycles if only these columns are fitted."""
     grams = result.samples.grams(np.column_stack(columns))
     return float(cost_of(grams, range(len(columns)), _left_out_solutions(grams)).sum())
-
-
-def _reversals(result: Result) -> int:
-    least = MIN_TURN_LENGTHS / result.a.value
-    return sum(len(turning_points(log.theta, least)) for log in result.logs)
 
 
 def _informing_part(result: Result) -> float:
@@ -219,9 +207,8 @@ def _load(result: Result) -> dict[str, Any] | None:
     if fit.hypothesis.law != "loaded" or s.load is None:
         return None
     plain = best_by_law(result)["dahl"]
-    reference = s.reference.load
+    reference, ends = s.reference.load, (float(s.load.min()), float(s.load.max()))
     slope = float(fit.p[1]) / reference
-    ends = float(s.load.min()), float(s.load.max())
     return {
         "reference": reference,
         "slope": slope,
@@ -312,99 +299,79 @@ def _parts(fit: Fit) -> list[dict[str, float | str]]:
         limits = {name: float(fit.limits[0] * part) for name, part in ways.items()}
         return [{"kind": "asymmetric", "sigma0": sigma0, **limits}]
     parts: list[dict[str, float | str]] = []
-    for k, kind in enumerate(law.kinds):
-        limit = float(fit.limits[k])
+    for kind, sigma0, limit in zip(law.kinds, fit.slopes, fit.limits, strict=True):
         words = law.label if kind == "table" else kind
-        parts.append({"kind": words, "sigma0": float(fit.slopes[k]), "Fc": limit})
+        parts.append({"kind": words, "sigma0": float(sigma0), "Fc": float(limit)})
     for k in range(len(law.shape)):
-        parts[0]["exponent" if law.name == "exponent" else f"shape_{k + 1}"] = float(
-            fit.p[law.elements + k]
-        )
+        name = "exponent" if law.name == "exponent" else f"shape_{k + 1}"
+        parts[0][name] = float(fit.p[law.elements + k])
     return parts
 
 
 # --- tables for people ----------------------------------------------------------------------------
 
 
-def table(result: Result) -> Table:
+def tables(result: Result) -> tuple[Table, Table]:
+    """Return the table of the numbers, which begins with the verdict, and the table of the laws."""
     from rich.table import Table
 
-    log = result.logs[0]
-    shown = Table(show_header=False, title=title_of(result), width=TABLE_COLUMNS)
-    shown.title_justify = "left"
-    shown.add_row("verdict", result.verdict)
-    for name, unit in result.units.items():
+    kept = numbers(result)
+    title = title_of(result)
+    shown = Table(show_header=False, title=title, width=TABLE_COLUMNS, title_justify="left")
+    for row in _rows(result, kept):
+        shown.add_row(*row)
+    laws = Table("law", "parameters", "R2", "tick", width=TABLE_COLUMNS, title_justify="left")
+    laws.title = "laws"
+    for law in kept["models"]:
+        numbers_of = (part.values() for part in law["parts"])
+        parts = (", ".join(f"{x:.4g}" for x in one if not isinstance(x, str)) for one in numbers_of)
+        name = f"{law['name']} (chosen)" if law["chosen"] else law["name"]
+        laws.add_row(name, "; ".join(parts), f"{law['r2']:.4f}", str(law["instructions_m3"] or "-"))
+    laws.caption = (
+        f"sigma0 [{result.units['sigma0']}] and Fc [{result.units['Fc']}] of each element"
+        " (asymmetric: Fc forward and backward), then shape parameters; R2 on cycles left out;"
+        " instructions of a Q30 tick on Cortex-M3, - if the library has no such law"
+    )
+    return shown, laws
+
+
+def _rows(result: Result, kept: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield name and words of each number."""
+    log, h = result.logs[0], result.hypothesis
+    yield "verdict", kept["verdict"]
+    for name, unit in kept["units"].items():
         p = getattr(result, name)
         high = f"{p.high:.5g}" if math.isfinite(p.high) else "no end"
-        shown.add_row(name, f"{p.value:.5g} {unit}, 95 %: {p.low:.5g} to {high}")
+        yield name, f"{p.value:.5g} {unit}, 95 %: {p.low:.5g} to {high}"
+    words = f"no bounds: {result.against_bounds}"
     if bounds := result.compensator_bounds:
         words = f"Fc_low {bounds[0]:.5g} {log.unit}, length_long {bounds[1]:.5g} {log.angle_unit}"
-        shown.add_row("compensator", words)
-    shown.add_row("law", _law_words(result))
-    if (load := _load(result)) is not None:
-        shown.add_row("load", _load_words(load))
-    for name, value in result.terms.items():
+    yield "compensator", words
+    late = f", torque late by {kept['delay_rows']:.2g} rows" if kept["delay_rows"] else ""
+    yield "law", kept["model"] + (late or f", with {h.lag}" * (h.lag != "none"))
+    if load := kept["load"]:
+        least, most = load["shares"]
+        yield (
+            "load",
+            f"sigma0 and Fc are given at {load['reference']:.4g}, {least:.3g} to {most:.3g} times"
+            f" as large in the log; R2 {load['r2']:.4f}, {load['r2_without']:.4f} without the load",
+        )
+    for name, value in kept["extra"].items():
         unit = UNITS.get(name, "").format(T=log.unit, k=log.slope_unit, x=log.angle_unit)
-        shown.add_row(name, f"{value:.4g} {unit}".strip())
-    shown.add_row("R2, cycles left out", f"{result.r2:.4f} of {result.samples.cycles} cycles")
-    for name, r2 in result.checks.items():
-        shown.add_row(f"check {_shorten_name(Path(name).name)}", f"R2 {r2:.4f}, not fitted")
-    model = runnable_model(result)
-    if words := about(result, model):
-        shown.add_row("header and scene", words)
-    quality = plan_quality(result, model)
-    shown.add_row("R2 of the plan alone", f"{quality.r2:.4f} on the raw motion")
-    for note in notes(result):
-        shown.add_row("note", note)
-    return shown
+        yield name, f"{value:.4g} {unit}".strip()
+    yield "R2, cycles left out", f"{result.r2:.4f} of {kept['cycles_scored']} cycles"
+    for path, r2 in kept["checks"].items():
+        yield f"check {_shorten_name(Path(path).name)}", f"R2 {r2:.4f}, not fitted"
+    if about := runnable_model(result).about:
+        yield "header and scene", about
+    yield "R2 of the plan alone", f"{kept['r2_plan']:.4f} on the raw motion"
+    yield from (("note", note) for note in kept["notes"])
 
 
 def _shorten_name(name: str) -> str:
     """Return a name without its middle if it is long."""
     half = MAX_NAME_COLUMNS // 2
     return name if len(name) <= MAX_NAME_COLUMNS else f"{name[: half - 1]}…{name[-half:]}"
-
-
-def _law_words(result: Result) -> str:
-    h = result.hypothesis
-    words = [h.friction.label]
-    if result.delay_rows:
-        words.append(f"torque late by {result.delay_rows:.2g} rows")
-    elif h.lag != "none":
-        words.append(f"with {h.lag}")
-    return ", ".join(words)
-
-
-def _load_words(load: dict[str, Any]) -> str:
-    least, most = load["shares"]
-    return (
-        f"sigma0 and Fc are given at {load['reference']:.4g}, {least:.3g} to {most:.3g} times as"
-        f" large in the log; R2 {load['r2']:.4f}, {load['r2_without']:.4f} without the load"
-    )
-
-
-def model_table(result: Result) -> Table:
-    """Return the table of the laws: parameters, R2 on cycles left out, cost of a tick."""
-    from rich.table import Table
-
-    log = result.logs[0]
-    shown = Table("law", "parameters", "R2", "tick", title="laws", width=TABLE_COLUMNS)
-    shown.title_justify = "left"
-    for law, fit in best_by_law(result).items():
-        ticks = instructions(law)
-        mark = " (chosen)" if law == result.hypothesis.law else ""
-        parts = "; ".join(
-            ", ".join(f"{x:.4g}" for x in part.values() if not isinstance(x, str))
-            for part in _parts(fit)
-        )
-        cost = "-" if ticks is None else str(ticks)
-        shown.add_row(f"{LAWS[law].label}{mark}", parts, f"{result.r2_of(fit):.4f}", cost)
-    shown.caption = (
-        f"sigma0 [{log.slope_unit}] and Fc [{log.unit}] of each element (asymmetric: Fc forward and"
-        " backward), then shape parameters; R2 on cycles left out; instructions of a Q30 tick on"
-        " Cortex-M3, - if the library has no such law"
-    )
-    return shown
 
 
 # --- files ----------------------------------------------------------------------------------------
@@ -418,16 +385,14 @@ def write_files(result: Result, name: str, folder: Path, force: bool = False) ->
     from dahl.identify import plot
 
     folder.mkdir(parents=True, exist_ok=True)
-    model = runnable_model(result)
-    quality = plan_quality(result, model)
+    model, title = runnable_model(result), title_of(result)
     plan = folder / f"dahl_plan_{name}.h"
     plan.unlink(missing_ok=True)  # an earlier run's header must not stay with new numbers
-    scene = write_scene(result, model, name, folder)
+    scene = write_scene(model, name, folder)
     json_file, picture, csv = (scene.with_suffix(end) for end in (".json", ".png", ".csv"))
     write_atomic(json_file, as_json(result))
-    plot.draw(picture, result, title_of(result))
-    written = [json_file, picture, csv, scene]
-    if force or not quality.against:
-        write_atomic(plan, header(result, model, quality, name, title_of(result)))
-        written.append(plan)
-    return written
+    plot.draw(picture, result, title)
+    if model.against and not force:
+        return [json_file, picture, csv, scene]
+    write_atomic(plan, header(model, name, title))
+    return [json_file, picture, csv, scene, plan]

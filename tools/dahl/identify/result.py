@@ -125,15 +125,27 @@ class Result:
 
     @property
     def compensator_bounds(self) -> tuple[float, float] | None:
-        """Fc_low in N m (N) and length_long in rad (m) for dahl_compensator.h: ends of the 95 %
-        intervals; None if an end is missing or if the friction follows a load.
+        """Fc_low in N m (N) and length_long in rad (m) for dahl_compensator.h, from the ends of the
+        95 % intervals; None if there is a reason against them.
 
-        Slip elements lose no energy in presliding, so length_long is three times theirs.
+        If Fc changes with speed or direction, its least value counts for Fc_low, its largest for
+        length_long. Slip elements lose no energy in presliding, so length_long is three times
+        theirs.
         """
-        law = self.hypothesis.friction
-        if not all(self.claimed) or self.Fc.low <= 0 or self.a.low <= 0 or law.name == "loaded":
+        if self.against_bounds:
             return None
-        return self.Fc.low, (SLIP_LENGTHS if "slip" in law.kinds else 1) / self.a.low
+        law = self.hypothesis.law
+        alike = [fit for fit in self.plausible.fits if fit.hypothesis.law == law]
+        least, most = zip(*map(self.fitter.limit_range, [self.chosen, *alike]), strict=True)
+        lengths = max(most) * (SLIP_LENGTHS if "slip" in self.hypothesis.friction.kinds else 1)
+        return min(least) * self.Fc.low, lengths / self.a.low
+
+    @property
+    def against_bounds(self) -> str:
+        """Reason against bounds for a compensator; "" if there is none."""
+        if not all(self.claimed):
+            return "sigma0 and Fc are not both claimed"
+        return "the friction follows a load" if self.hypothesis.law == "loaded" else ""
 
     def _parameter(self, k: int) -> Parameter:
         i = self.intervals

@@ -84,9 +84,7 @@ def read(path: Path, source: Source) -> Log:
     _check_file(path)
     notes: list[str] = []
     if path.suffix.lower() not in can_logs.CAN_LOGS:
-        columns = _read_table(
-            path, lambda table: _find_in_table(table, source, notes), source.skip_gaps
-        )
+        columns = _read_table(path, source, notes)
     elif source.dbc is None and path.suffix.lower() == ".mf4":
         columns = _read_channels(path, source, notes)
     else:
@@ -100,11 +98,9 @@ def read_columns(path: Path, wanted: Mapping[str, str]) -> Columns:
     `wanted` has their names, or their numbers from 1. Moments of the role "time" become seconds.
     """
     _check_file(path)
-
-    def choose(table: Table) -> dict[str, int]:
-        return {role: _index_of(name, table.names, table.head) for role, name in wanted.items()}
-
-    return _read_table(path, choose, min_columns=1)
+    table = open_table(path, min_columns=1)
+    places = {role: _index_of(name, table.names, table.head) for role, name in wanted.items()}
+    return _columns_at(table, places)
 
 
 def _check_file(path: Path) -> None:
@@ -142,15 +138,18 @@ def _read_channels(path: Path, source: Source, notes: list[str]) -> Columns:
 # --- tables ---------------------------------------------------------------------------------------
 
 
-def _read_table(
-    path: Path,
-    choose: Callable[[Table], dict[str, int]],
-    skip_gaps: bool = False,
-    min_columns: int = 2,
-) -> Columns:
-    """Read the columns at the places that `choose` returns by role. Raises dahl.Error."""
-    table = open_table(path, min_columns)
-    places = choose(table)
+def _read_table(path: Path, source: Source, notes: list[str]) -> Columns:
+    """Read angle, torque, loads and, if there is one, the time. Raises dahl.Error."""
+    table = open_table(path)
+    places = find_columns(table.head, source, table.names, tuple(ROLES), notes)
+    if "time" not in places and (clock := _clock(table, places)) is not None:
+        places["time"] = clock
+        notes.append(f"time read from '{table.names[clock]}' by its unit (--time)")
+    return _columns_at(table, places, source.skip_gaps)
+
+
+def _columns_at(table: Table, places: dict[str, int], skip_gaps: bool = False) -> Columns:
+    """Return the columns at the places of the roles. Raises dahl.Error."""
     names = {role: table.names[place] for role, place in places.items()}
     columns = {role: table.frame.iloc[:, place] for role, place in places.items()}
     seconds = _seconds_from_first(columns["time"]) if "time" in columns else None
@@ -159,15 +158,6 @@ def _read_table(
     values = {role: _numbers(table, names[role], column) for role, column in columns.items()}
     values = _without_gaps(table.place, skip_gaps, names, values)
     return names | ({} if seconds is None else {"time": TIME_COLUMN}), values
-
-
-def _find_in_table(table: Table, source: Source, notes: list[str]) -> dict[str, int]:
-    """Return the columns of angle, torque, loads and, if there is one, of the time."""
-    places = find_columns(table.head, source, table.names, tuple(ROLES), notes)
-    if "time" not in places and (clock := _clock(table, places)) is not None:
-        places["time"] = clock
-        notes.append(f"time read from '{table.names[clock]}' by its unit (--time)")
-    return places
 
 
 def _seconds_from_first(column: pandas.Series) -> pandas.Series | None:

@@ -29,7 +29,7 @@ MILLI = 1e3
 
 
 def draw(path: Path, comparison: Comparison) -> None:
-    """Write the picture. The old one stays until the new one is complete."""
+    """Write the picture."""
     with rc_context(STYLE):
         figure = Figure(figsize=SIZE, layout="constrained")
         grid = figure.subplots(3, 2)
@@ -48,7 +48,6 @@ def draw(path: Path, comparison: Comparison) -> None:
 
 
 def _axis_row(row: np.ndarray, runs: dict[str, Run], label: str, scale: float) -> None:
-    """Draw error and motor torque of all laws."""
     for name, colour in COLOURS.items():
         traces = np.array(runs[name].error) * scale, np.array(runs[name].motor)
         for axes, trace in zip(row, traces, strict=True):
@@ -69,7 +68,6 @@ def _draw_trace(axes: Axes, trace: np.ndarray, name: str, colour: str) -> None:
 
 
 def _ratios(axes: Axes, axis: str, comparison: Comparison) -> None:
-    """Draw the ratio of each law in each case as bars."""
     cases = comparison.numbers[axis]
     laws = [law for law in COLOURS if law != "none"]
     height = 0.8 / len(laws)

@@ -18,7 +18,7 @@ SIZE = (11.0, 4.8)  # inches
 
 
 def draw(path: Path, plain: Run, assisted: Run) -> None:
-    """Write the picture. The old one stays until the new one is complete."""
+    """Write the picture."""
     with rc_context(STYLE):
         figure = Figure(figsize=SIZE, layout="constrained")
         loops, torques = figure.subplots(1, 2)
@@ -49,5 +49,4 @@ def _draw_torques(axes: Axes, run: Run) -> None:
 
 
 def _add_legend(axes: Axes) -> None:
-    """Put the legend above the axes, in one row."""
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, columnspacing=1)

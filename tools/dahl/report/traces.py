@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Compute the numbers of a run from its recorded frames: exactness, fit to the measurement,
-summary.
-"""
+"""Compute the numbers of a run from its recorded frames: error, fit to the measurement, summary."""
 
 from __future__ import annotations
 
@@ -68,7 +66,7 @@ class Trace:
 
 @cache
 def database() -> cantools.database.Database:
-    """Return the DBC of the node."""
+    """Return the database of dahl.dbc."""
     import cantools
 
     try:
@@ -78,7 +76,6 @@ def database() -> cantools.database.Database:
 
 
 def _states() -> Mapping[int, object]:
-    """Return the names of the states of FrictionTorque."""
     message = database().get_message_by_name("FrictionTorque")
     return message.get_signal_by_name("State").choices or {}
 
@@ -96,11 +93,10 @@ def new_start_states() -> set[int]:
 
 
 class Pairing:
-    """Match each FrictionTorque with the EncoderState that it echoes, frame by frame.
+    """Match each FrictionTorque with the EncoderState that it echoes.
 
-    Answers come in the order of their frames. Each one belongs to the first waiting frame with its
-    counter, however late it is; the encoder of dahl-loop decides in the same way. After a new start
-    the node has skipped frames, and the answer belongs to the newest frame.
+    An answer belongs to the first waiting frame with its counter, as in the encoder of dahl-loop.
+    After a new start the node has skipped frames, so the answer belongs to the newest frame.
     """
 
     def __init__(self, node: int = 0) -> None:
@@ -217,10 +213,8 @@ def trace_of(frames: Iterable[can.Message], node: int = 0) -> Trace:
 
 
 def max_error_ulp(scene: Scene, trace: Trace) -> float | None:
-    """Return the largest error of the received torque against the exact solution, in ulp of Fc.
-
-    Return None if the node answers with a part of the torque, or if frames were not recorded:
-    their travel is unknown.
+    """Return the largest error of the received torque against the exact solution, in ulp of Fc;
+    None if the node answers with a part of the torque, or if frames were not recorded.
     """
     if scene.compensates or trace.not_recorded:
         return None
@@ -250,9 +244,7 @@ def disagreements(numbers: dict[str, Any]) -> dict[str, tuple[int, int]]:
 
 
 def modelled_torque(scene: Scene, trace: Trace) -> np.ndarray:
-    """Return the modelled reading of the torque sensor: received torque + spring*angle + offset, in
-    N m (N), shape (n,).
-    """
+    """Return received torque + spring*angle + offset in N m (N), shape (n,)."""
     measured: Measured = scene.measured
     return (
         trace.torque(scene).astype(float) + measured.spring * trace.angle(scene) + measured.offset
@@ -283,9 +275,7 @@ def _not_recorded_at_ends(trace: Trace, loop: dict[str, Any]) -> int:
 def summary(
     scene: Scene, trace: Trace, recorded: Recorded | None, loop: dict[str, Any]
 ) -> dict[str, Any]:
-    """Return all numbers of a run: the counts of dahl-loop (`loop`), the recording, the error, and
-    the fit to the measurement.
-    """
+    """Return all numbers of a run; `loop` has the counts of dahl-loop."""
     trace.not_recorded = max(trace.not_recorded, _not_recorded_at_ends(trace, loop))
     return {
         **loop,

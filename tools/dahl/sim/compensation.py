@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Compare laws of friction compensation on two simulated axes: one with a position loop, one that
-a hand leads along a path. dahl.Compensator runs the code of a firmware; rotor, friction, encoder
-and drive are simulated here. The same seed gives the same numbers.
+a hand leads along a path. Rotor, friction, encoder and drive are simulated here.
 """
 
 from __future__ import annotations

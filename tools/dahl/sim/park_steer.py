@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Simulate parking at standstill: a hand turns the wheel against the sticking torque of the tyres.
 
-Two friction nodes answer the count of the pinion on a bus of python-can inside this process. Node 0
-is the tyres: its torque brakes the pinion. Node 1 is the assist: its motor pushes with a share of
-the same torque. The clock is virtual, so the numbers are the same on every machine.
-docs/steering.md has the source of each parameter.
+docs/steering.md describes the two friction nodes and the source of each parameter. The clock is
+virtual, so the numbers are the same on every machine.
 """
 
 from __future__ import annotations

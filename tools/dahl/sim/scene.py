@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Read scene files: the parameters of the node and the measurement to compare with.
 
-dahl-loop reads and checks all sections except [measured], which only this module reads. A log of
-the user also becomes a scene, so that everything runs in one way.
+dahl-loop checks all sections except [measured], which only this module reads. A log of the user
+also becomes a scene.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class Scene:
 
     @property
     def has_directions(self) -> bool:
-        """Whether `elements` are forward and backward instead of side by side."""
+        """Whether `elements` are forward and backward instead of parallel."""
         model = models.table().get(self.model)
         return model is not None and model.has_directions
 
@@ -111,9 +111,7 @@ class Scene:
 
 
 def element(scene: Scene) -> models.AnyModel:
-    """Return the friction that a Node of this scene is made of. Raises dahl.Error for parameters
-    that dahl-loop refuses.
-    """
+    """Return the model of a Node of this scene. Raises dahl.Error if dahl-loop refuses it."""
     if scene.refusal:
         raise Error(f"{scene.path}: {scene.refusal}")
     model = models.table()[scene.model]
@@ -132,8 +130,8 @@ def settings(scene: Scene) -> dict[str, Any]:
 
 
 def find(name: str, *others: str) -> Path:
-    """Return the path of a shipped scene, given by name, or of a scene file, given by path. Raises
-    dahl.Error that lists the shipped scenes and the others that the command has.
+    """Return the path of a shipped scene, given by name, or of a scene file, given by path. The
+    error lists the shipped scenes and `others`.
     """
     for path in (paths.SCENES / f"{name}.ini", Path(name)):
         if path.is_file():
@@ -186,9 +184,7 @@ def read(path: Path) -> Scene:
 
 
 def _refusal(parser: configparser.ConfigParser, model: str, sigma0: int, torques: int) -> str:
-    """Return why dahl-loop would refuse [friction] or [status], "" if it would not: an unknown key,
-    model or kind, or a wrong number of elements.
-    """
+    """Return why dahl-loop would refuse [friction] or [status], "" if it would not."""
     known = models.table()
     if model not in known:
         return f"[friction] model = {model}: not one of {', '.join(known)}"
@@ -280,10 +276,7 @@ class Recorded:
 
 
 def read_log(scene: Scene, log: Path) -> Recorded:
-    """Read torque and time of each row of the scene's log. Raises dahl.Error.
-
-    The angle is read too, so that an error in any column is found before anything starts.
-    """
+    """Read torque and time of the scene's log, and check its angle. Raises dahl.Error."""
     wanted = {
         "angle": scene.motion.get("angle", ""),
         "torque": scene.measured.torque,
@@ -336,10 +329,8 @@ class OwnLog:
 
 
 def write_own(own: OwnLog, path: Path) -> tuple[Scene, str]:
-    """Write the scene of a user's own log to `path`, and next to it a table for dahl-loop.
-
-    Returns the scene and the unit of the angle. The columns are read as `dahl identify` does.
-    Raises dahl.Error.
+    """Write the scene of a user's own log to `path`, and next to it a table for dahl-loop. Return
+    the scene and the unit of the angle. Raises dahl.Error.
     """
     if not (own.counts_per_turn > 0 and math.isfinite(own.counts_per_turn)):
         raise Error(f"--counts-per-turn {own.counts_per_turn:g}: a number above 0 was expected")
@@ -425,8 +416,6 @@ def _check_names(own: OwnLog) -> None:
 
 
 def _is_representable(name: str) -> bool:
-    """Return whether a scene file can contain a name: without comment sign, without spaces around
-    it, and short enough for dahl-loop.
-    """
+    """Return whether a scene file can contain a name: no comment sign, no outer spaces, short."""
     plain = re.fullmatch(r"\S(.*\S)?", name) and not re.search(r"(^|\s);", name)
     return bool(plain) and len(name.encode("utf-8", "surrogateescape")) < MAX_TEXT_BYTES
