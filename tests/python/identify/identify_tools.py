@@ -105,6 +105,11 @@ def chirp(rows: int = 3000, amplitude: float = 0.05, first: float = 4, last: flo
     return amplitude * np.sin(2 * np.pi * (first * x + (last - first) / 2 * x**2))
 
 
+def turns_of(theta: np.ndarray) -> np.ndarray:
+    """The rows at which a smooth motion turns."""
+    return np.flatnonzero(np.diff(np.sign(np.diff(theta)))) + 1
+
+
 def with_gaps(log: Log, *cuts: tuple[int, int]) -> Log:
     """Without the rows of these cuts; the clock goes on."""
     kept = np.ones(log.rows, dtype=bool)

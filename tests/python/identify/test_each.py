@@ -85,7 +85,10 @@ def test_a_folder_is_a_table_and_results_are_stored(folder, each, monkeypatch):
         assert float(row["r2_coulomb"]) < float(row["r2"]) and row["reversals"] in ("9", "10")
     assert each(folder, code=2) == (rows, 5)
     (folder / "broken.csv").unlink()
-    assert each(folder)[1] == 4
+    shutil.copy(folder / "run0.csv", folder / "run2.csv")
+    again, earlier = each(folder)
+    assert earlier == 3 and again.pop("run2.csv") == rows["run0.csv"] | {"log": "run2.csv"}
+    assert again == {name: rows[name] for name in names[1:3] + names[4:]}
 
 
 def test_an_interrupted_run_is_resumed(folder, tmp_path, dahl_here, each, monkeypatch):

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dahl.identify import identify
-from identify_tools import COUNT, FC, SIGMA0, complaint, dahl_torque, log_of
+from identify_tools import COUNT, FC, SIGMA0, complaint, dahl_torque, log_of, turns_of
 from log_reading import drawing, run
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -33,10 +33,6 @@ def proposed(*words: object) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]:
     return (*table.T, done.stdout)
 
 
-def turns_of(theta: np.ndarray) -> np.ndarray:
-    return np.flatnonzero(np.diff(np.sign(np.diff(theta)))) + 1
-
-
 def test_the_interval_asked_for_is_reached():
     """The interval is wider than the error: it covers all hypotheses and the counts."""
     _, theta, _, said = proposed("--within", 1.0)
@@ -47,6 +43,25 @@ def test_the_interval_asked_for_is_reached():
     assert result.sigma0.half_width < 0.04
     expected = float(re.search(r"sigma0 within (\S+) %", said)[1])
     assert 0.2 < expected <= 1
+
+
+def test_the_expected_widths_are_the_bound_of_cramer_and_rao():
+    """A sine of the printed size and pace, with the noise of the sensor and of the counts."""
+    _, theta, _, said = proposed("--noise", 0.1)
+    turns, far = turns_of(theta), np.abs(theta).max()
+    rows = 2 * np.diff(turns).min()
+    path = far * np.sin(2 * np.pi * np.arange(3 * rows) / rows)
+    columns = [np.ones(len(path)), path, np.gradient(path)]
+    for part in (np.array([0.01, 0.0]), np.array([0.0, 0.01])):
+        up, down = (dahl_torque(path, *((1 + s * part) * (SIGMA0, FC))) for s in (1, -1))
+        columns.append((up - down) / 0.02)
+    slope = np.gradient(dahl_torque(path)) / np.gradient(path)
+    noise = np.hypot(0.1 * FC, slope * COUNT / np.sqrt(12))
+    steady = (np.column_stack(columns) / noise[:, None])[2 * rows :]
+    cycles = len(turns) / 2
+    error = np.sqrt(np.diag(np.linalg.inv(steady.T @ steady))[3:] / cycles)
+    expected = [float(width) for width in re.findall(r"within (\S+) %", said)]
+    assert expected == pytest.approx(196 * error, rel=0.1)
 
 
 def test_strokes_differ_in_length_and_speed_both_ways():

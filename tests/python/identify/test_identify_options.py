@@ -175,6 +175,9 @@ def test_an_interrupted_run_leaves_whole_files(rig, tmp_path, monkeypatch):
     whole = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     left = ["dahl_plan_my_x.h", "my_x.csv", "my_x.ini", "my_x.json", "my_x.png"]
     assert sorted(whole) == left
+    torque = np.loadtxt(tmp_path / "my_x.csv", delimiter=",", skiprows=1)[:, 1]  # without the delay
+    off = torque - OFFSET - dahl_torque(sine(1, rows=ROWS + LATE, cycles=8))[LATE:]
+    assert np.std(off[50:-50]) < 0.05 * FC
     replace = Path.replace
 
     def interrupt(part, target):

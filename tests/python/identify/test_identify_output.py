@@ -18,6 +18,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from conftest import built
+from dahl import Plan
+from dahl.binding import plan_header
+from dahl.binding.asymmetric import Asymmetric
 from identify_tools import (
     COUNT,
     FC,
@@ -28,6 +31,8 @@ from identify_tools import (
     seen,
     sine,
     springs,
+    turns_of,
+    varying_torque,
     write_csv,
 )
 from log_reading import drawing, run
@@ -90,7 +95,7 @@ def rig(tmp_path_factory, library):
         done = run("identify", first, second, "--check", other, *words, *out)
     assert done.returncode == 0, done.stderr
     out, text = folder / "out", (folder / "numbers.json").read_text()
-    assert (out / "x.json").read_text() == text
+    assert (out / "x.json").read_text() == text and text.endswith("}\n")
     return SimpleNamespace(
         logs=[first, second],
         check=str(other),
@@ -130,7 +135,7 @@ def test_json_has_each_number_under_its_name(rig):
     assert kept["r2_coulomb"] == kept["held_out"]["coulomb"]["r2"]
     assert held[2] > 0.95 * coulomb_residual()  # a cycle left out is not fitted
     assert 0.7 * SIGMA0 < kept["bilinear_sigma0"] < 1.4 * SIGMA0
-    turns = sum(np.count_nonzero(np.diff(np.sign(np.diff(way_of(seed))))) for seed in (1, 2))
+    turns = sum(len(turns_of(way_of(seed))) for seed in (1, 2))
     assert kept["reversals"] == turns and kept["cycles_scored"] == turns // 2
     assert 0 < kept["informs_sigma0"] < 1
     assert kept["resolution"] == kept["plan"]["theta_per_count"] == pytest.approx(1e-4)
@@ -144,6 +149,9 @@ def test_json_has_the_cycles_and_the_hypotheses(rig):
     assert (kept["torque_sign"], kept["rows_per_sample"]) == (1.0, 1)
     assert 0 <= kept["rows_weighing_less"] < 60 and ROWS < kept["sum_of_weights"] < 2 * ROWS
     assert cycles["first_row"] == sorted(cycles["first_row"]) and len(cycles["Fc"]) >= 12
+    places = np.concatenate([k * ROWS + turns_of(way_of(k + 1)) for k in (0, 1)])
+    to_turns = np.array(cycles["first_row"])[1:, None] - places
+    assert np.median(np.abs(to_turns).min(axis=1)) < 3
     for name, truth in (("Fc", FC), ("sigma0", SIGMA0)):
         assert np.median(cycles[name]) == pytest.approx(truth, rel=0.05)
     (taken,) = (one for one in kept["choices"] if one["taken"])
@@ -162,7 +170,7 @@ def cells_of(shown: str) -> dict[str, str]:
         if line.count("│") == 3:
             first, words = (cell.strip() for cell in line.split("│")[1:3])
             name = first or name
-            found[name] = f"{found.get(name, '')} {words}".strip() if not first else words
+            found[name] = f"{found.get(name, '')} {words}".strip()
     return found
 
 
@@ -176,7 +184,7 @@ def test_the_screen_begins_with_the_verdict_and_has_each_number_with_its_unit(ri
     assert kept["Fc_low"] == kept["ci95"]["Fc"][0]
     assert kept["length_long"] == 1 / kept["ci95"]["a"][0]
     bounds = f"Fc_low {kept['Fc_low']:.5g} N, length_long {kept['length_long']:.5g} m"
-    assert shown["compensator"] == bounds
+    assert shown["compensator"] == bounds and shown["law"] == kept["model"]
     for name, unit in UNITS.items():
         assert shown[name] == f"{kept['extra'][name]:.4g} {unit}"
     assert f"{kept['checks'][rig.check]:.4f}" in shown["check 3 of the le…ond hall.csv"]
@@ -228,9 +236,6 @@ def comment_of(header: Path) -> str:
 
 def test_the_header_has_the_plan_bit_for_bit_and_its_numbers(rig, root):
     """Compare with the C library and with dahl.Plan."""
-    from dahl import Plan
-    from dahl.binding import plan_header
-
     kept, header = rig.kept, rig.out / "dahl_plan_x.h"
     params = params_of(kept)
     assert params[:2] == pytest.approx((kept["sigma0"], kept["Fc"]), rel=1e-6)
@@ -306,6 +311,10 @@ def units_of(figure, panel: str) -> tuple[str, str]:
     return tuple("".join(re.findall(r"\[(.*)\]", words)) for words in labels)
 
 
+def band_of(axes, number: int = 0):
+    return axes.patches[number].get_extents().transformed(axes.transData.inverted())
+
+
 def test_the_picture_shows_the_fit_over_the_measurement(rig):
     panels, way, force = panels_of(rig.figure), way_of(1), force_of(1)
     assert (rig.out / "x.png").read_bytes().startswith(b"\x89PNG")
@@ -338,11 +347,15 @@ def test_the_picture_shows_the_numbers_and_their_intervals(rig):
         whole, each = axes.lines
         assert whole.get_ydata()[0] == kept[name]
         assert each.get_ydata().tolist() == kept["cycles"][name]
-        band = axes.patches[0].get_extents().transformed(axes.transData.inverted())
+        assert each.get_xdata().tolist() == [*range(1, len(kept["cycles"][name]) + 1)]
+        band = band_of(axes)
         assert (band.y0, band.y1) == pytest.approx(ends, rel=1e-6)
         assert units_of(rig.figure, name)[1] == kept["units"][name]
     points = [line.get_xydata()[0].tolist() for line in panels["plausible"].lines]
     assert [kept["sigma0"], kept["Fc"]] in points
+    across, along = (band_of(panels["plausible"], k) for k in (0, 1))
+    assert (across.x0, across.x1) == pytest.approx(kept["ci95"]["sigma0"], rel=1e-6)
+    assert (along.y0, along.y1) == pytest.approx(kept["ci95"]["Fc"], rel=1e-6)
     bars = [bar.get_height() for bar in panels["autocorrelation"].patches[:-1]]
     assert len(bars) >= 20 and np.abs(bars).max() < 0.2  # white noise
 
@@ -364,7 +377,8 @@ def shaft(tmp_path_factory, library):
         done = run("identify", path, "-o", folder, "--name", "x", "--terms", "none")
     assert done.returncode == 0, done.stderr
     kept = json.loads((folder / "x.json").read_text())
-    return SimpleNamespace(out=folder, kept=kept, figure=figures[0], torque=torque)
+    shown = cells_of(done.stdout)
+    return SimpleNamespace(out=folder, kept=kept, figure=figures[0], torque=torque, shown=shown)
 
 
 def test_a_shaft_is_in_newton_metres_and_its_sign_is_noted(shaft):
@@ -372,6 +386,7 @@ def test_a_shaft_is_in_newton_metres_and_its_sign_is_noted(shaft):
     assert kept["units"] == {"sigma0": "N m/rad", "Fc": "N m", "a": "1/rad"}
     assert (kept["torque_sign"], kept["linear"], kept["extra"]) == (-1.0, False, {})
     assert any("other sign" in note for note in kept["notes"])
+    assert shaft.shown["note"] == " ".join(kept["notes"])
     assert units_of(shaft.figure, "by speed") == ("rad/row", "N m")
     measured, *_, odd = panels_of(shaft.figure)["loop"].lines
     assert measured.get_ydata() == pytest.approx(-shaft.torque, abs=1e-6)
@@ -399,8 +414,14 @@ def test_the_plan_is_for_the_encoder_of_the_target(shaft, rig, counts, turn, roo
 MOTION = sine(2, rows=2400, cycles=9)
 
 
+def each_way() -> np.ndarray:
+    limits = np.where(np.diff(MOTION, prepend=MOTION[0]) > 0, 1.25 * FC, 0.75 * FC)
+    return varying_torque(MOTION, np.full(len(MOTION), SIGMA0), limits)
+
+
 EXPORTED = {  # model of the scene: torque, chosen law, plan in the header
     "slip": (lambda: springs(MOTION, (80, 0.2), (20, 0.3)), "slip K=2", "dahl_plan_x"),
+    "asymmetric": (each_way, "asymmetric", "dahl_plan_x"),
     "parallel": (
         lambda: dahl_torque(MOTION, 60, 0.2) + springs(MOTION, (25, 0.3)),
         "",
@@ -420,10 +441,18 @@ def test_the_chosen_model_is_exported(model, tmp_path, root):
     assert not law or kept["model"] == kept["exported_model"] == law
     assert scene_of(tmp_path / "out" / "x.ini")["friction"]["model"] == model
     (chosen,) = (one for one in kept["models"] if one["chosen"])
-    for name in ("sigma0", "Fc"):
-        total = sum(part[name] for part in chosen["parts"])
-        assert total == pytest.approx(kept[name], rel=0.02)
-    assert re.search(rf"\b{plan}\b", (tmp_path / "out" / "dahl_plan_x.h").read_text())
+    header = (tmp_path / "out" / "dahl_plan_x.h").read_text()
+    if model == "asymmetric":
+        (part,), count = chosen["parts"], kept["plan"]["theta_per_count"]
+        both = part["Fc_forward"], part["Fc_backward"]
+        assert both == pytest.approx((1.25 * FC, 0.75 * FC), rel=0.02)
+        same = plan_header.text("x", {"": Asymmetric(part["sigma0"], *both, count)}, [])
+        assert same.partition("*/")[2].strip() in header
+    else:
+        for name in ("sigma0", "Fc"):
+            total = sum(part[name] for part in chosen["parts"])
+            assert total == pytest.approx(kept[name], rel=0.02)
+    assert re.search(rf"\b{plan}\b", header)
     (main := tmp_path / "main.c").write_text(
         '#include "dahl_plan_x.h"\nint main(void) { return 0; }'
     )
@@ -438,9 +467,9 @@ def test_the_nearest_runnable_model_is_named_with_what_it_loses(tmp_path):
 
     moves = np.diff(MOTION, prepend=MOTION[0])
     w = models.tabulated(moves, [slice(0, len(moves))], SIGMA0 / FC, "exponent", 2.2)
-    log = log_of(MOTION, FC * w, 0.002, 0.0)
-    kept = seen(log, terms=("offset",), delay=False)
-    assert kept["model"] != kept["exported_model"]
+    log = log_of(MOTION, FC * w + 4 * MOTION, 0.002, 0.0)
+    kept = seen(log, terms=("offset", "spring"), delay=False)
+    assert kept["model"] != kept["exported_model"] and kept["r2_plan"] > 0.998
     assert 0 < kept["exported_model_lost_r2"] < 0.1
     (chosen,) = (one for one in kept["models"] if one["chosen"])
     assert not chosen["in_library"] and chosen["instructions_m3"] is None

@@ -21,9 +21,7 @@ import numpy as np
 import pytest
 from dahl import Error
 from dahl.identify import Log, identify
-from identify_tools import FC, SIGMA0, dahl_torque
-from identify_truth import general
-from scipy.integrate import solve_ivp
+from identify_tools import FC, SIGMA0
 from scipy.stats import binomtest
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -166,27 +164,6 @@ def faults_of_all(found: list[Outcome]) -> list[str]:
         if none > (1 - MIN_CLAIMED) * len(found):
             said.append(f"{name} is claimed in {right + wrong} of {len(found)}")
     return said
-
-
-def test_the_general_truth_solves_its_equation():
-    """dw/du = |1 - s w|^i against an ODE solver, to and fro, for an exponent on either side of 1;
-    with exponent 1 it is the exact step, and the closed form between reversals.
-    """
-    theta = 0.02 * np.sin(np.linspace(0, 9, 400))
-    for same in (hostile_logs.dahl(theta), dahl_torque(theta)):
-        assert np.abs(general(theta, 1.0) - same).max() < 1e-6 * FC
-    for exponent in (0.3, 1.6):
-        w, truth = 0.0, []
-        for move in np.diff(theta, prepend=theta[0]):
-            side = np.sign(move)
-
-            def slope(_: float, w: np.ndarray, side: float = side, i: float = exponent):
-                return side * np.maximum(1 - side * w, 0.0) ** i
-
-            length = SIGMA0 / FC * abs(move)
-            w = solve_ivp(slope, (0, length), [w], rtol=1e-10, atol=1e-12).y[0, -1]
-            truth.append(FC * w)
-        assert np.abs(general(theta, exponent) - truth).max() < 2e-3 * FC
 
 
 def test_a_few_logs_are_claimed_and_true():

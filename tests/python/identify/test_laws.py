@@ -29,7 +29,7 @@ from identify_tools import (
     varying_torque,
 )
 from scipy.integrate import solve_ivp
-from scipy.signal import filtfilt
+from scipy.signal import filtfilt, lfilter
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -87,12 +87,17 @@ PATHS = arrays(float, st.integers(2, 60), elements=st.floats(-0.02, 0.02))
 @given(PATHS, st.integers(0, 99))
 def test_laws_whose_limit_changes_against_row_by_row(theta, seed):
     limits = 1 + 0.4 * np.random.default_rng(seed).uniform(-1, 1, len(theta))
-    moves, whole = np.diff(theta, prepend=theta[:1]), [slice(0, len(theta))]
-    stiffness = np.full(len(theta), A)
-    found = models.dahl_with_limits(moves, whole, A, limits)
-    assert found == pytest.approx(varying_torque(theta, stiffness, limits), abs=1e-6)
-    found = models.dahl_under_load(moves, whole, A, limits)
-    assert found == pytest.approx(varying_torque(theta, A * limits, limits, True), abs=1e-6)
+    moves, cut = np.diff(theta, prepend=theta[:1]), len(theta) // 2
+    pieces, stiffness = [slice(0, cut), slice(cut, len(theta))], np.full(len(theta), A)
+    moves[cut] = 0.0
+    steady = models.dahl_with_limits(moves, pieces, A, limits)
+    loaded = models.dahl_under_load(moves, pieces, A, limits)
+    for rows in pieces:
+        one, limit = theta[rows], limits[rows]
+        truth = varying_torque(one, stiffness[rows], limit)
+        assert steady[rows] == pytest.approx(truth, abs=1e-6)
+        truth = varying_torque(one, A * limit, limit, is_reduced=True)
+        assert loaded[rows] == pytest.approx(truth, abs=1e-6)
     settled = np.concatenate((np.linspace(0, 0.2, 50), 0.2 + theta))  # forgets the start
     moves = np.diff(settled, prepend=0.0)
     each_way = varying_torque(settled, np.full(len(moves), A), np.where(moves > 0, 1.3, 0.7))
@@ -103,11 +108,14 @@ def test_laws_whose_limit_changes_against_row_by_row(theta, seed):
 @settings(max_examples=25)
 @given(PATHS, st.floats(1e-4, 0.02))
 def test_play_against_row_by_row(theta, width):
-    position, behind = theta[0], []
-    for ahead in theta:
-        position = min(max(position, ahead - width / 2), ahead + width / 2)
-        behind.append(position)
-    found = models.behind_play(theta, [slice(0, len(theta))], width)
+    pieces = [slice(0, len(theta) // 2), slice(len(theta) // 2, len(theta))]
+    behind = []
+    for rows in pieces:
+        position = theta[rows.start]
+        for ahead in theta[rows]:
+            position = min(max(position, ahead - width / 2), ahead + width / 2)
+            behind.append(position)
+    found = models.behind_play(theta, pieces, width)
     assert found == pytest.approx(np.array(behind), abs=1e-9)
 
 
@@ -153,9 +161,11 @@ def mixed() -> np.ndarray:
     return dahl_torque(MOTION, 60, 0.2) + springs(MOTION, (40, 0.3))
 
 
+MEAN = np.ones(15) / 15
 MADE = {  # a torque, and the hypotheses that describe it
     "dahl": (lambda: dahl_torque(MOTION), ("dahl",)),
     "slip": (lambda: springs(MOTION, (SIGMA0, FC)), ("slip",)),
+    "late slip": (lambda: np.roll(springs(MOTION, (SIGMA0, FC)), 4), ("slip",)),
     "2 slip": (lambda: springs(MOTION, (80, 0.2), (20, 0.3)), ("2 slip",)),
     "mixed": (mixed, ("mixed", "2 dahl", "2 slip", "3 slip", "4 slip")),
     "exponent": (lambda: tabulated("exponent"), BENT),
@@ -164,6 +174,7 @@ MADE = {  # a torque, and the hypotheses that describe it
     "log speed": (faster_is_more, ("log speed",)),
     "asymmetric": (asymmetric, ("asymmetric",)),
     "damping": (with_damping, ("dahl",)),
+    "delay+filter": (lambda: np.roll(lfilter(MEAN, [1], dahl_torque(MOTION)), 10), ("dahl",)),
     "zero-phase filter": (lambda: filtfilt([0.3], [1, -0.7], dahl_torque(MOTION)), ("dahl",)),
 }
 
@@ -182,8 +193,11 @@ def test_a_law_is_recognised_and_its_numbers_mean_the_same(name):
         assert not parameter.claimed or parameter.low <= truth <= parameter.high
     assert result.Fc.claimed and result.Fc.value == pytest.approx(FC, rel=0.02)
     assert result.r2 > 0.995
-    for lag in ("damping", "zero-phase filter"):
+    assert abs(result.terms["offset"]) < 0.02 * FC
+    for lag in ("damping", "delay+filter", "zero-phase filter"):
         assert (result.hypothesis.lag == lag) == (name == lag)
+    late = {"late slip": 4, "delay+filter": 17}  # a mean of 15 rows adds 7
+    assert result.delay_rows == pytest.approx(late.get(name, 0), abs=0.5)
 
 
 BOUNDS = {  # least Fc over FC, and the largest presliding length over FC/SIGMA0

@@ -153,6 +153,8 @@ def test_a_log_beyond_a_limit_is_rejected_and_one_within_passes(name):
     assert "\n" not in str(said.value) and str(said.value).startswith(f"{make().name}: ")
     if re.search("trust-units", str(said.value)):
         preprocess(make(), trust_units=True)
+    else:
+        pytest.raises(Error, preprocess, make(), trust_units=True)
 
 
 @pytest.mark.parametrize(
@@ -262,6 +264,8 @@ def test_each_remaining_row_has_a_reading():
     (piece,) = preprocess(stairs(9), trust_units=True)
     assert piece.torque.tolist() == [4.0 * k for k in range(1, 9 * len(STAIRS))]
     assert preprocess(stairs(9, 1 / 3), trust_units=True)[0].rows == stairs(9).rows
+    lost = stairs(9).part(np.delete(np.arange(stairs(9).rows), 12))  # a row of three readings
+    assert preprocess(lost, trust_units=True)[0].rows == piece.rows
 
 
 @pytest.mark.parametrize(("every", "straight"), [(4, True), (20, False), (33, False)])
@@ -301,6 +305,37 @@ def test_repeated_rows_are_left_out_and_counted(part):
     (piece,) = preprocess(replace(log.part(rows), time=np.arange(len(rows)) * 1e-3))
     assert np.array_equal(piece.torque, log.torque)
     assert numbers([piece], "repeat") == [len(rows) - log.rows, len(rows)]
+
+
+REPAIRS: dict[str, Callable[[], Log]] = {
+    "repeat the row before": lambda: shaft().part(np.repeat(np.arange(2400), 2)),
+    "angle has a new reading": lambda: stairs(9),
+    "torque has a new reading": lambda: seldom(shaft(), 5, straight=False),
+    "drawn straight": lambda: between_readings(shaft(), 4),
+    "unwrapped": lambda: wrapping(128),
+    "gap": lambda: with_gaps(shaft(), (300, 420)),
+    "the times jitter": lambda: replace(shaft(), time=jittering(2400)),
+    "time of the row before": lambda: replace(shaft(), time=np.arange(2400) // 2 * 2e-3),
+    "stands still": lambda: replace(shaft(), time=np.zeros(2400)),
+    "median": lambda: spiked(20),
+}
+
+
+def between_readings(log: Log, every: int) -> Log:
+    rows, known = np.arange(log.rows), np.arange(0, log.rows, every)
+    theta, torque = (np.interp(rows, known, x[known]) for x in (log.theta, log.torque))
+    return replace(log, theta=theta, torque=torque)
+
+
+def jittering(rows: int) -> np.ndarray:
+    return 1e-3 * (np.arange(rows) + np.random.default_rng(1).uniform(-0.4, 0.4, rows))
+
+
+@pytest.mark.parametrize("words", REPAIRS)
+def test_a_repair_adds_its_note_to_those_of_the_reader(words):
+    log = replace(REPAIRS[words](), notes=["as read"])
+    first, *more = preprocess(log, trust_units="reading" in words)[0].notes
+    assert first == "as read" and any(words in note for note in more) and log.notes == ["as read"]
 
 
 def computed_with_rests() -> Log:

@@ -282,6 +282,8 @@ def test_a_column_that_rises_in_a_unit_of_time_is_the_clock(tmp_path):
     assert log.time == pytest.approx(1e-3 * UP)
     (note,) = log.notes
     assert "'Tid [ms]'" in note and "--time" in note
+    log = read(written_as(tmp_path, columns | {"t_s": 2 * UP}))
+    assert log.time == pytest.approx(2 * UP) and log.notes == []
     assert read(written_as(tmp_path, columns | {"Tid [ms]": np.ones(ROWS)})).time is None
 
 
@@ -313,6 +315,12 @@ def test_an_angle_that_wraps_at_a_turn_is_unwrapped(unit, turn, tmp_path):
     log = read(path)
     assert np.diff(log.theta) == pytest.approx(0.03 * 2 * math.pi)
     assert sum("wraps" in note for note in log.notes) == 1
+
+
+def test_a_length_is_not_unwrapped(tmp_path):
+    way = np.where(np.arange(ROWS) % 20, 6.0, 0.1) + UP / 8
+    log = read(written(tmp_path, pos_m=way, force_N=WAVE))
+    assert log.theta.tolist() == way.tolist()
 
 
 def test_the_encoder_counts_are_found_in_the_angle(tmp_path):

@@ -63,6 +63,12 @@ def test_the_demo_uses_the_units_of_names_and_unwraps():
     assert "different columns" in complaint(run("demo", "x.parquet", *same))[1]
 
 
+def test_the_demo_needs_no_column_but_the_angle():
+    Path("log.csv").write_text("angle\n15\n-25\n35\n")
+    table, _ = own_table("log.csv", "--angle", "angle")
+    assert table.tolist() == [15, -25, 35]
+
+
 def test_a_name_that_two_columns_have_is_refused():
     Path("log.csv").write_text("angle,t,torque, angle\n1,2,3,4\n")
     code, line = complaint(run("demo", "log.csv", *NAMES, *MODEL))

@@ -193,6 +193,8 @@ def test_columns_without_names_are_numbered(above, row, tmp_path):
     log = read(path, *"--angle 1 --torque 2 --angle-unit rad --torque-unit Nm".split())
     assert (log.theta.tolist(), log.torque.tolist()) == (angle.tolist(), torque.tolist())
     assert "(there are: 1, 2" in refused(path) and "--angle" in refused(path)
+    path.write_text("A title\ndeg;Nm\n" + "\n".join(f"{x};{x % 7}" for x in range(ROWS)))
+    assert read(path, "--angle", "deg", "--torque", "Nm").rows == ROWS
 
 
 ODD = {  # lines above 40 rows of time, angle and torque, and the form of a row
@@ -242,6 +244,7 @@ BAD = [  # name, text, parts of the error
     ("a.csv", "angle,torque\n1.2.3,5\n1,2\n", "a.csv:2:|'angle'|'1.2.3'"),
     ("a.csv", "angle;torque\n1,5;2\n2,5;3\n1.234,5;4", "a.csv:4:|'angle'|'1.234,5'"),
     ("a.csv", "time;angle;torque\n24.11.2026;1;2\n", "a.csv:2:|'time'|'24.11.2026'"),
+    ("a.csv", ",force\n1,2\n3,4\n", "a.csv:1:|--angle|1, force"),
     ("a.csv", "angle,torque\nleft\n1,2\n", "a.csv:2:|--angle"),
     ("a.csv", "", "a.csv: empty"),
     ("a.csv", "angle,torque\n", "a.csv:1:|no rows"),
@@ -283,6 +286,7 @@ def test_an_error_in_a_table_has_its_place(name, text, parts, tmp_path):
     (tmp_path / name).write_bytes(raw)
     line = refused(tmp_path / name)
     assert line.isprintable() and len(line) < 400 + len(str(tmp_path))
+    assert line.count(str(tmp_path)) == 1
     for part in parts.split("|"):
         assert part in line
 
