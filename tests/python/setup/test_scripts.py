@@ -74,6 +74,15 @@ def test_the_demo_sets_up_builds_and_runs(stage, words, need):
     assert stage.lines("words") == ["demo", *words]
 
 
+@pytest.mark.parametrize("ends", [True, False])
+def test_a_second_build_waits_for_the_first(stage, ends):
+    stage.stand_in("bin/flock", f'case "$*" in *-w*) exit {int(not ends)} ;; esac; exit 1')
+    done = stage.run("demo")
+    assert "another build is at work" in done.stdout
+    assert done.returncode == int(not ends) and bool(stage.calls("cmake")) == ends
+    assert ends or done.stderr.startswith("error: ") and "build/build.lock" in done.stderr
+
+
 @pytest.mark.parametrize("step", ["--preset", "--build"])
 @pytest.mark.parametrize("script", ["demo", "test"])
 def test_a_failed_set_up_or_build_ends_it_and_shows_the_log(stage, script, step):
