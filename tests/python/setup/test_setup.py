@@ -66,6 +66,14 @@ def test_a_missing_optional_package_is_named_and_tried_once_a_day(bare):
         assert any("valgrind" in call for call in bare.set_up("test")[1]) == again
 
 
+def test_each_download_is_named_and_tried_once_a_day(bare):
+    for is_first in (True, False):
+        done, _ = bare.set_up("checks")
+        named = re.findall(r"^setup: (\w+)(?:: in place| cannot be fetched)", done.stdout, re.M)
+        assert done.returncode == 0 and {*named} == {"cbmc", "kernel", "unity"}
+        assert bool(bare.calls("apt-get")) == is_first
+
+
 @pytest.mark.parametrize("lacking", [None, "ninja", "csv.h"])
 def test_without_apt_get_it_names_what_the_build_lacks(bare, lacking):
     away = {"apt-get", "dpkg-query", "ninja", "cc"}
