@@ -454,7 +454,7 @@ def test_a_missing_build_is_named(run_dahl, root, tmp_path, variable, fact, word
         env["DAHL_LIBRARY"] = os.environ["DAHL_LIBRARY"]
     env["PYTHONPATH"] = str(root / "tools")
     line = check(run_dahl(*words.split(), env=env, cwd=tmp_path), 1, fact)
-    assert f"{tmp_path}/" in line and "build" in line
+    assert f"{tmp_path}/" in line and "build" in line.replace(str(tmp_path), "")
 
 
 def test_a_missing_system_library_is_named_with_its_packages(
