@@ -171,6 +171,14 @@ def test_logs_of_numba_and_jax_have_the_torques_of_ours(tools, monkeypatch) -> N
     assert out == pytest.approx(ours, abs=1e-6) and by_jax == pytest.approx(ours, abs=1e-6)
 
 
+def test_a_block_of_a_page_is_replaced_between_its_marks(tools, tmp_path) -> None:
+    report, marks = tools("report"), ("<!-- a -->", "<!-- /a -->")
+    (page := tmp_path / "page.md").write_text("before\n<!-- a -->\nold\n<!-- /a -->\nafter\n")
+    for text in ("first", "second"):
+        report.write_block(page, marks, f"{marks[0]}\n{text}\n{marks[1]}")
+        assert page.read_text() == f"before\n<!-- a -->\n{text}\n<!-- /a -->\nafter\n"
+
+
 def test_a_new_plugin_replaces_the_old_one(tools, monkeypatch, tmp_path) -> None:
     target = tools("target")
     monkeypatch.setattr(target, "OUT", tmp_path)
