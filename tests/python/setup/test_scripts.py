@@ -99,6 +99,27 @@ def test_a_failed_set_up_or_build_ends_it_and_shows_the_log(stage, script, step)
     assert done.returncode == 1 and "reason" in done.stdout and len(stage.calls()) == 1
 
 
+VM_TOOLS = ("qemu-system-x86_64", "busybox", "cpio", "ip", "modprobe", "timeout")
+
+
+@pytest.mark.parametrize("code", [0, 3, None])
+def test_a_virtual_machine_returns_the_code_of_its_command(scripts, code):
+    """77 without a kernel, 1 if the machine wrote no code. Its time limit is that of the caller."""
+    for name in VM_TOOLS:
+        scripts.stand_in(f"bin/{name}")
+    folder, limit = scripts.folder / "work", {"DAHL_VM_SECONDS": "7"}
+    folder.mkdir()
+    assert scripts.run("vm", str(folder), "true", **limit).returncode == 77
+    scripts.write("build/deps/kernel/vmlinuz", "a kernel")
+    (scripts.folder / "build/deps/kernel/lib/modules/6").mkdir(parents=True)
+    scripts.does("timeout", "" if code is None else f"echo out >output; echo {code} >code")
+    done = scripts.run("vm", str(folder), "echo", "a b", **limit)
+    assert done.returncode == (1 if code is None else code), done.stderr
+    assert ("out\n" in done.stdout) == (code is not None)
+    assert scripts.calls("timeout")[0].startswith("timeout 7 qemu-system-x86_64 ")
+    assert f"cd {folder}\necho a\\ b " in (folder / ".vm/command").read_text()
+
+
 def chosen_labels(call: str) -> set[str]:
     words = call.split()
     excluded = words[words.index("--label-exclude") + 1] if "--label-exclude" in words else "^$a"
