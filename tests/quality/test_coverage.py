@@ -13,11 +13,11 @@ from __future__ import annotations
 import json
 import os
 import re
-import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
 from conftest import ROOT, need
+from programs import run
 
 HERE = Path(__file__).parent
 FOLDER = ROOT / "build/coverage"
@@ -42,19 +42,6 @@ def sources(*patterns: re.Pattern[str]) -> list[Path]:
     return [p for p in paths if any(each.match(str(p.relative_to(ROOT))) for each in patterns)]
 
 
-def call(*command: object, **environment: str) -> str:
-    words = [str(word) for word in command]
-    done = subprocess.run(
-        words,
-        check=False,
-        capture_output=True,
-        text=True,
-        env=os.environ | environment,
-    )
-    assert done.returncode == 0, f"{' '.join(words)}\n{done.stdout}\n{done.stderr}"
-    return done.stdout
-
-
 def build(*parts: str) -> list[Path]:
     for tool in ("clang-19", "llvm-profdata-19", "llvm-cov-19", "cmake", "ninja"):
         need(tool, CLAIM)
@@ -68,18 +55,18 @@ def build(*parts: str) -> list[Path]:
         "-DDAHL_BUILD_SIM=ON",
     ]
     tests = [path for part in parts for path in sorted(ROOT.glob(f"tests/{part}/test_*.c"))]
-    call("cmake", "-G", "Ninja", "-S", ROOT, "-B", FOLDER, *options)
-    call("ninja", "-C", FOLDER, *(path.stem for path in tests))
+    run("cmake", "-G", "Ninja", "-S", ROOT, "-B", FOLDER, *options)
+    run("ninja", "-C", FOLDER, *(path.stem for path in tests))
     return [FOLDER / path.relative_to(ROOT).with_suffix("") for path in tests]
 
 
 def gaps(programs: Sequence[Path], runs: Sequence[Path], files: Sequence[Path]) -> list[str]:
     """Return a line for each file and kind that the merged runs do not reach completely."""
     profile = runs[0].with_name("merged.profdata")
-    call("llvm-profdata-19", "merge", "-o", profile, *runs)
+    run("llvm-profdata-19", "merge", "-o", profile, *runs)
     objects = [word for program in programs for word in ("-object", program)]
     words = ["llvm-cov-19", "export", "-summary-only", f"-instr-profile={profile}", *objects]
-    summary = json.loads(call(*words, "-sources", *files))["data"][0]["files"]
+    summary = json.loads(run(*words, "-sources", *files))["data"][0]["files"]
     reached = {one["filename"] for one in summary}
     code = [path for path in files if path.suffix == ".c" and path.name not in EMPTY]
     found = [f"{path}: in no program" for path in code if str(path) not in reached]
@@ -92,8 +79,9 @@ def gaps(programs: Sequence[Path], runs: Sequence[Path], files: Sequence[Path]) 
     ]
 
 
-def run(program: Path, profile: Path, cpu: Sequence[str] = ()) -> Path:
-    call(program, LLVM_PROFILE_FILE=str(profile), DAHL_CPU=",".join(cpu))
+def profiled(program: Path, profile: Path, cpu: Sequence[str] = ()) -> Path:
+    own = {"LLVM_PROFILE_FILE": str(profile), "DAHL_CPU": ",".join(cpu)}
+    run(program, env=os.environ | own)
     return profile
 
 
@@ -103,7 +91,7 @@ def test_each_region_branch_and_condition_is_reached(tmp_path: Path) -> None:
     has = set(Path("/proc/cpuinfo").read_text(encoding="utf-8").split())
     cpus = [cpu for cpu in CPUS if has.issuperset(cpu)]
     runs = [
-        run(program, tmp_path / f"{program.name}_{len(cpu)}.profraw", cpu)
+        profiled(program, tmp_path / f"{program.name}_{len(cpu)}.profraw", cpu)
         for program in programs
         for cpu in (cpus if program.name in BY_CPU else [()])
     ]

@@ -9,8 +9,12 @@ import dataclasses
 import re
 import subprocess
 import sys
+from itertools import accumulate
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 
+import dahl
+import numpy as np
 import pytest
 from conftest import ROOT, need
 
@@ -82,11 +86,13 @@ def test_the_host_table_has_ours_and_each_package_that_ran(tools) -> None:
     ]
 
 
+SINGLE = {"float": 50, "message": 400, "step_counts": 250, "receive": 1640, "receive_now": 2120}
+LOGS = {"ticks": [1, 1000000], "ns": {"friction": [3000.0, 2.7e6]}, "missing": {"numba": "no"}}
+CALLS = {"python": "3.99", "single": SINGLE, "logs": LOGS}
+
+
 def test_calls_from_python_are_next_to_those_of_other_packages(tools) -> None:
-    single = {"float": 50, "message": 400, "step_counts": 250, "receive": 1640, "receive_now": 2120}
-    logs = {"ticks": [1, 1000000], "ns": {"friction": [3000.0, 2.7e6]}, "missing": {"numba": "no"}}
-    calls = {"python": "3.99", "single": single, "logs": logs}
-    block = tools("report").python_block({"calls": calls, "machine": {"cpu": "a processor"}})
+    block = tools("report").python_block({"calls": CALLS, "machine": {"cpu": "a processor"}})
     assert "| us a call, by ticks of the log | 1 | 1,000,000 |" in block
     assert "| **`Friction.run_counts(moves, out)`** | 3.0 | 2,700 |" in block
     assert "numba (no)" in block and "a processor, Python 3.99" in block
@@ -94,11 +100,92 @@ def test_calls_from_python_are_next_to_those_of_other_packages(tools) -> None:
     assert printed == [("0.25", "5.0"), ("1.64", "4.1"), ("2.12", "5.3")]
 
 
-def test_a_time_is_the_best_of_its_rounds(tools, monkeypatch) -> None:
-    host = tools("host")
-    ends = iter([0.0, 5.0, 10.0, 12.0, 20.0, 23.0])
+def test_the_terminal_shows_cost_and_error_of_each_method(tools, capsys) -> None:
+    """The cheapest first, then the calls from Python, the ratios and the methods that beat ours."""
+    point = {"cost": 21.0, "worst": 1e-9, "ours": True}
+    points = {"m3": {"counts": point, "rk4": {"cost": 12.5, "worst": 3e-4, "ours": False}}}
+    points["host"] = {"expm1f": {"cost": 31.6, "worst": 7.0, "ours": False}}
+    beaten = [{"core": "m3", "ours": "counts", "rival": "rk4"}]
+    result = {"points": points, "calls": CALLS, "host": {"copy_x": 2.5}, "dominated": beaten}
+    tools("report").show(result)
+    printed = capsys.readouterr().out
+    rows = [re.split(r" *[│┃] *", line)[1:-1] for line in printed.splitlines()]
+    assert [row for row in rows if len(row) == 3 and row[2] != "1,000,000"] == [
+        ["way", "instructions a tick", "worst"],
+        ["rk4", "12.5", "3e-04"],
+        ["counts", "21", "1e-09"],
+        ["way", "ns a tick", "worst"],
+        ["expm1f", "31.6", "diverges"],
+        ["Friction.run_counts(moves, out)", "3.0", "2,700"],
+    ]
+    assert "Friction.step_counts: 0.25 us, 5.0 times" in printed and "copy_x" in printed
+    assert " 2.50\n" in printed and str(beaten[0]) in printed and "our points, 1 are" in printed
+
+
+def test_a_time_is_the_best_of_its_rounds_and_in_ns_a_tick(tools, monkeypatch) -> None:
+    host, outside = tools("host"), tools("outside")
+    ends = iter([0.0, 5.0, 10.0, 12.0, 20.0, 23.0, 30.0, 31.0])
     monkeypatch.setattr(host, "perf_counter", lambda: next(ends))
     assert host.best_time(lambda: None, rounds=3) == 2.0
+    monkeypatch.setattr(outside.time, "perf_counter", lambda: next(ends))
+    assert outside.time_run(lambda _: range(4), {}) == (0.25e9, range(4))
+
+
+def test_measured_logs_have_r2_under_the_cost_of_each_model(tools) -> None:
+    measured = tools("measured")
+    m3 = {case: 10 + k for k, (_, _, case) in enumerate(measured.MODELS.values())}
+    r2 = {"a log": {title: 0.9 + k / 100 for k, title in enumerate(measured.MODELS)}}
+    block = measured.block(r2, {"m0": dict.fromkeys(m3, 0), "m3": m3})
+    rows = [line for line in block.splitlines() if line.startswith("| ")]
+    head, costs, log = (row.split(" | ")[1:] for row in (row.removesuffix(" |") for row in rows))
+    assert head == [*measured.MODELS] and costs == [str(10 + k) for k in range(len(m3))]
+    assert log == [f".9{k}00" for k in range(len(m3))]
+
+
+def test_logs_of_numba_and_jax_have_the_torques_of_ours(tools, monkeypatch) -> None:
+    """Stand-ins run the loop in Python and the scan in order."""
+
+    class Torques(np.ndarray):
+        def block_until_ready(self) -> Torques:
+            return self
+
+    def scan(join, elements) -> list[Torques]:
+        joined = accumulate(zip(*elements, strict=True), join)
+        return [np.array(part).view(Torques) for part in zip(*joined, strict=True)]
+
+    jax = ModuleType("jax")
+    jax.numpy, jax.jit = np, lambda call: call
+    jax.config = SimpleNamespace(update=lambda *_: None)
+    jax.lax = SimpleNamespace(associative_scan=scan)
+    for name, module in {
+        "jax": jax,
+        "jax.numpy": np,
+        "numba": SimpleNamespace(njit=jax.jit),
+    }.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    rivals, moves = tools("log_rivals"), np.array([3, 40, -7, 0, 900, -2, -500], np.int32)
+    plan = dahl.Plan(100.0, 0.5, 1e-4)
+    ours, out = dahl.Friction(plan).run_counts(moves), np.empty(len(moves))
+    rivals.numba_loop()(moves, 100.0 / 0.5 * 1e-4, 0.5, out)
+    by_jax = rivals.jax_scan("float64")(moves, 100.0 / 0.5 * 1e-4, 0.5)
+    assert out == pytest.approx(ours, abs=1e-6) and by_jax == pytest.approx(ours, abs=1e-6)
+
+
+def test_a_block_of_a_page_is_replaced_between_its_marks(tools, tmp_path) -> None:
+    report, marks = tools("report"), ("<!-- a -->", "<!-- /a -->")
+    (page := tmp_path / "page.md").write_text("before\n<!-- a -->\nold\n<!-- /a -->\nafter\n")
+    for text in ("first", "second"):
+        report.write_block(page, marks, f"{marks[0]}\n{text}\n{marks[1]}")
+        assert page.read_text() == f"before\n<!-- a -->\n{text}\n<!-- /a -->\nafter\n"
+
+
+def test_a_new_plugin_replaces_the_old_one(tools, monkeypatch, tmp_path) -> None:
+    target = tools("target")
+    monkeypatch.setattr(target, "OUT", tmp_path)
+    monkeypatch.setattr(target, "PLUGIN", tmp_path / "plugin.so")
+    target.PLUGIN.write_text("old")
+    target.build_plugin()
+    assert target.PLUGIN.read_bytes()[:4] == b"\x7fELF" and len([*tmp_path.iterdir()]) == 1
 
 
 def test_cycles_are_divided_by_the_clock(tools) -> None:

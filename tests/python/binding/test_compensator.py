@@ -98,6 +98,23 @@ def test_a_bound_that_is_broken_is_named_with_its_value(
     assert [word for word in words if word not in str(caught.value)] == [], str(caught.value)
 
 
+POSITIVE, OPTIONAL = ("limit", "slew", "period"), ("rise", "fall", "fade_speed", "pull")
+LEAST, MOST = 2.0**-64, float(np.nextafter(np.float32(2.0**64), np.float32(0)))
+
+
+@pytest.mark.parametrize("name", [*POSITIVE, *OPTIONAL, "Fc_low", "length_long", "gain"])
+def test_a_number_is_accepted_at_its_limits_and_named_beyond(name: str) -> None:
+    """0 switches a term off: the fade over speed, or with a reference a bound of the friction."""
+    beyond = [-LEAST, LEAST / 2, 2.0**64, math.inf, math.nan, 1.001 if name == "gain" else -1.0]
+    for value in beyond + [0.0] * (name in POSITIVE):
+        with pytest.raises(dahl.Error, match=rf"^{name} = .*2\^-64 <= {name}"):
+            compensator(reference=True, **{name: value})
+    ends = {"fade_speed": [0.0], "Fc_low": [0.0, MOST], "length_long": [0.0, LEAST]}
+    ends |= {"gain": [0.0, LEAST, 1.0]} | dict.fromkeys(POSITIVE, [LEAST, MOST])
+    for value in ends.get(name, [0.0, LEAST, MOST]):
+        assert getattr(compensator(reference=True, **{name: value}), name) == value
+
+
 @pytest.mark.parametrize("flag", ["False", math.nan, None, [0], np.ones(2), np.timedelta64(1, "s")])
 def test_a_flag_that_is_no_bool_is_refused(flag: Any) -> None:
     """A text or NaN would be true: a bad reading would count as good."""

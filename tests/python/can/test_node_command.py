@@ -204,8 +204,8 @@ STEP, TIMEOUT, STATUS = Param.STEP, Param.TIMEOUT, Param.STATUS
 
 @contextlib.contextmanager
 def attached(kept: list[Node], core, params, folder, port, number) -> Iterator[None]:
-    """Join the served bus as firmware does. Another member sends angles, of which every second one
-    is lost.
+    """Join the served bus as firmware does. Another member sends angles: some are lost, one has a
+    wrong CRC, and one is too far ahead.
     """
     settings = {"interface": "socketcand", "channel": "vcan0", "host": "127.0.0.1", "port": port}
     kept.append(Node(Plan(*params), number))
@@ -213,7 +213,9 @@ def attached(kept: list[Node], core, params, folder, port, number) -> Iterator[N
         with pytest.raises(RunError, match=f"node {number} "):
             node.ask(bus, ParamWrite(Param.MODEL), number, timeout=0.2)
         notifier = can.Notifier(bus, [node.Listener(bus, kept[0])])
-        asked = other.send_periodic([*map(partial(angle, number), range(0, 16, 2))], 0.02)
+        angles = [angle(number, counter) for counter in (0, 2, 4, 6, 15)]
+        angles[1].data[0] ^= 1
+        asked = other.send_periodic(angles, 0.02)
         try:
             yield
         finally:
@@ -243,7 +245,10 @@ def test_firmware_gets_the_settings_of_its_scene(dahl, monkeypatch, tmp_path, nu
         assert reply.si == pytest.approx(value)
     counts = counted(done.stdout.splitlines())
     assert 0 < counts["answers"] < counts["frames"] and 0 < counts["lost"] <= kept[0].counts.lost
-    assert counts.keys() == {"frames", "answers", "lost"}
+    assert 0 < counts["corrupt"] <= kept[0].counts.crc
+    repeated, wrong = kept[0].counts.repeated, kept[0].counts.wrong_sequence
+    assert 0 < counts["out_of_step"] <= repeated + wrong
+    assert counts.keys() == {"frames", "answers", "lost", "corrupt", "out_of_step"}
     kept.clear()
     (tmp_path / "own.ini").write_text(OWN_SCENE + "timeout_ms = 9000.4\n")
     code, said = complaint(dahl(*words))

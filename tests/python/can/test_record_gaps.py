@@ -88,6 +88,7 @@ def recorded(record, dbc):
         pytest.param(BOTH[61:143], None, id="begun and ended in the middle"),
         pytest.param(without(BOTH, range(40, 45)), (10, 10), id="a stretch"),
         pytest.param(without(BOTH, range(30, 60)), (28, 60), id="more than the counter holds"),
+        pytest.param(without(ANGLES[:30], range(3, 22)), (3, 19), id="after a period of 3 frames"),
         pytest.param(without(BOTH, range(40, 56)), None, id="16, which a pause would be too"),
         pytest.param(without(BOTH, range(40, 43), "EncoderState"), (3, 3), id="but answered"),
         pytest.param(without(BOTH, range(40, 43), "FrictionTorque"), (3, 3), id="answers"),

@@ -9,6 +9,7 @@ import ctypes
 import importlib
 import math
 import re
+import runpy
 import struct
 import subprocess
 import sys
@@ -221,16 +222,30 @@ def moteus_torque(message: can.Message) -> float:
 
 
 @pytest.mark.parametrize(
-    ("words", "start"),
+    ("words", "asked", "start"),
     [
-        (("odrive", "no_such_can"), "error: cannot open no_such_can: "),
-        (("odriv", "can0"), "usage: "),
+        ("odrive can7", {"channel": "can7", "fd": False}, "error: cannot open can7: "),
+        ("moteus can7", {"channel": "can7", "fd": True}, "error: cannot open can7: "),
+        ("odriv can0", {}, "usage: "),
     ],
 )
-def test_the_host_needs_a_known_drive_and_a_bus(words, start, root: Path) -> None:
-    command = [sys.executable, root / "examples/odrive_moteus/feed_forward.py", *words]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 1 and done.stderr.startswith(start) and done.stderr.count("\n") == 1
+@pytest.mark.parametrize("problem", [OSError(19, "No such device"), can.CanError("down")])
+def test_the_host_needs_a_known_drive_and_a_bus(
+    words, asked, start, problem, root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A moteus needs CAN FD."""
+    given: dict[str, object] = {}
+
+    def refuse(**settings: object) -> None:
+        given.update(settings)
+        raise problem
+
+    monkeypatch.setattr(can, "Bus", refuse)
+    monkeypatch.setattr(sys, "argv", ["feed_forward.py", *words.split()])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(root / "examples/odrive_moteus/feed_forward.py"), run_name="__main__")
+    assert str(ended.value.code).startswith(start)
+    assert given == ({"interface": "socketcan"} | asked if asked else {})
 
 
 @pytest.mark.parametrize("name", ["ODrive", "Moteus"])

@@ -5,28 +5,16 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
 import sys
 
 import pytest
 from conftest import ROOT
+from programs import run
 
 pytestmark = pytest.mark.checks
 
 # A sanitized program is large and slow, and no library can be loaded before the sanitizer's.
 NOT_HERE = "memory or 200 or million or slow or witness or minute or tribometer or refuses_a_socket"
-
-
-def run(*command: object, **more: object) -> None:
-    done = subprocess.run(
-        [str(word) for word in command],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-        **more,
-    )
-    assert done.returncode == 0, (done.stdout + done.stderr)[-4000:]
 
 
 @pytest.mark.long
@@ -35,12 +23,12 @@ def run(*command: object, **more: object) -> None:
 def test_sanitizers_find_no_error(preset: str, compiler: str) -> None:
     if shutil.which(compiler) is None:
         pytest.skip(f"unproven: sanitizers find no error: no {compiler} (tools/setup.sh checks)")
-    run("cmake", "--preset", preset)
-    run("cmake", "--build", "--preset", preset)
-    run("ctest", "--preset", preset, "--timeout", "600")
+    run("cmake", "--preset", preset, cwd=ROOT)
+    run("cmake", "--build", "--preset", preset, cwd=ROOT)
+    run("ctest", "--preset", preset, "--timeout", "600", cwd=ROOT)
     names = ("virtual", "refused", "node", "faults", "control")
     tests = [path for name in names for path in ROOT.glob(f"tests/python/**/test_loop_{name}.py")]
     environment = {**os.environ, "DAHL_BUILD_DIR": str(ROOT / "build" / preset)}
     environment.pop("DAHL_LOOP", None)
     chosen = ["-q", "-p", "no:cacheprovider", "-k", f"not ({NOT_HERE})"]
-    run(sys.executable, "-m", "pytest", *chosen, *tests, env=environment)
+    run(sys.executable, "-m", "pytest", *chosen, *tests, env=environment, cwd=ROOT)

@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
 from conftest import ROOT, built
 from dahl.binding import models
+from programs import run
 from sources import INCLUDES, NODE
 
 FLOAT_FORM = {"expm1f"}  # libm's
@@ -20,13 +20,6 @@ VECTORS = {
 PARTS = set(models.table()) - {"dahl"}
 OWN = re.compile(r"(frames|node|slcan)_")
 COPIES = {"memcpy", "memset"}  # the compiler adds them
-
-
-def run(*command: object) -> str:
-    done = subprocess.run(
-        [str(word) for word in command], capture_output=True, text=True, check=True
-    )
-    return done.stdout
 
 
 def foreign_and_writable(objects: Path) -> dict[str, set[str]]:

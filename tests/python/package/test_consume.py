@@ -7,13 +7,13 @@ import math
 import os
 import re
 import shutil
-import subprocess
 from itertools import groupby
 from pathlib import Path
 
 import dahl
 import pytest
 from conftest import ROOT, from_pypi, need, with_compilers
+from programs import run
 
 CONSUMER = ROOT / "tests/consume"
 PRIVATE = {
@@ -30,13 +30,6 @@ ASKED = [f"-DDAHL_BUILD_{name}=ON" for name in COMPONENTS]
 WANTED = dahl.__version__.rpartition(".")[0]  # of find_package: 0.2 accepts any 0.2.x and no other
 # Eq. 7: F = Fc (1 - exp(-sigma0/Fc theta)), sigma0 = 100, Fc = 0.5, theta = 100 counts of 14 bits.
 EXPECTED = 0.5 * (1 - math.exp(-100 / 0.5 * 100 * 2 * math.pi / 16384))
-
-
-def run(*command: object, code: int = 0, **more: object) -> str:
-    words = [str(word) for word in command]
-    done = subprocess.run(words, capture_output=True, text=True, check=False, **more)
-    assert done.returncode == code, done.stdout + done.stderr
-    return done.stderr if code else done.stdout
 
 
 def project(folder: Path, way: str, own_headers: Path, *options: object, code: int = 0) -> str:

@@ -13,6 +13,7 @@ import sys
 import tomllib
 
 import pytest
+from dahl import RunError, codec
 from identify_tools import caller, complaint
 from packaging.requirements import Requirement
 
@@ -83,6 +84,14 @@ def test_options_are_checked_and_help_is_printed_before_packages_are_missed(
     assert (shown.returncode, shown.stderr) == (0, "") and f"dahl {verb}" in shown.stdout
     given = ("--sigma0", "1", "--fc", "1", "--theta-per-count", "1", "-o", "-")
     assert dahl("plan", *given).returncode == 0 and dahl("complete").returncode == 0
+
+
+def test_only_messages_of_python_can_need_python_can(monkeypatch):
+    without(monkeypatch, "can")
+    frame = codec.EncoderState(7)
+    assert codec.from_bytes(frame.base, codec.to_bytes(frame)) == frame
+    with pytest.raises(RunError, match=r"pip install 'python-can\b"):
+        codec.pack(frame)
 
 
 # --- the extras of the package --------------------------------------------------------------------

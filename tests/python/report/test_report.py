@@ -14,10 +14,14 @@ import numpy as np
 import pytest
 from bus_runs import FC, SIGMA0, THETA, Run
 from dahl import Asymmetric, Error, Friction, Loaded, Plan
+from dahl.binding import models
 from dahl.codec import FrictionTorque, Param, ParamWrite, Reset, What
 from dahl.report import traces
+from dahl.sim import scene
 from dahl.sim.scene import Measured, Recorded, Scene
 from log_reading import run as command
+from model_examples import THETA as THETA_OF_MODELS
+from model_examples import keys, made
 
 SCENE = Scene(Path("a/b.ini"), "t", "dahl", ((SIGMA0, FC),), THETA)
 BOUND, BOUND_PARTS = 0.52, 0.55  # ulp of Fc
@@ -101,6 +105,21 @@ def test_a_load_holds_from_the_frame_that_writes_it(library):
         run.tick(number, 70 * number)
     scene = Scene(SCENE.path, "t", "loaded", SCENE.elements, THETA)
     assert error_of(run, scene) <= BOUND
+
+
+@pytest.mark.parametrize("name", [name for name in models.table() if name != "loaded"])
+def test_the_answers_of_each_model_are_compared_with_its_exact_torque(library, tmp_path, name):
+    model, run = models.table()[name], Run()
+    head = f"[friction]\n{keys(model)}theta_per_count = {THETA_OF_MODELS}\n"
+    (tmp_path / "model.ini").write_text(f"{head}[motion]\nkind = sine\nfile = none.csv\n")
+    played = scene.read(tmp_path / "model.ini")
+    assert played.log == ""  # only a motion of kind `log` has one
+    run.bearing = Friction(made(model)) if name == "dahl" else made(model)
+    run.tick(0, 0, state=6, used=False)
+    for number, count in enumerate((300, 290, 9000, 8700, 8702, -9000, -8960), start=1):
+        run.tick(number, count)
+    bound = BOUND if name == "dahl" else BOUND_PARTS
+    assert error_of(run, played) <= bound
 
 
 @pytest.mark.parametrize("limits", [(FC, 0.7 * FC), (0.7 * FC, FC)])

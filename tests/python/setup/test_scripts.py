@@ -74,6 +74,15 @@ def test_the_demo_sets_up_builds_and_runs(stage, words, need):
     assert stage.lines("words") == ["demo", *words]
 
 
+@pytest.mark.parametrize("ends", [True, False])
+def test_a_second_build_waits_for_the_first(stage, ends):
+    stage.stand_in("bin/flock", f'case "$*" in *-w*) exit {int(not ends)} ;; esac; exit 1')
+    done = stage.run("demo")
+    assert "another build is at work" in done.stdout
+    assert done.returncode == int(not ends) and bool(stage.calls("cmake")) == ends
+    assert ends or done.stderr.startswith("error: ") and "build/build.lock" in done.stderr
+
+
 @pytest.mark.parametrize("step", ["--preset", "--build"])
 @pytest.mark.parametrize("script", ["demo", "test"])
 def test_a_failed_set_up_or_build_ends_it_and_shows_the_log(stage, script, step):
@@ -88,6 +97,27 @@ def test_a_failed_set_up_or_build_ends_it_and_shows_the_log(stage, script, step)
     stage.does("setup.sh", "echo reason; exit 1")
     done = stage.run(script)
     assert done.returncode == 1 and "reason" in done.stdout and len(stage.calls()) == 1
+
+
+VM_TOOLS = ("qemu-system-x86_64", "busybox", "cpio", "ip", "modprobe", "timeout")
+
+
+@pytest.mark.parametrize("code", [0, 3, None])
+def test_a_virtual_machine_returns_the_code_of_its_command(scripts, code):
+    """77 without a kernel, 1 if the machine wrote no code. Its time limit is that of the caller."""
+    for name in VM_TOOLS:
+        scripts.stand_in(f"bin/{name}")
+    folder, limit = scripts.folder / "work", {"DAHL_VM_SECONDS": "7"}
+    folder.mkdir()
+    assert scripts.run("vm", str(folder), "true", **limit).returncode == 77
+    scripts.write("build/deps/kernel/vmlinuz", "a kernel")
+    (scripts.folder / "build/deps/kernel/lib/modules/6").mkdir(parents=True)
+    scripts.does("timeout", "" if code is None else f"echo out >output; echo {code} >code")
+    done = scripts.run("vm", str(folder), "echo", "a b", **limit)
+    assert done.returncode == (1 if code is None else code), done.stderr
+    assert ("out\n" in done.stdout) == (code is not None)
+    assert scripts.calls("timeout")[0].startswith("timeout 7 qemu-system-x86_64 ")
+    assert f"cd {folder}\necho a\\ b " in (folder / ".vm/command").read_text()
 
 
 def chosen_labels(call: str) -> set[str]:

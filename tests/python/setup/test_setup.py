@@ -41,13 +41,14 @@ def test_it_installs_missing_packages_once(bare):
 
 def test_each_need_includes_smaller_needs(bare):
     has: dict[str, set[str]] = {}
-    for need in ("demo", "firmware", "identify", "test", "docs", "vm", "bench", "checks"):
+    for need in ("", "demo", "firmware", "identify", "test", "docs", "vm", "bench", "checks"):
         bare.write("installed", "dpkg-dev")
         shutil.rmtree(bare.folder / "build", ignore_errors=True)
         done, _ = bare.set_up(need)
         assert done.returncode == 0, done.stderr
         python = re.search(r"installing Python packages: (.*) \(", done.stdout)[1].split()
         has[need] = {*bare.lines("installed"), *(f"group {name}" for name in python)}
+    assert has[""] == has["test"]
     assert has["demo"] < has["identify"] < has["test"] < has["docs"] < has["checks"]
     assert has["demo"] < has["firmware"] < has["checks"] and has["demo"] < has["vm"]
     assert has["identify"] | has["firmware"] < has["bench"]
@@ -64,6 +65,14 @@ def test_a_missing_optional_package_is_named_and_tried_once_a_day(bare):
         then = time.time() - hours * 3600
         os.utime(bare.folder / "build/deps/packages.tried", (then, then))
         assert any("valgrind" in call for call in bare.set_up("test")[1]) == again
+
+
+def test_each_download_is_named_and_tried_once_a_day(bare):
+    for is_first in (True, False):
+        done, _ = bare.set_up("checks")
+        named = re.findall(r"^setup: (\w+)(?:: in place| cannot be fetched)", done.stdout, re.M)
+        assert done.returncode == 0 and {*named} == {"cbmc", "kernel", "unity"}
+        assert bool(bare.calls("apt-get")) == is_first
 
 
 @pytest.mark.parametrize("lacking", [None, "ninja", "csv.h"])

@@ -11,6 +11,7 @@ import pytest
 from dahl import cli
 from dahl.sim import compensation
 from dahl.sim.compensation import Comparison
+from log_reading import drawing
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -70,13 +71,30 @@ def test_the_demo_writes_picture_and_numbers(
     assert (tmp_path / "compensation.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("scene", ["compensation", "park-steer"])
-@pytest.mark.parametrize("option", [["--bus", "socketcand"], ["--seconds", "3"], ["--fc", "1"]])
-def test_options_of_a_bus_or_a_log_are_refused(
-    option: list[str], scene: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_the_demo_prints_the_ratio_of_each_law(
+    compared: Comparison, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch
 ) -> None:
-    words = ["demo", "--scene", scene, *option, "-o", str(tmp_path)]
+    monkeypatch.setattr(compensation, "compare", lambda *_: compared)
+    with drawing(rendered=False):
+        assert cli.main(["demo", "--scene", "compensation", "-o", str(tmp_path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    head, *rows = (re.split(r" *[│┃] *", line)[1:-1] for line in lines if re.search("[│┃]", line))
+    laws = head[2:]
+    assert {*laws} == compared.hand.keys() - {"none"}
+    assert rows == [
+        [axis, case, *(f"{values[law]['ratio']:.3f}" for law in laws)]
+        for axis, cases in compared.numbers.items()
+        for case, values in cases.items()
+    ]
+
+
+@pytest.mark.parametrize("scene", ["compensation", "park-steer"])
+@pytest.mark.parametrize("option", ["--bus socketcand", "--seconds 3", "--fc 1", "--offset 0"])
+def test_options_of_a_bus_or_a_log_are_refused(
+    option: str, scene: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["demo", "--scene", scene, *option.split(), "-o", str(tmp_path)]
     assert cli.main(words) != 0
     said = capsys.readouterr().err
-    assert said.startswith("error: ") and option[0] in said and said.count("\n") == 1
+    assert said.startswith("error: ") and option.partition(" ")[0] in said and said.count("\n") == 1
     assert not (tmp_path / "summary.json").exists()

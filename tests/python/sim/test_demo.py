@@ -20,7 +20,7 @@ import pytest
 from dahl.binding.library import load
 from dahl.io import can_logs
 from dahl.report import traces
-from dahl.sim import scene
+from dahl.sim import loop, scene
 from demo_tools import (
     FC,
     OFFSET,
@@ -38,6 +38,7 @@ from demo_tools import (
 from identify_tools import complaint
 from log_reading import drawing
 from loop_tools import SCENES, is_running, run, scene_with, wait_until
+from rich.progress import Progress
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
@@ -101,6 +102,21 @@ def test_a_run_leaves_record_picture_and_summary(demo, own_log):
     assert (folder / "loop.png").read_bytes().startswith(b"\x89PNG")
     assert not list(folder.glob("*.part*"))
     assert re.search(rf"^run .* 100% {TICKS} ticks", shown, re.MULTILINE)
+    assert "ended early" not in shown
+
+
+def test_the_progress_bar_counts_ticks_of_two_frames(dahl, unpainted, monkeypatch):
+    real, shown = loop.run, []
+    monkeypatch.setattr(Progress, "update", lambda *_, completed, **__: shown.append(completed))
+
+    def run_in_steps(setup, stop, progress):
+        for frames in (100, 401, 5000):
+            progress(frames)
+        return real(setup, stop, lambda frames: None)
+
+    monkeypatch.setattr(loop, "run", run_in_steps)
+    assert dahl("demo", "--scene", "segments", "--seconds", "0.3", "-o", "run").returncode == 0
+    assert shown == [50, 200, 300, 300]
 
 
 def test_the_table_has_the_numbers_of_the_summary(demo):
@@ -235,8 +251,8 @@ def test_one_run_a_folder_and_ctrl_c_leaves_whole_files(running, dahl_here, tmp_
     programs = children(running)
     assert len({os.getpgid(process) for process in (*programs, running.pid)}) == 3
     running.send_signal(signal.SIGINT)
-    _, errors = running.communicate(timeout=60)
-    assert (running.returncode, errors) == (130, "interrupted\n")
+    shown, errors = running.communicate(timeout=60)
+    assert (running.returncode, errors) == (130, "interrupted\n") and "ended early" in shown
     assert not any(map(is_running, programs))
     numbers = summary_of(tmp_path)
     assert numbers["interrupted"] is True and numbers["max_error_ulp_Fc"] <= 0.52

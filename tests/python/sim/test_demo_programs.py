@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from dahl import Node, Plan, RunError, node
 from dahl.codec import Param, ParamWrite
+from dahl.sim import loop
 from demo_tools import FC, OWN, SIGMA0, TURN, in_role, scene_of, summary_of, write_log, write_loop
 from identify_tools import complaint
 from log_reading import drawing
@@ -325,3 +326,13 @@ def test_firmware_replaces_the_node_of_dahl_loop(dahl, monkeypatch, root):
     assert (numbers["target"], numbers["node"], numbers["frames_answered"]) == ("m4f", {}, 300)
     assert numbers["max_error_ulp_Fc"] <= 0.52
     assert "build/m4f/node_image" in done.stdout and "QEMU" in done.stdout
+
+
+def test_a_run_whose_recorder_was_dropped_is_not_compared(dahl, monkeypatch, tmp_path):
+    """By the count of the server: faults on the bus hide the loss from the sequence counters."""
+    real = loop.Program.numbers
+    counts = {"bus_counts": {"dropped": 1}}
+    monkeypatch.setattr(loop.Program, "numbers", lambda program: real(program) | counts)
+    done = dahl("demo", "--scene", "fault-storm", "--seconds", "1", "-o", tmp_path / "out")
+    assert done.returncode == 1 and "read too slowly" in done.stdout + done.stderr
+    assert summary_of(tmp_path / "out")["max_error_ulp_Fc"] is None
