@@ -63,7 +63,7 @@ add_need() {
     for other in ${INCLUDES[$1]:-}; do add_need "$other"; done
 }
 
-# Print the words of one of the tables above, for the needs of this run.
+# Print the words of one of the tables above, for the needs of this run, each once.
 words_of() { # TABLE
     local -n table=$1
     local need words=()
@@ -71,5 +71,5 @@ words_of() { # TABLE
         # shellcheck disable=SC2206 # an entry has several words
         [ -z "${WANTED[$need]:-}" ] || words+=(${table[$need]:-})
     done
-    [ "${#words[@]}" -eq 0 ] || printf '%s\n' "${words[@]}"
+    [ "${#words[@]}" -eq 0 ] || printf '%s\n' "${words[@]}" | awk '!seen[$0]++'
 }
