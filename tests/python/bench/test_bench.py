@@ -9,6 +9,7 @@ import json
 import math
 import os
 import re
+import resource
 import shutil
 import subprocess
 import sys
@@ -162,12 +163,22 @@ def test_moves_come_with_the_exact_torque() -> None:
     assert done.returncode == 2 and done.stderr.startswith("error: ")
 
 
+def seconds_of_children() -> float:
+    """Return the CPU time of all processes that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 @pytest.mark.checks
-def test_both_identifications_find_the_parameters() -> None:
+def test_both_identifications_find_the_parameters_and_print_their_cpu_time() -> None:
+    before = seconds_of_children()
     done = run(sys.executable, BENCH / "identify.py", "--rows", "3000", "--short", "1000")
     ours, theirs, _ = re.findall(r"sigma0 ([\d.]+), Fc ([\d.]+)", done.stdout) + [None]
     assert [*map(float, ours)] == pytest.approx([SIGMA0, FC], rel=0.1)
     assert [*map(float, theirs)] == pytest.approx([*map(float, ours)], rel=2e-3)
+    printed = [float(one) for one in re.findall(r"(?:identify|solve_ivp) ([\d.]+) s", done.stdout)]
+    assert len(printed) == 3 and min(printed) > 0
+    assert sum(printed) < seconds_of_children() - before
 
 
 # --- the pages -----------------------------------------------------------------------------------

@@ -21,6 +21,7 @@ from conftest import built
 from dahl import Plan
 from dahl.binding import plan_header
 from dahl.binding.asymmetric import Asymmetric
+from dahl.identify import Log
 from identify_tools import (
     COUNT,
     FC,
@@ -336,6 +337,16 @@ def test_the_picture_shows_the_fit_over_the_measurement(rig):
     assert units_of(rig.figure, "loop") == units_of(rig.figure, "by angle") == ("mm", "N")
     assert units_of(rig.figure, "by speed") == ("mm/s", "N")
     assert units_of(rig.figure, "plausible") == ("N/m", "N")
+
+
+@pytest.mark.parametrize("origin", [0.0, 3.0, -3.0])
+@pytest.mark.parametrize(
+    ("span", "linear", "shown"),
+    [(0.5, True, (1e-3, "mm")), (1.5, True, (1.0, "m")), (0.5, False, (1.0, "rad"))],
+)
+def test_the_unit_of_the_angle_follows_the_span_from_any_origin(origin, span, linear, shown):
+    theta = origin + np.linspace(0, span, 9)
+    assert Log("x", theta, theta, linear=linear).shown_in == shown
 
 
 def test_the_picture_shows_the_numbers_and_their_intervals(rig):

@@ -217,6 +217,11 @@ def test_bounds_for_a_compensator_hold_at_each_speed_and_in_both_directions(name
     assert most * FC / SIGMA0 <= length_long <= 1.15 * most * FC / SIGMA0
 
 
+def test_the_error_of_the_offset_does_not_contain_the_asymmetry() -> None:
+    errors = report.numbers(found("asymmetric"))["extra_standard_errors"]
+    assert 0 < errors["offset"] < 0.02 * FC
+
+
 def test_a_peak_after_rests_hides_the_slope_at_rest_only() -> None:
     result = identify([hostile_logs.KINDS["adhesion after rests"](1)])
     assert result.compensator_bounds is None and "claimed" in result.against_bounds

@@ -75,6 +75,19 @@ def test_each_download_is_named_and_tried_once_a_day(bare):
         assert bool(bare.calls("apt-get")) == is_first
 
 
+@pytest.mark.parametrize(
+    ("machine", "has_can", "is_fetched"),
+    [("x86_64", False, True), ("x86_64", True, False), ("aarch64", False, False)],
+)
+def test_a_kernel_is_fetched_if_the_virtual_machine_can_run_it(bare, machine, has_can, is_fetched):
+    bare.stand_in("bin/uname", f"echo {machine}")
+    bare.stand_in("bin/python3", f"exit {0 if has_can else 1}")
+    done, _ = bare.set_up("vm")
+    assert done.returncode == 0, done.stderr
+    assert any("linux-image" in call for call in bare.calls("apt-cache")) == is_fetched
+    assert ("kernel: in place" in done.stdout) != is_fetched
+
+
 @pytest.mark.parametrize("lacking", [None, "ninja", "csv.h"])
 def test_without_apt_get_it_names_what_the_build_lacks(bare, lacking):
     away = {"apt-get", "dpkg-query", "ninja", "cc"}

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dahl import cli
+from dahl import cli, codec
 from dahl.io import can_logs
 from dahl.sim import park_steer as scene
 from scipy.integrate import solve_ivp
@@ -58,6 +58,16 @@ def test_torque_and_work_are_those_of_the_ode(name: str, runs) -> None:
     numbers = runs[name].numbers()
     assert numbers["tyres_J"] == pytest.approx(tyres_work, rel=1e-4)
     assert numbers["assist_J"] == pytest.approx(GAINS[name] * tyres_work, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", GAINS)
+def test_each_node_gets_the_nearest_count(name: str, runs) -> None:
+    run = runs[name]
+    for node in (scene.TYRES, scene.ASSIST):
+        sent = [one for one in run.frames if one.arbitration_id == codec.EncoderState.base + node]
+        counts = np.array([codec.unpack(one, codec.EncoderState).count for one in sent])
+        off = counts * scene.THETA_PER_COUNT - run.pinion_angle
+        assert np.abs(off).max() < 0.501 * scene.THETA_PER_COUNT
 
 
 def test_the_page_has_the_numbers_of_the_scene(runs, root: Path) -> None:
