@@ -132,7 +132,9 @@ static double visit(axis_t *axis, double place)
     return energy;
 }
 
-enum { START = 10 * LENGTH_COUNTS, DRIFT_COUNTS = 60, SHAKES_PER_COUNT = 48 };
+#define START 270 /* counts, ten presliding lengths */
+#define DRIFT_COUNTS 60
+#define SHAKES_PER_COUNT 48
 
 /* No law of the encoder alone can distinguish a slow drift from the same drift with a shake within each count. The drift needs
  * the torque. With the shake, the friction is relaxed, and the shaft gets gain Fc per drift, less Fc (1/(2 N) + N (a h)^2/6) for

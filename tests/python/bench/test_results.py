@@ -107,7 +107,7 @@ def test_the_terminal_shows_cost_and_error_of_each_method(tools, capsys) -> None
     points["host"] = {"expm1f": {"cost": 31.6, "worst": 7.0, "ours": False}}
     beaten = [{"core": "m3", "ours": "counts", "rival": "rk4"}]
     result = {"points": points, "calls": CALLS, "host": {"copy_x": 2.5}, "dominated": beaten}
-    tools("report").show(result)
+    tools("report").show(result, "instructions")
     printed = capsys.readouterr().out
     rows = [re.split(r" *[│┃] *", line)[1:-1] for line in printed.splitlines()]
     assert [row for row in rows if len(row) == 3 and row[2] != "1,000,000"] == [
