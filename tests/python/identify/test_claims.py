@@ -215,7 +215,7 @@ EFFECTS: dict[str, tuple[Callable[[], list[Log]], str, str]] = {
     "late": (
         lambda: [log_of(PATH[10:], dahl_torque(PATH)[:-10], 0.01)],
         "low pass or delay",
-        "angle ripple",
+        "drift|angle ripple",
     ),
     "drift of the sensor": (lambda: plus(0.15 * RAMP), "", "offset drift"),
     "offset of a log": (lambda: halves(step=0.05), "", "offset of each log"),

@@ -21,7 +21,7 @@ from dahl.identify.models import ONE_ELEMENT, OPTIONS
 from dahl.identify.result import Intervals, Result, claims_of
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, block_for, samples_of
 from dahl.identify.select import Plausible, SearchSpace
-from dahl.identify.start import MAX_SLIPS, coarse_start
+from dahl.identify.start import coarse_start
 from dahl.io.log import TERMS, Log
 
 CONFIDENCE = 0.99  # of the t quantile: a 95 % interval, and room for what no hypothesis covers
@@ -31,7 +31,6 @@ MAX_CORRECTIONS = 2
 HIDDEN_ROUNDING = 0.3  # of the variance of a torque's rounding: it repeats in each cycle
 COARSE_ERROR = 2.0  # times the variance of rounding, below which a torque sensor is coarse here
 MORE_ELEMENTS, OTHER_LAW = 1.4, 0.5  # see _beyond_one_element()
-FURTHER_SLIPS = 1 / 3  # of the change from 2 to 4 elements: errors of K straight lines go by 1/K^2
 
 
 @dataclass(frozen=True)
@@ -193,25 +192,17 @@ def _beyond_one_element(
     The fitted law is then one of many with such a curve. Its distance from the best Dahl fit shows
     how much the choice of the law matters. The truth may lie further on by half of this distance,
     or by 1.4 times if the law has several elements and the residual shows a lack of fit: it may
-    then lack small stiff elements. If the longest sum of slip elements fits best, the truth may
-    have still more of them, and every plausible value is off by as much.
+    then lack small stiff elements.
     """
-    law, value = seen.best.hypothesis.friction, seen.best.value
-    if {f.hypothesis.law for f in seen.fits} & ONE_ELEMENT:
+    plain = [f for f in fits if f.hypothesis.law == "dahl"]
+    laws = {f.hypothesis.law for f in seen.fits}
+    if not plain or laws & ONE_ELEMENT:
         return low, high
-    apart = _distance(seen.best, fits, "dahl")
-    apart *= MORE_ELEMENTS if law.elements > 1 and lacks else OTHER_LAW
-    if law.name == f"{MAX_SLIPS} slip":
-        further = FURTHER_SLIPS * _distance(seen.best, fits, "2 slip")
-        low, high = low - further, high + further
+    several = seen.best.hypothesis.friction.elements > 1
+    value = seen.best.value
+    apart = np.abs(value - min(plain, key=lambda f: f.total).value)
+    apart *= MORE_ELEMENTS if several and lacks else OTHER_LAW
     return np.minimum(low, value - apart), np.maximum(high, value + apart)
-
-
-def _distance(best: Fit, fits: list[Fit], law: str) -> np.ndarray:
-    """Return how far sigma0 and Fc of the best fit of a law are from those of `best`: (2,)."""
-    others = [f for f in fits if f.hypothesis.law == law] or [best]
-    apart: np.ndarray = np.abs(best.value - min(others, key=lambda f: f.total).value)
-    return apart
 
 
 def _simulated_reach(fitter: Fitter, chosen: Fit) -> np.ndarray:

@@ -22,8 +22,8 @@ from dahl.identify.models import LAWS, Law
 from dahl.identify.samples import Samples, delayed
 
 LAGS = ("none", "damping", "delay", "low pass", "zero-phase filter", "play", "delay+filter")
-FILTERS = ("low pass", "zero-phase filter")  # of second order; of first, forward and backward
-DELAYED = ("delay", "delays", *FILTERS, "delay+filter")  # the lag is one or more samples
+FILTERS = ("low pass", "zero-phase filter")  # the latter runs forward and backward
+DELAYED = ("delay", *FILTERS, "delay+filter")  # the last parameter is a number of samples
 ROUNDS = 8  # Gauss-Newton steps of a fit, at most
 MAX_STEP, MAX_DELAY_STEP = 0.4, 6.0  # of a Gauss-Newton step: in ln a and shapes, in samples
 MIN_GAIN, SETTLED_STEP = 1e-4, 1e-3  # of the cost and of ln a, below which the fit has converged
@@ -55,7 +55,7 @@ class Hypothesis:
     @property
     def size(self) -> int:
         """Parameters beyond a Dahl element and an offset."""
-        lag = {"none": 0, "low pass": 2, "delay+filter": 2, "delays": 2}.get(self.lag, 1)
+        lag = {"none": 0, "delay+filter": 2, "delays": 2}.get(self.lag, 1)
         terms = sum(16 if term == "waves" else 1 for term in self.terms) - 1
         return self.friction.size + lag + terms
 
@@ -132,16 +132,6 @@ def excess(cost: np.ndarray, best: np.ndarray) -> tuple[float, float]:
     return float(more.sum()), float(more.std(ddof=1) * np.sqrt(len(more)))
 
 
-def filter_of(ratio: float, time: float) -> np.ndarray:
-    """Return the denominator of the filter 1 / (1 + time s + ratio time s^2); times in samples.
-
-    It rings as a torque cell does if `ratio` is larger than a quarter of `time`.
-    """
-    poles = np.roots([ratio * time, time, 1.0])
-    denominator: np.ndarray = np.poly(np.exp(poles)).real
-    return denominator
-
-
 def solve(gram: np.ndarray, columns: Sequence[int]) -> np.ndarray:
     """Least squares by Gram matrices (..., k, k), the torque last: coefficients of some columns."""
     c = list(columns)
@@ -181,8 +171,9 @@ class Fitter:
         law = h.friction
         shapes = [first for first, _, _ in law.shape]
         p = np.array([*(np.log(a) + x for x in law.stiffness), *shapes], dtype=float)
-        lags = {"low pass": [1.0, lag], "delays": [lag] * self.samples.logs}.get(h.lag, [lag])
-        return np.append(p, lags) if h.lag in (*DELAYED, "play") else p
+        if h.lag == "delays":
+            return np.append(p, np.full(self.samples.logs, lag))
+        return np.append(p, lag) if h.lag in (*DELAYED, "play") else p
 
     def elements(self, h: Hypothesis, p: np.ndarray) -> list[np.ndarray]:
         """F/Fc of each element, as the torque sensor would show it."""
@@ -258,9 +249,9 @@ class Fitter:
             parts = zip(s.pieces, s.log_of, strict=True)
             return np.concatenate([delayed(x[rows], each[k]) for rows, k in parts])
         if h.lag in FILTERS:
-            run, ratio = (lfilter, p[-2]) if h.lag == "low pass" else (filtfilt, 0.0)
-            past = filter_of(ratio, p[-1])
-            return s.by_piece(lambda y: run([past.sum()], past, y), x)
+            run = lfilter if h.lag == "low pass" else filtfilt
+            kept = np.exp(-1 / max(p[-1], 1e-2))
+            return s.by_piece(lambda y: run([1 - kept], [1, -kept], y), x)
         return x
 
     def columns(
@@ -286,7 +277,8 @@ class Fitter:
     def _lag_columns(self, h: Hypothesis, friction: np.ndarray) -> list[np.ndarray]:
         """Derivatives of friction by time that a lag adds, as many as h.lag_columns.
 
-        The second one is what any short filter adds to its delay, as a mean over rows does.
+        The second one is what any short filter adds to its delay: a mean over rows, a filter
+        that runs to and fro, a torque cell that rings.
         """
         if h.lag == "damping":
             return [self.samples.rate(friction) / self.fast]
@@ -310,7 +302,9 @@ class Fitter:
 
     def _row_parameters(self, h: Hypothesis, p: np.ndarray) -> list[int]:
         """Which parameters are a number of samples."""
-        return list(range(h.friction.parameters, len(p))) if h.lag in DELAYED else []
+        if h.lag == "delays":
+            return list(range(len(p) - self.samples.logs, len(p)))
+        return [len(p) - 1] if h.lag in DELAYED else []
 
     # --- the fit ---
 
@@ -344,8 +338,8 @@ class Fitter:
         step: np.ndarray = np.clip(wanted, -MAX_STEP, MAX_STEP)
         for k in self._row_parameters(h, p):
             step[k] = np.clip(wanted[k], -MAX_DELAY_STEP, MAX_DELAY_STEP)
-            if h.lag in FILTERS:
-                step[k] = max(step[k], MIN_LOW_PASS - p[k])
+        if h.lag in FILTERS:
+            step[-1] = max(step[-1], MIN_LOW_PASS - p[-1])
         return step
 
     def score(self, h: Hypothesis, at: Optimum, columns: Sequence[int]) -> Fit | None:

@@ -197,13 +197,13 @@ def slip(moves: np.ndarray, pieces: Pieces, a: float) -> np.ndarray:
     """A spring that slips at Fc. Within one stroke it is a clipped line."""
     ratio = np.empty(len(moves))
     for rows in pieces:
-        position = a * np.cumsum(moves[rows])
-        edges = np.append(strokes(moves[rows])[0], len(position))
-        shifts, w, passed = [], 0.0, 0.0
-        for end in position[edges[1:] - 1].tolist():
-            shifts.append(w - passed)
-            w, passed = min(max(end + shifts[-1], -1.0), 1.0), end
-        ratio[rows] = np.clip(position + np.repeat(shifts, np.diff(edges)), -1.0, 1.0)
+        part = moves[rows]
+        starts, _ = strokes(part)
+        position, w, passed = a * np.cumsum(part), 0.0, 0.0
+        for i, j in zip(starts.tolist(), [*starts[1:].tolist(), len(part)], strict=True):
+            stroke = np.clip(position[i:j] + (w - passed), -1.0, 1.0)
+            ratio[rows.start + i : rows.start + j] = stroke
+            w, passed = float(stroke[-1]), float(position[j - 1])
     return ratio
 
 

@@ -99,7 +99,7 @@ def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: Search
         "delay": delay or 1.0,
         "delay+filter": delay,
         "delays": delay,
-        "low pass": max(delay, 1.0),
+        "low pass": max(delay, 3.0),
         "zero-phase filter": 3.0,
         "play": float(np.log(0.2 / a)),
     }
@@ -137,9 +137,7 @@ def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit
     a, angle = float(np.exp(best.p[0])), best.hypothesis.angle
     by_lag = {f.hypothesis.lag: f for f in sorted(fits, key=lambda f: -f.total)}
     terms = best.hypothesis.terms if "waves" not in best.hypothesis.terms else ("offset",)
-    plain = Hypothesis("dahl", "none", angle, terms)
-    max_cost = best.total * (1 - PENALTY * LAWS["4 slip"].size)
-    starts = _law_starts(fitter, plain, a, space, max_cost)
+    starts = _law_starts(fitter, Hypothesis("dahl", "none", angle, terms), a, space)
     found: list[Fit] = []
     for lag in sorted({"none", "damping", best.hypothesis.lag} & {*space.lags, "delays"}):
         own = by_lag.get(lag, best)
@@ -151,19 +149,19 @@ def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit
 
 
 def _law_starts(
-    fitter: Fitter, plain: Hypothesis, a: float, space: SearchSpace, max_cost: float
+    fitter: Fitter, plain: Hypothesis, a: float, space: SearchSpace
 ) -> dict[str, np.ndarray]:
-    """Start values without a lag, by law; `plain` is Dahl's law without one.
-
-    More than two slip elements are tried only if they cost less than `max_cost`.
-    """
+    """Start values without a lag, by law; `plain` is Dahl's law without one."""
     laws = ["slip", "stribeck", "log speed", "asymmetric"]
     if fitter.samples.is_at_rest.mean() > MIN_RESTS:
         laws.append("breakaway")
     if fitter.strokes[plain.angle] < models.MAX_STROKES:
         laws += ["exponent", "bouc-wen", "soft shaft"]
     starts = {law: fitter.start(replace(plain, law=law), a) for law in laws}
-    starts |= pair_starts(fitter, plain, a) | slip_start(fitter, plain, a, max_cost)
+    starts |= pair_starts(fitter, plain, a)
+    several = slip_start(fitter, plain, a)
+    if several is not None:
+        starts[several[0].law] = several[1]
     if space.wanted in LAWS:
         starts.setdefault(space.wanted, fitter.start(replace(plain, law=space.wanted), a))
     return {law: p for law, p in starts.items() if law in (*space.laws, space.wanted)}

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.optimize import nnls
 
@@ -88,35 +90,31 @@ def pair_starts(fitter: Fitter, h: Hypothesis, a: float) -> dict[str, np.ndarray
     return found
 
 
-def slip_start(fitter: Fitter, h: Hypothesis, a: float, max_cost: float) -> dict[str, np.ndarray]:
-    """ln a of a sum of slip elements: non-negative least squares on a grid, with neighbours joined.
+def slip_start(fitter: Fitter, h: Hypothesis, a: float) -> tuple[Hypothesis, np.ndarray] | None:
+    """A sum of slip elements: non-negative least squares on a grid, with neighbours joined.
 
-    Empty if it costs more than `max_cost` or has fewer than three elements (see pair_starts()).
+    None for fewer than three, since pair_starts() has the best pair.
     """
     grid = a * SLIP_GRID
     w = [models.slip(fitter.moves[h.angle], fitter.samples.pieces, x) for x in grid]
-    gram = fitter.samples.grams(np.column_stack((*w, *fitter.term_columns(h.terms)))).sum(axis=0)
-    c = _non_negative(gram, len(grid))
-    columns = [*np.flatnonzero(c).tolist(), *range(len(grid), len(gram) - 1)]
-    if cost_of(gram, columns, solve(gram, columns)) > max_cost:
-        return {}
+    c = _non_negative(fitter, np.column_stack((*w, *fitter.term_columns(h.terms))), len(grid))
     groups: list[list[int]] = []
     for k in np.flatnonzero(c > MIN_ELEMENT * c.sum()).tolist():
-        if groups and groups[-1] == [k - 1]:  # one element between two stiffnesses of the grid
+        if groups and k - groups[-1][-1] == 1:
             groups[-1].append(k)
         else:
             groups.append([k])
     if len(groups) < 3:
-        return {}
+        return None
     while len(groups) > MAX_SLIPS:
         groups.pop(int(np.argmin([c[group].sum() for group in groups])))
     p = [float(np.log(c[group] @ grid[group] / c[group].sum())) for group in groups]
-    return {f"{len(groups)} slip": np.array(p)}
+    return replace(h, law=f"{len(groups)} slip"), np.array(p)
 
 
-def _non_negative(gram: np.ndarray, elements: int) -> np.ndarray:
+def _non_negative(fitter: Fitter, table: np.ndarray, elements: int) -> np.ndarray:
     """Coefficients of the first `elements` columns, none negative; terms have either sign."""
-    m = len(gram) - 1
+    gram, m = fitter.samples.grams(table).sum(axis=0), table.shape[1]
     scale = np.sqrt(np.diag(gram)[:m]) + 1e-300
     matrix = gram[:m, :m] / scale[:, None] / scale + 1e-9 * np.eye(m)
     signs = np.concatenate((np.ones(m), -np.ones(m - elements)))  # each term with both signs
