@@ -260,7 +260,7 @@ class Result:
             samples = samples.with_angle(self.hypothesis.angle, samples.angles["between counts"])
         if samples.block != self.samples.block and self.hypothesis.lag in (*DELAYED, "delays"):
             p = fit.p.copy()
-            p[-1] *= self.samples.block / samples.block
+            p[self.hypothesis.friction.parameters :] *= self.samples.block / samples.block
             fit = replace(fit, p=p)
         samples.prepare(self.a.value, np.zeros(samples.rows))
         return samples, Fitter(samples).predicted(fit)
