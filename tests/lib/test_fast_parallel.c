@@ -89,6 +89,31 @@ static void test_a_log_in_pieces_has_the_same_bits(void)
     TEST_ASSERT_TRUE(whole[0].x == pieces[0].x && whole[1].x == pieces[1].x && whole[2].x == pieces[2].x);
 }
 
+/* The torque continues as that of elements that always had half of Fc. */
+static void test_a_deflection_beyond_a_smaller_Fc_is_clamped(void)
+{
+    dahl_throughput_element_t halved[3], weak[3];
+    const set_t set = {params_for(0.02, 0.7f), 3};
+    make_moves(motion_walk);
+    for (int32_t side = -1; side <= 1; side += 2) {
+        const int32_t push = side * 1000000;
+        (void)make_elements(halved, &set, 0, 1);
+        (void)make_elements(weak, &set, 0, 1);
+        for (int k = 0; k < 3; k++) {
+            weak[k].params.Fc /= 2;
+        }
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_parallel_counts(halved, 3, &push, F, 1));
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_parallel_counts(weak, 3, &push, G, 1));
+        for (int k = 0; k < 3; k++) {
+            halved[k].params.Fc /= 2;
+        }
+        moves[0] = -side; /* leaves the limit */
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_parallel_counts(halved, 3, moves, F, TICKS));
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_parallel_counts(weak, 3, moves, G, TICKS));
+        TEST_ASSERT_EQUAL_MEMORY(G, F, sizeof F);
+    }
+}
+
 static void test_no_elements_give_no_torque(void)
 {
     float zeros[3] = {1, 1, 1};

@@ -86,6 +86,19 @@ def test_only_the_bus_off_of_error_frames_reaches_the_nodes(tmp_path, planted, m
     ]
 
 
+def test_in_virtual_time_a_tick_ends_after_the_last_echo(tmp_path, planted, monkeypatch):
+    """The log is that of the loopback. No echo comes before the loop waits."""
+    options = ("--virtual", "--seconds", "0.02")
+    alone = read_log(run(tmp_path / "alone", STEERING, *options).log)
+    monkeypatch.setenv("CAN_ECHO", "1")
+    process, bus = joined(tmp_path, planted, *options)
+    for wire in iter(lambda: bus.recv(100), b""):
+        bus.send(wire)
+    result = finished(tmp_path, process)
+    bus.close()
+    assert [(f.id, f.data) for f in read_log(result.log)] == [(f.id, f.data) for f in alone]
+
+
 KINDS = {
     "encoder": (0x110,),
     "node": (0x100, 0x130, 0x150),

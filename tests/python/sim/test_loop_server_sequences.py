@@ -25,6 +25,7 @@ ECHO = b"< echo >"
 STATUS = b"<120#"  # the node sends one after power-on
 OPTIONS = ("--role", "node", *setting("friction.timeout_ms=60000", "status.period_ms=60000"))
 UNKNOWN = ("bcmmode", "subscribe 0 0 1", "add 1 0 123 1 1", "statistics 100", "hello", "")
+WRONG_OPENS = ("open can7", "open vcan", "open vcan01", "open")
 BAD_SENDS = ("send 123 9 1", "send 800 0", "send 7FF", "send 7FF 1 100", "send 7FF 1")
 NOISE = ("abc", "\n \t", "> x", "< cut ", "<\0\0", "<" * 500, "< send 12 " + "1 " * 4000)
 FRAME = re.compile(rb"< frame (\w+) (\d+\.\d{6}) (\w*) >")
@@ -116,7 +117,7 @@ class Server(RuleBasedStateMachine):
     @precondition(lambda self: self.clients)
     @rule(
         number=st.integers(0, 9),
-        word=st.sampled_from(["open vcan0", "open can7", "open", "rawmode", *UNKNOWN]),
+        word=st.sampled_from(["open vcan0", *WRONG_OPENS, "rawmode", *UNKNOWN]),
         piece=PIECES,
     )
     def command(self, number: int, word: str, piece: int) -> None:

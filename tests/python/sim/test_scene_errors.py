@@ -379,6 +379,7 @@ OPTION_ERRORS = [  # scene, options, facts of the line
     ("steering", "--bus socketcand:127.0.0.1:0", "--bus socketcand:127.0.0.1:0"),
     ("steering", f"--bus socketcand:{'x' * 128}:5", f"--bus socketcand:{'x' * 128}:5"),
     ("steering", "--bus socketcan:", "--bus"),
+    ("steering", "--bus loopback:can1", "--bus loopback:can1"),
     ("steering", "--wait-clients 1", "--wait-clients socketcand:PORT loopback"),
     (
         "steering",
