@@ -427,6 +427,17 @@ def test_a_filter_keeps_its_time_on_a_log_with_other_blocks():
     assert check(result, logs[1]) > 0.995
 
 
+def test_another_log_is_predicted_with_the_mean_of_several_delays():
+    logs = []
+    for number, delay in enumerate((0, 12, 6)):
+        theta = chirp(3000)
+        torque = np.roll(dahl_torque(theta), delay)[20:]
+        logs.append(replace(log_of(theta[20:], torque, 0.01), name=f"{number}"))
+    result = identify(logs[:2])
+    assert result.hypothesis.lag == "delays"
+    assert check(result, logs[2]) > 0.995
+
+
 @pytest.mark.parametrize("term", ["viscous", "inertia"])
 def test_a_term_of_the_speed_needs_times(term):
     for time in (None, np.full(2400, 5.0)):

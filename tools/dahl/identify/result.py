@@ -258,9 +258,10 @@ class Result:
         fit = self.chosen
         if self.hypothesis.angle not in samples.angles:
             samples = samples.with_angle(self.hypothesis.angle, samples.angles["between counts"])
-        if samples.block != self.samples.block and self.hypothesis.lag in (*DELAYED, "delays"):
+        if self.hypothesis.lag in (*DELAYED, "delays"):
             p = fit.p.copy()
-            p[self.hypothesis.friction.parameters :] *= self.samples.block / samples.block
+            lags = p[self.hypothesis.friction.parameters :]  # of each log, or one of all logs
+            lags[:] = lags.mean() * self.samples.block / samples.block
             fit = replace(fit, p=p)
         samples.prepare(self.a.value, np.zeros(samples.rows))
         return samples, Fitter(samples).predicted(fit)
