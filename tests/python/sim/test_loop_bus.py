@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """dahl-loop on the served bus in real time: a client sees every frame of the log, in one process
-and in two. Lockstep, and a bus that is missing or goes away.
+and in two. Lockstep, a node that stalls, foreign answers, and a bus that is missing or goes away.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import time
 import can
 import pytest
 from dahl import codec
+from dahl.codec import EncoderState, FrictionTorque, State, Status
 from loop_tools import (
     SCENES,
     client,
@@ -85,7 +86,7 @@ def test_two_processes_give_the_counts_and_torques_of_one(tmp_path):
 
 def answer_to(angle: can.Message) -> can.Message:
     """A FrictionTorque that echoes this angle; its torque is not read."""
-    return codec.pack(codec.FrictionTorque(0, echo=angle.data[1] & 15), angle.arbitration_id & 15)
+    return codec.pack(FrictionTorque(0, echo=angle.data[1] & 15), angle.arbitration_id & 15)
 
 
 def test_lockstep_waits_for_each_answer_up_to_2_s(tmp_path):
@@ -110,6 +111,66 @@ def test_lockstep_waits_for_each_answer_up_to_2_s(tmp_path):
     assert re.fullmatch(r"note: .* 2 s.* without it\n", result.err)
     assert (result.summary["frames_sent"], result.summary["frames_lost"]) == (100, 2)
     assert result.summary["answers_unmatched"] == 0
+
+
+def send_angle(bus: can.BusABC, counter: int) -> None:
+    bus.send(codec.pack(EncoderState(count=10 * counter, counter=counter % 16)))
+
+
+def next_frame(bus: can.BusABC, kind: type) -> codec.Frame:
+    while (message := bus.recv(10)) is not None:
+        if message.arbitration_id & ~15 == kind.base:
+            return codec.unpack(message)
+    raise AssertionError(f"no {kind.__name__}")
+
+
+def test_in_lockstep_the_clock_of_a_node_waits_2_s_for_the_next_angle(tmp_path):
+    """Then it runs on and the timeout passes."""
+    options = ("--role", "node", "--lockstep")
+    with serving(tmp_path, STEERING, *options) as (process, port), client(port) as bus:
+        for counter in range(3):
+            time.sleep(0.3)
+            send_angle(bus, counter)
+            next_frame(bus, FrictionTorque)
+        begin = time.monotonic()
+        while next_frame(bus, Status).state != State.STALE:
+            pass
+        assert time.monotonic() - begin > 2
+        process.send_signal(signal.SIGTERM)
+        result = finished(tmp_path, process)
+    assert (result.summary["node"]["ok"], result.summary["node"]["stale"]) == (3, 1)
+    assert re.fullmatch(r"note: .* 2 s.* clock .*\n", result.err)
+
+
+def test_a_stalled_node_answers_all_frames_that_have_come(tmp_path):
+    """Also if a signal ends it meanwhile."""
+    with serving(tmp_path, STEERING, "--role", "node") as (process, port), client(port) as bus:
+        send_angle(bus, 0)
+        next_frame(bus, FrictionTorque)
+        process.send_signal(signal.SIGSTOP)
+        for counter in range(1, 60):
+            send_angle(bus, counter)
+        time.sleep(0.3)  # longer than the timeout
+        process.send_signal(signal.SIGTERM)
+        process.send_signal(signal.SIGCONT)
+        answers = [next_frame(bus, FrictionTorque) for _ in range(1, 60)]
+        result = finished(tmp_path, process)
+    assert [one.echo for one in answers] == [counter % 16 for counter in range(1, 60)]
+    assert {one.state for one in answers} == {State.OK}
+    assert (result.summary["node"]["ok"], result.summary["node"]["stale"]) == (60, 0)
+
+
+def test_a_loop_ignores_foreign_answers(tmp_path):
+    options = ("--wait-clients", "1", "--seconds", "1", "--nodes", "2")
+    with serving(tmp_path, STEERING, *options) as (process, port), client(port) as bus:
+        for i in range(200):
+            message = codec.pack(FrictionTorque(0, echo=15), i % 2)
+            message.data[0] ^= i % 4 < 2
+            bus.send(message)
+        record(bus, process)  # otherwise the server would wait for its reader
+        counted = finished(tmp_path, process).summary
+    assert (counted["frames_lost"], counted["frames_answered"]) == (0, 2000)
+    assert (counted["answers_corrupt"], counted["answers_unmatched"]) == (100, 100)
 
 
 @pytest.mark.parametrize("bus", ["loopback", "socketcand:0", "joined"])
