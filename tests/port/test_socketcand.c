@@ -249,6 +249,9 @@ static outbox_t box;
 static void test_an_outbox_accepts_all_or_nothing(void)
 {
     static char piece[1000];
+    for (size_t i = 0; i < sizeof piece; i++) {
+        piece[i] = (char)(i % 251);
+    }
     box.begin = box.end = 0;
     for (size_t i = 0; i < OUTBOX_SIZE / sizeof piece; i++) {
         TEST_ASSERT_TRUE(outbox_put(&box, piece, sizeof piece));
@@ -259,6 +262,7 @@ static void test_an_outbox_accepts_all_or_nothing(void)
     TEST_ASSERT_FALSE(outbox_put(&box, piece, 501));
     TEST_ASSERT_TRUE(outbox_put(&box, piece, 500));
     TEST_ASSERT_EQUAL(OUTBOX_SIZE, box.end);
+    TEST_ASSERT_EQUAL_MEMORY(piece + 500, box.bytes, 500); /* the rest has moved to the beginning */
 }
 
 /* A full socket keeps the connection, a broken one ends it; the bytes stay either way. */
