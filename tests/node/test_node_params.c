@@ -87,30 +87,6 @@ static void test_held_parameters_change_together(void)
     TEST_ASSERT_EQUAL(1, param_now(DAHL_FRAMES_PARAM_SIGMA0));
 }
 
-/* Settings cannot be held, and request 3 is unknown. */
-static void test_a_refusal_or_a_restart_discards_held_parameters(void)
-{
-    for (int how = 0; how < 4; how++) {
-        talk_begin();
-        TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_DONE, ask(DAHL_FRAMES_PARAM_SIGMA0, DAHL_FRAMES_PARAM_HOLD, UINT32_MAX).result);
-        switch (how) {
-        case 0:
-            TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_DONE, ask(DAHL_FRAMES_PARAM_THETA, DAHL_FRAMES_PARAM_HOLD, UINT32_MAX).result);
-            TEST_ASSERT_FALSE(set_param(DAHL_FRAMES_PARAM_FC, 1));
-            break;
-        case 1: TEST_ASSERT_TRUE(ask(DAHL_FRAMES_PARAM_THETA, DAHL_FRAMES_PARAM_HOLD, 0).result != DAHL_FRAMES_PARAM_DONE); break;
-        case 2: TEST_ASSERT_TRUE(ask(DAHL_FRAMES_PARAM_THETA, 3, 1).result != DAHL_FRAMES_PARAM_DONE); break;
-        default: (void)reset(DAHL_FRAMES_RESET_RESTART);
-        }
-        TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 1u << 20));
-        TEST_ASSERT_EQUAL(50u << 10, param_now(DAHL_FRAMES_PARAM_SIGMA0));
-    }
-    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, ask(DAHL_FRAMES_PARAM_GAIN, DAHL_FRAMES_PARAM_HOLD, 5).result);
-    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, ask(DAHL_FRAMES_PARAM_GAIN, 3, 5).result);
-    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, ask(DAHL_FRAMES_PARAM_FC, 3, 1u << 21).result);
-    TEST_ASSERT_TRUE(param_now(DAHL_FRAMES_PARAM_GAIN) == DAHL_NODE_ONE && param_now(DAHL_FRAMES_PARAM_FC) == 1u << 20);
-}
-
 /* Also if the firmware sets values beyond the range of a client. */
 static void test_any_gain_and_limit_keep_the_answer_in_range(void)
 {
