@@ -387,12 +387,6 @@ OPTION_ERRORS = [  # scene, options, facts of the line
         "--set friction.node=2 --set friction.theta_per_count=1e-18",
         "--set:2 theta_per_count 1e-18",
     ),
-    ("creep", "--set rotor.viscous=1e5", "creep.ini:12 [rotor] inertia 0.02 1"),
-    (
-        "creep",
-        "--set hand.stiffness=1e9 --set hand.amplitude=0 --set hand.frequency=0",
-        "creep.ini:12 [rotor] inertia 0.02 0.200000048 [hand]",
-    ),
     ("creep", "--set friction.gain=0 --set motion.kind=log", "--set:2 [motion] file"),
     ("creep", "--nodes 2", "--nodes 2 [rotor]"),
     ("creep", "--trace x.csv --role node", "--trace x.csv --role node [rotor]"),
