@@ -76,7 +76,10 @@ def run(folder: Path, scene: Path | str, *options: str, timeout: float = 60) -> 
 
 
 def start(folder: Path, scene: Path | str, *options: str) -> subprocess.Popen:
+    """Start a run. Remove the files of an earlier one, so that a test cannot read those."""
     folder.mkdir(exist_ok=True)
+    for name in ("run.log", "summary.json"):
+        (folder / name).unlink(missing_ok=True)
     return subprocess.Popen(
         command(folder, scene, *options), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )

@@ -94,7 +94,8 @@ def test_outputs_replace_old_files(tmp_path, scene):
     wanted = [path.read_text() for path in files[:2]]
     for path in files:
         path.write_text("old\n" * 10000)
-    assert run(*words).summary["ticks"] == 3
+    assert run_program(*command(*words)[1:]).returncode == 0
+    assert json.loads(files[2].read_text())["ticks"] == 3
     assert [path.read_text() for path in files[:2]] == wanted
 
 
