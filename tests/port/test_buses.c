@@ -5,7 +5,6 @@
 
 #include "dahl_frames.h"
 #include "frame_bits.h"
-#include "frame_queue.h"
 #include "loopback/loopback.h"
 #include "slcan/serial_bus.h"
 #include "socketcand/text.h"
@@ -56,24 +55,6 @@ static void test_loopback_gives_back_in_order_what_it_has_room_for(void)
         TEST_ASSERT_EQUAL(DAHL_CAN_FRAME_OWN, out.flags);
     }
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 0));
-}
-
-/* Also when the ring's free-running numbers wrap. */
-static void test_a_frame_queue_gives_back_in_order_what_it_has_room_for(void)
-{
-    static frame_queue_t queue;
-    dahl_can_frame_t frame = {.length = 8};
-    queue.head = queue.tail = UINT32_MAX - 3;
-    for (frame.id = 0; frame.id < FRAME_QUEUE_SIZE; frame.id++) {
-        TEST_ASSERT_EQUAL(FRAME_QUEUE_SIZE - frame.id, frame_queue_room(&queue));
-        TEST_ASSERT_TRUE(frame_queue_put(&queue, &frame));
-    }
-    TEST_ASSERT_FALSE(frame_queue_put(&queue, &frame));
-    for (uint32_t i = 0; i < FRAME_QUEUE_SIZE; i++) {
-        TEST_ASSERT_TRUE(frame_queue_take(&queue, &frame));
-        TEST_ASSERT_EQUAL(i, frame.id);
-    }
-    TEST_ASSERT_FALSE(frame_queue_take(&queue, &frame));
 }
 
 /* A clock without a wait, as a firmware's: then there is none. Nobody else is there, and closing keeps what was sent. */
@@ -205,24 +186,6 @@ static void test_plain_frames_have_a_text_within_its_buffer(void)
     memset(text, '#', sizeof text);
     TEST_ASSERT_EQUAL(sizeof longest_send - 2, text_from_send(text, &frame));
     TEST_ASSERT_EQUAL_STRING_LEN(longest_send, text, sizeof longest_send - 1);
-}
-
-static void test_words_are_separated_by_blanks_and_must_fit(void)
-{
-    static const struct {
-        bool found;
-        const char *word; /* afterwards */
-    } wanted[] = {{true, "one"}, {true, "two"}, {false, "two"}, {true, "4"}, {false, "4"}}; /* "three" does not fit */
-    char word[4] = "old";
-    const char *cursor = "one  two three 4  ";
-    for (size_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++) {
-        TEST_ASSERT_EQUAL(wanted[i].found, text_word(&cursor, word, sizeof word));
-        TEST_ASSERT_EQUAL_STRING(wanted[i].word, word);
-    }
-    TEST_ASSERT_EQUAL('\0', *cursor);
-    cursor = "four 5"; /* does not fit with its terminator */
-    TEST_ASSERT_FALSE(text_word(&cursor, word, sizeof word));
-    TEST_ASSERT_EQUAL_STRING("4", word);
 }
 
 static dahl_can_frame_t taken;

@@ -122,7 +122,9 @@ static dahl_can_frame_t visit(int i, const char *words)
 static void test_a_server_passes_frames_on_and_forgets_its_former_clients(void)
 {
     static const char open[] = "< open vcan0 >< rawmode >", sends[] = "< open vcan0 >< rawmode >< send 123 1 FF >";
+    static uint8_t blanks[9000]; /* more than one read */
     const uint64_t began_us = 5000000;
+    memset(blanks, ' ', sizeof blanks);
     play.now_ns = began_us * 1000;
     memset(frames_heard, 0, sizeof frames_heard);
     clear_server();
@@ -144,7 +146,10 @@ static void test_a_server_passes_frames_on_and_forgets_its_former_clients(void)
         }
         TEST_ASSERT_TRUE(!play.peers[2].is_connected && play.peers[1].is_connected);
     }
+    play.peers[1].says = blanks;
+    play.peers[1].says_left = sizeof blanks;
     server.bus.ops->close(&server.bus);
+    TEST_ASSERT_EQUAL(0, play.peers[1].says_left); /* a close with unread input would reset the connection */
 }
 
 /* --- the client ---------------------------------------------------------------------------------------------------- */
@@ -249,6 +254,9 @@ static outbox_t box;
 static void test_an_outbox_accepts_all_or_nothing(void)
 {
     static char piece[1000];
+    for (size_t i = 0; i < sizeof piece; i++) {
+        piece[i] = (char)(i % 251);
+    }
     box.begin = box.end = 0;
     for (size_t i = 0; i < OUTBOX_SIZE / sizeof piece; i++) {
         TEST_ASSERT_TRUE(outbox_put(&box, piece, sizeof piece));
@@ -259,6 +267,7 @@ static void test_an_outbox_accepts_all_or_nothing(void)
     TEST_ASSERT_FALSE(outbox_put(&box, piece, 501));
     TEST_ASSERT_TRUE(outbox_put(&box, piece, 500));
     TEST_ASSERT_EQUAL(OUTBOX_SIZE, box.end);
+    TEST_ASSERT_EQUAL_MEMORY(piece + 500, box.bytes, 500); /* the rest has moved to the beginning */
 }
 
 /* A full socket keeps the connection, a broken one ends it; the bytes stay either way. */

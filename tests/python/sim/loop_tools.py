@@ -66,14 +66,9 @@ def finished(folder: Path, process: subprocess.Popen, timeout: float = 60) -> Ru
         process.kill()  # its log would fill the disk
         process.wait()
         raise
-    summary = folder / "summary.json"
-    return Run(
-        process.returncode,
-        out,
-        err,
-        json.loads(summary.read_text()) if summary.exists() else {},
-        folder / "run.log",
-    )
+    path = folder / "summary.json"
+    summary = json.loads(path.read_text()) if path.exists() else {}
+    return Run(process.returncode, out, err, summary, folder / "run.log")
 
 
 def run(folder: Path, scene: Path | str, *options: str, timeout: float = 60) -> Run:
@@ -81,7 +76,10 @@ def run(folder: Path, scene: Path | str, *options: str, timeout: float = 60) -> 
 
 
 def start(folder: Path, scene: Path | str, *options: str) -> subprocess.Popen:
+    """Start a run. Remove the files of an earlier one, so that a test cannot read those."""
     folder.mkdir(exist_ok=True)
+    for name in ("run.log", "summary.json"):
+        (folder / name).unlink(missing_ok=True)
     return subprocess.Popen(
         command(folder, scene, *options), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
@@ -94,12 +92,8 @@ def serving(
     """Serve a bus on a free port. The server is terminated on the way out."""
     process = start(folder, scene, "--bus", "socketcand:0", *options)
     try:
-        yield (
-            process,
-            int(
-                re.fullmatch(r"socketcand 127\.0\.0\.1:(\d+) vcan0\n", process.stdout.readline())[1]
-            ),
-        )
+        served = process.stdout.readline()
+        yield process, int(re.fullmatch(r"socketcand 127\.0\.0\.1:(\d+) vcan0\n", served)[1])
     finally:
         if process.poll() is None:
             process.send_signal(signal.SIGTERM)
@@ -120,26 +114,18 @@ def client(port: int, opens: Callable[..., can.BusABC] = can.Bus) -> Iterator[ca
 
 
 def line_of(message: can.Message) -> str:
-    identifier = (
-        f"{message.arbitration_id:08X}"
-        if message.is_extended_id
-        else f"{message.arbitration_id:03X}"
-    )
+    identifier = format(message.arbitration_id, "08X" if message.is_extended_id else "03X")
     return f"({message.timestamp:017.6f}) vcan0 {identifier}#{message.data.hex().upper()}"
 
 
 def record(bus: can.BusABC, process: subprocess.Popen, silence: float = 0.5) -> list[str]:
     """All frames until the program has ended and only Status frames come."""
-    lines = []
-    last_received = time.monotonic()
-    while process.poll() is None or time.monotonic() - last_received < silence:
+    lines, last_s = [], time.monotonic()
+    while process.poll() is None or time.monotonic() - last_s < silence:
         message = bus.recv(0.05)
-        if message is not None:
-            lines.append(line_of(message))
-        if process.poll() is None or (
-            message is not None and message.arbitration_id & ~15 != 0x120
-        ):
-            last_received = time.monotonic()
+        lines += [line_of(message)] if message else []
+        is_other = message is not None and message.arbitration_id & ~15 != 0x120
+        last_s = time.monotonic() if is_other or process.poll() is None else last_s
     return lines
 
 
@@ -157,15 +143,11 @@ def read_log(path: Path) -> list[Logged]:
     assert text == "" or text.endswith("\n")
     matches = [LINE.fullmatch(line) for line in text.splitlines()]
     assert all(matches), "a line of the log is not whole"
-    return [
-        Logged(
-            float(m[1]),
-            int(m[3], 16),
-            b"" if m[4].startswith("R") else bytes.fromhex(m[4]),
-            len(m[3]) == 8,
-        )
-        for m in matches
-    ]
+    found = []
+    for time_s, _, identifier, text in (match.groups() for match in matches):
+        data = b"" if text.startswith("R") else bytes.fromhex(text)
+        found.append(Logged(float(time_s), int(identifier, 16), data, len(identifier) == 8))
+    return found
 
 
 def message_of(frame: Logged) -> can.Message:
@@ -232,13 +214,9 @@ def raw_client(port: int, receive_buffer: int | None = None) -> socket.socket:
     if receive_buffer:
         peer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
     peer.connect(("127.0.0.1", port))
-    for words, answer in (
-        (b"", b"< hi >"),
-        (b"< open vcan0 >", b"< ok >"),
-        (b"< rawmode >", b"< ok >"),
-    ):
+    for words in (b"", b"< open vcan0 >", b"< rawmode >"):
         peer.sendall(words)
-        assert peer.recv(len(answer)) == answer
+        assert peer.recv(6) == (b"< ok >" if words else b"< hi >")
     return peer
 
 

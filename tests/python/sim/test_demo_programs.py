@@ -19,7 +19,7 @@ import pytest
 from dahl import Node, Plan, RunError, node
 from dahl.codec import Param, ParamWrite
 from dahl.sim import loop
-from demo_tools import FC, OWN, SIGMA0, TURN, in_role, scene_of, summary_of, write_log, write_loop
+from demo_tools import FC, OWN, SIGMA0, TURN, in_role, scene_of, summary_of, write_loop
 from identify_tools import complaint
 from log_reading import drawing
 from loop_tools import SCENES, is_running
@@ -40,14 +40,10 @@ def unpainted() -> Iterator[None]:
 TURN_MM, PER_RAD = TURN / 1e3, math.degrees(1)
 COLUMNS = [  # column, unit by option or name, counts per unit, plotted unit, and that in SI
     ("angle", None, "deg", TURN / 360, "deg", PER_RAD),
-    ("Winkel [°]", None, "deg", TURN / 360, "deg", PER_RAD),
-    ("gradient", None, "deg", TURN / 360, "deg", PER_RAD),
-    ("theta_rad", None, "rad", TURN / math.tau, "rad", 1),
     ("theta_mrad", None, "mrad", TURN / math.tau / 1e3, "rad", 1),
     ("angle [rev]", None, "turn", TURN, "rad", 1),
     ("Position [mm]", None, "mm", TURN, "mm", 1000),
     ("pos [um]", None, "um", TURN_MM, "m", 1),
-    ("x_m", None, "m", TURN * 1000, "m", 1),
     ("Counts", None, "counts", 1, "rad", 1),
     ("a #1", "rad", "rad", TURN / math.tau, "rad", 1),
     ("angle", "mm", "mm", TURN, "mm", 1000),
@@ -94,21 +90,6 @@ def test_an_angle_that_wraps_at_each_turn_is_unwrapped(dahl, unit, turn):
     Path("wraps.ini").write_text(scene)
     code, line = complaint(dahl("demo", "--scene", "wraps.ini", "-o", "again"))
     assert code == 2 and line.startswith("wraps.csv: ") and f"{angle[359]:g} to 0" in line
-
-
-def test_an_angle_in_mm_may_jump_and_its_scale_need_not_be_whole(dahl):
-    """A rig that is put back by hand jumps. --counts-per-turn is counts per mm here."""
-    Path("x.csv").write_text("a\n" + "".join(f"{n % 10 * 500}\n" for n in range(20)))
-    words = ("--angle", "a", "--angle-unit", "mm", *OWN[4:8], "--counts-per-turn", 99.5)
-    assert dahl("demo", "x.csv", *words, "--bus", "socketcand", "-o", "out").returncode == 0
-
-
-def test_a_bad_row_is_named_before_anything_runs(tmp_path, dahl):
-    text = write_log(tmp_path / "shaft.csv").read_text()
-    Path("bad.csv").write_text(text.replace("\n0.003,", "\n0.003,x", 1))
-    code, line = complaint(dahl("demo", "bad.csv", *OWN, "--output", "out"))
-    assert code == 2 and line.startswith("bad.csv:5: ") and "'shaft [deg]'" in line
-    assert not Path("out/run.log").exists()
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -112,13 +111,3 @@ def test_a_process_that_is_not_the_parent_is_refused(tmp_path, user):
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert done.stderr.startswith("error: --with-parent 1: ")
     assert str(os.getpid()) in done.stderr
-
-
-def test_each_printed_example_is_a_command_line():
-    text = run_program("--help").stdout.replace("\\\n", " ")
-    examples = re.findall(r"^  build/\S+ (.*?)(?: &.*)?$", text, re.MULTILINE)
-    assert len(examples) == 2
-    for line in examples:
-        words = line.replace("host_sim/", f"{SCENES.parent}/").replace("$$", "1").split()
-        done = run_program(*words, "--no-such-option")
-        assert done.returncode == 2 and "unknown option --no-such-option" in done.stderr

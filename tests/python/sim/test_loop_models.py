@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from dahl.binding import models
 from loop_tools import Logged, check_node, read_log, run
-from model_examples import FC, THETA, keys
+from model_examples import THETA, keys
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
@@ -87,19 +87,3 @@ def test_friction_follows_a_load_of_the_log(tmp_path, dbc):
     both = read_log(run(tmp_path / "two", path, "--virtual", "--nodes", "2").log)
     for number in (0, 1):
         check_writes(both, dbc, share, number)
-
-
-def test_friction_follows_the_torque_of_the_motor(tmp_path, dbc):
-    shaft = f"[rotor]\ninertia = 0.01\nsigma0 = 100\nFc = {FC[0]}\n"
-    motor = "[motor]\namplitude = 2\nfrequency = 3\nseconds = 1\n"
-    load = "[load]\nfull = 4\nrest = 0.25\n"
-    path = scene(tmp_path, "loaded", SETTINGS, load, shaft, motor, STATUS)
-    result = run(tmp_path, path, "--virtual", "--trace", tmp_path / "trace.csv")
-    assert (result.code, result.err) == (0, "")
-    table = np.loadtxt(tmp_path / "trace.csv", delimiter=",", skiprows=1, usecols=(4, 5))
-    motor_torque, friction = table.T
-    carried = 0.25 + np.abs(motor_torque) / 4
-    check_writes(read_log(result.log), dbc, carried)
-    check_node(result, path)
-    assert (np.abs(friction[2:]) <= FC[0] * (carried[1:-1] + 1 / 65536)).all()
-    assert (np.abs(friction) > FC[0] * 0.7).any()

@@ -136,33 +136,17 @@ def random_table(rng: random.Random) -> tuple[bytes, list[float]]:
     return f"{mark}{text.getvalue().removesuffix(end)}{end * rng.randrange(3)}".encode(), angles
 
 
-def test_log_files_of_many_forms_are_read(tmp_path):
-    path = scene(tmp_path, FRICTION, REPLAY.format(ANGLE, 10), "time = t [s]\n")
+def test_log_files_of_many_forms_are_read_to_the_nearest_count(tmp_path):
+    """Counts start at the first row or at start_count, and wrap."""
     for seed in range(16):
         text, angles = random_table(random.Random(seed))
+        scale, start = random.Random(seed).choice([(10, 0), (-10, 0), (10, BIG), (-1e7, -BIG)])
+        path = scene(tmp_path, FRICTION, REPLAY.format(ANGLE, scale), "time = t [s]\n")
         (tmp_path / "log.csv").write_bytes(text)
-        result = run(tmp_path, path, "--virtual")
+        result = run(tmp_path, path, "--virtual", *setting(f"motion.start_count={start}"))
         assert (result.code, result.err) == (0, ""), seed
-        due = [nearest(10 * angle - 10 * angles[0]) for angle in angles]
+        due = wrapped([nearest(scale * angle - scale * angles[0]) for angle in angles], start)
         assert counts_of(read_log(result.log)) == due, seed
-
-
-@pytest.mark.parametrize(
-    ("rows", "scale", "counts"),
-    [
-        ("0.5 0.54 0.56 0.46 0.44 1.4999999999", 10, [0, 0, 1, 0, -1, 10]),
-        ("0.5 0.54 0.56 0.46 0.44 1.4999999999", -10, [0, 0, -1, 0, 1, -10]),
-        ("5 2147483651", 1, [0, 2147483646]),
-        ("5 -2147483641", 1, [0, -2147483646]),
-    ],
-)
-def test_angles_go_to_the_nearest_count_from_the_first_row(tmp_path, rows, scale, counts):
-    (tmp_path / "log.csv").write_text("\n".join(["a,", *(f"{row},9" for row in rows.split())]))
-    path = scene(tmp_path, FRICTION, REPLAY.format("a", scale))
-    assert counts_of(read_log(run(tmp_path, path, "--virtual").log)) == counts
-    start = setting("motion.start_count=2147483647")
-    log = read_log(run(tmp_path, path, "--virtual", *start).log)
-    assert counts_of(log) == wrapped(counts, 2147483647)
 
 
 def test_a_log_is_searched_next_to_the_scene_then_in_data(tmp_path, monkeypatch):
@@ -184,8 +168,9 @@ def test_a_log_is_searched_next_to_the_scene_then_in_data(tmp_path, monkeypatch)
     scene(tmp_path / "beside", FRICTION, REPLAY.format("a", 1))
     monkeypatch.chdir(tmp_path / "beside")
     for name in ("scene.ini", "./scene.ini", "../beside/scene.ini"):
-        log = run(tmp_path, name, "--virtual", "--log-file", "../own/log.csv").log
-        assert counts_of(read_log(log)) == [0, 2]
+        for options, end in ((), 0), (("--log-file", "../own/log.csv"), 2):
+            log = run(tmp_path, name, "--virtual", *options).log
+            assert counts_of(read_log(log)) == [0, end], (name, options)
 
 
 @pytest.mark.parametrize(("seconds", "ticks"), [("0.001", 1), ("1.2346", 1235), ("0.0015", 2)])

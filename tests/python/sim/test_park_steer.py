@@ -45,13 +45,6 @@ def exact_run(gain: float) -> tuple[np.ndarray, float]:
 
 
 @pytest.mark.parametrize("name", GAINS)
-def test_the_width_is_twice_the_torque_that_is_not_compensated(name: str, runs) -> None:
-    numbers = runs[name].numbers()
-    sticking = numbers["width_Nm"] - numbers["drag_Nm"]
-    assert sticking == pytest.approx(2 * (1 - GAINS[name]) * scene.sticking_torque(), rel=0.02)
-
-
-@pytest.mark.parametrize("name", GAINS)
 def test_torque_and_work_are_those_of_the_ode(name: str, runs) -> None:
     hand, tyres_work = exact_run(GAINS[name])
     assert np.abs(runs[name].hand - hand).max() < 1e-3 * scene.sticking_torque()
