@@ -276,6 +276,21 @@ def test_a_bad_attribute_is_an_error_of_the_model(keys, words) -> None:
         made({"of a": SEVERAL["of a"], "bad one": SEVERAL["of a"] | keys})
 
 
+def resident_kib() -> int:
+    status = Path("/proc/self/status").read_text()
+    return int(re.search(r"VmRSS:\s+(\d+) kB", status)[1])
+
+
+def test_a_rejected_model_leaves_no_memory_behind() -> None:
+    sizes = []
+    for _ in range(4):
+        for _ in range(250):
+            with pytest.raises(ValueError, match="Fc = -1"):
+                made({"of a": SEVERAL["of a"] | {"Fc": -1}})
+        sizes.append(resident_kib())
+    assert sizes[-1] - sizes[0] < 750  # an instance has more than 3 kB
+
+
 @pytest.mark.parametrize(
     ("stand_in", "words"),
     [("None", "cannot import mujoco"), ("types.SimpleNamespace(__version__='3.9')", "this is 3.9")],
