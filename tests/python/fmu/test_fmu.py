@@ -76,7 +76,8 @@ def test_by_angle_the_torques_have_the_bits_of_the_python_class(export, words):
 def test_a_step_may_be_split_and_the_default_counts_are_fine(export, model):
     """At an intermediate angle of the same direction, and without motion."""
     path = export(model)
-    one, split, fine = Instance(path), Instance(path), Instance(path)
+    one = Instance(path)
+    split, fine = (Instance(path, Path(one.functions._name)) for _ in range(2))  # one library
     fine.initialize(theta_per_count=5e-11)
     one.initialize(), split.initialize()
     before = 0.0
@@ -193,6 +194,33 @@ def test_an_error_is_one_line_and_changes_nothing(export, is_ready):
         assert len(one.messages) == number and "\n" not in one.messages[-1]
         assert one.save() == before
     assert one.call("FreeFMUstate", None) == OK
+
+
+MODES = [["enter"], ["leave"], ["do_step", "Terminate"], []]  # calls that each mode allows
+
+
+def test_each_mode_allows_its_calls_and_reset_leads_to_the_first(export):
+    one = Instance(export(DAHL))
+    calls = {"enter": one.enter, "leave": one.leave, "do_step": partial(one.do_step, 1e-3)}
+    calls["Terminate"] = partial(one.call, "Terminate")
+    for allowed in MODES + MODES:
+        assert {name for name in calls.keys() - allowed if calls[name]() == OK} == set()
+        assert [name for name in allowed if calls[name]() == OK] == allowed
+        assert allowed or one.call("Reset") == OK
+
+
+def test_a_saved_state_with_a_wrong_byte_is_refused_or_safe(export):
+    one = Instance(export(DAHL)).initialize()
+    one.step(angle=0.01)
+    good = one.save()
+    for place in range(len(good)):
+        wrong = bytearray(good)
+        wrong[place] ^= 0x55
+        if one.restore(bytes(wrong)) == OK:
+            if one.do_step(1) == OK:
+                assert abs(one.get("torque")) <= np.float32(one.get("Fc"))
+            assert one.restore(good) == OK
+        assert one.save() == good
 
 
 WORKING = {  # functions, without their version, that do not deny a feature
