@@ -385,9 +385,11 @@ class FdCan(InMemory):
     def interrupt(self) -> None:
         for _ in range(MAX_INTERRUPTS):
             is_line_0 = self[self.ILE] & 1 and not self[self.ILS] and self.is_enabled(21)
-            if self.flags & self[self.IE] and is_line_0:
-                self.lib.FDCAN1_IT0_IRQHandler()
-                self.settle()
+            if not self.flags & self[self.IE] or not is_line_0:
+                return
+            self.lib.FDCAN1_IT0_IRQHandler()
+            self.settle()
+        self.faults.append("the interrupt repeats for ever")
 
     def go_off(self) -> None:
         self.is_off, self.flags = True, self.flags | 1 << 19

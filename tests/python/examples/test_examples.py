@@ -116,23 +116,12 @@ def test_the_encoder_example_passes_the_wrap_of_its_timer(root, tmp_path) -> Non
 
 
 @pytest.mark.checks
-@pytest.mark.parametrize("words", [[], ["-m", "pytest", "-p", "no:cacheprovider"]])
-def test_an_example_without_a_node_ends_with_few_lines(root, tmp_path, words):
+def test_an_example_without_a_node_ends_with_one_line(root, tmp_path):
     """python-can tries for 10 s and logs each of 100,000 attempts."""
-    name = "test_node.py" if words else "asyncio_node.py"
-    text = (root / "examples/python_can" / name).read_text()
-    (tmp_path / name).write_text(text.replace("28600", "1"))
-    done = subprocess.run(
-        [sys.executable, *words, name],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    command = [sys.executable, root / "examples/python_can/asyncio_node.py", "1"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     said = done.stdout + done.stderr
-    assert done.returncode == 1 and "connect" in said
-    assert len(said.splitlines()) < (200 if words else 2)
+    assert done.returncode == 1 and "connect" in said and said.count("\n") == 1
 
 
 @pytest.mark.checks
