@@ -236,14 +236,6 @@ def test_the_hinge_holds_under_half_of_Fc_and_threads_change_no_bit() -> None:
     assert "1000 rollouts on 4 threads: the same bits as on one thread" in printed
 
 
-@pytest.mark.parametrize(("word", "code"), [("--help", 0), ("hinge.xml", 2)])
-def test_the_comparison_accepts_only_help(word: str, code: int) -> None:
-    command = [sys.executable, "-m", "dahl.mujoco", word]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == code and "DOP853" not in done.stdout
-    assert done.stderr.startswith("error: ") == (code != 0)
-
-
 EIGHT = {"sigma0": "1 " * 8, "Fc": "1 " * 8}
 BAD: list[tuple[dict[str, Any], str]] = [  # keys of an instance, words of the error
     ({"Fc": -1}, "Fc = -1 is outside 5.42101e-20 .. 1.84467e+19"),
