@@ -195,19 +195,6 @@ def test_it_starts_where_the_first_step_finds_the_joint_at_any_time(integrator) 
     assert not data.qfrc_passive.any()
 
 
-def test_a_parent_gives_an_attached_joint_its_friction() -> None:
-    keys = {"joint": "r_a", "sigma0": 60, "Fc": 0.3}
-    configs = "".join(f'<config key="{key}" value="{value}"/>' for key, value in keys.items())
-    words = f'<plugin plugin="dahl.friction"><instance name="x">{configs}</instance></plugin>'
-    parent = mujoco.MjSpec.from_string(f"<mujoco><extension>{words}</extension></mujoco>")
-    child = mujoco.MjSpec.from_string(f"<mujoco>{MECHANISM}</mujoco>")
-    parent.attach(child, prefix="r_", frame=parent.worldbody.add_frame())
-    data = mujoco.MjData(model := parent.compile())
-    data.qvel[0] = 1
-    mujoco.mj_step(model, data, 20)
-    assert data.qfrc_passive[0] == pytest.approx(-0.3, rel=0.2)
-
-
 def test_the_force_on_a_tree_that_sleeps_stays() -> None:
     model, data = made(SEVERAL)
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import dahl
 import pytest
-from conftest import ROOT, from_pypi, need, with_compilers
+from conftest import ROOT, built, from_pypi, need, with_compilers
 from programs import run
 
 CONSUMER = ROOT / "tests/consume"
@@ -223,6 +223,13 @@ def test_a_plain_build_needs_only_a_compiler_and_cmake(tmp_path: Path) -> None:
     }
     dbc, described = prefix / "share/dahl/dahl.dbc", ROOT / "lib/node/dahl.dbc"
     assert dbc.read_bytes() == described.read_bytes()
+
+
+def test_the_shared_library_has_the_number_of_its_structures() -> None:
+    """Before 1.0 each minor version has other structures."""
+    names = {path.name for path in built("lib").glob("libdahl.so*")}
+    assert names == {"libdahl.so", f"libdahl.so.{WANTED}", f"libdahl.so.{dahl.__version__}"}
+    assert f"[libdahl.so.{WANTED}]" in run("readelf", "-d", built("lib/libdahl.so"))
 
 
 @pytest.mark.checks

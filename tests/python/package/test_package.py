@@ -217,17 +217,3 @@ def test_a_wheel_without_dahl_loop_names_the_missing_packages(
     assert float(made.python("-c", ISSUE).stdout) == pytest.approx(0.4323323, rel=1e-6)
     [line] = made.dahl("demo", "--scene", "steering", code=1).stderr.splitlines()
     assert "libinih-dev libcsv-dev libcjson-dev" in line
-
-
-def test_cmake_installs_the_shared_library(root: Path, tmp_path: Path) -> None:
-    options = ["-DDAHL_BUILD_SHARED=ON", f"-DCMAKE_INSTALL_PREFIX={tmp_path}/prefix"]
-    run("cmake", "-S", root, "-B", tmp_path / "b", "-G", "Ninja", *options)
-    run("cmake", "--build", tmp_path / "b")
-    run("cmake", "--install", tmp_path / "b")
-    names = {path.name: path for path in (tmp_path / "prefix").rglob("libdahl.so*")}
-    version = importlib.metadata.version("dahl")
-    minor = version.rpartition(".")[0]  # before 1.0 each minor version has other structures
-    assert names.keys() == {"libdahl.so", f"libdahl.so.{minor}", f"libdahl.so.{version}"}
-    own = {**os.environ, "DAHL_LIBRARY": str(names["libdahl.so"])}
-    done = run(sys.executable, "-c", ISSUE, env=own, cwd=tmp_path)
-    assert float(done.stdout) == pytest.approx(0.4323323, rel=1e-6)
