@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import re
 import struct
+import zipfile
 from ctypes import c_size_t, c_uint
 from functools import partial
 from pathlib import Path
@@ -132,9 +133,11 @@ EARLY = [  # before the initialization: facts that the message names in this ord
     ("sigma0 -1 5.42101086e-20 1.84467441e+19", lambda one: one.set(sigma0=-1)),
     ("Fc 0 5.42101086e-20", lambda one: one.set(angle=1, Fc=0)),
     ("theta_per_count nan", lambda one: one.set(theta_per_count=math.nan)),
+    ("theta_per_count -1 0", lambda one: one.set(theta_per_count=-1)),
 ]
 LATE = [  # after it
     ("sigma0 2 fixed fmi#ExitInitializationMode", lambda one: one.set(sigma0=2)),
+    ("theta_per_count 1 fixed", lambda one: one.set(theta_per_count=1)),
     ("fmi#EnterInitializationMode fmi#Reset", lambda one: one.call("EnterInitializationMode")),
     ("communicationStepSize 0", lambda one: one.do_step(0)),
     ("communicationStepSize -1", lambda one: one.do_step(-1)),
@@ -263,6 +266,7 @@ def test_a_saved_state_whose_values_do_not_fit_changes_nothing(export):
 
 INITIALIZATIONS = [  # model, values that are set, facts of the message
     ("slip", {"theta_per_count": 1e9}, "sigma0[0] = 100 Fc[0] = 0.2 = 1e+09 5e+11 2^20"),
+    ("asymmetric", {"theta_per_count": 1e-4, "Fc_backward": 1e-9}, "sigma0 = Fc_backward = 1e-09"),
     ("dahl", {"sigma0": 2.0**64 - 2.0**20}, "rounded to float"),
     ("dahl", {"Fc": 2.0**64 - 2.0**20}, "rounded to float"),
 ]
@@ -314,6 +318,8 @@ def test_an_instance_of_another_fmu_or_kind_is_refused(export):
 def test_equal_options_give_equal_bytes_and_other_options_another_guid(export):
     first = export(DAHL).read_bytes()
     assert export(DAHL).read_bytes() == first
+    with zipfile.ZipFile("x.fmu") as content:  # also at another time
+        assert {file.date_time for file in content.infolist()} == {(1980, 1, 1, 0, 0, 0)}
     options = [(), ("--name", "seal"), ("--theta-per-count", 1e-4), ("--fc", 0.3)]
     guids = {Instance(export(DAHL, *more)).guid for more in options}
     assert len(guids) == len(options)
