@@ -13,10 +13,22 @@ import tomllib
 
 import pytest
 from dahl import RunError, codec
-from dahl.dependencies import NEEDS
 from identify_tools import caller, complaint
 from packaging.requirements import Requirement
 
+# Of each verb: the extras in its message, and the packages that it imports.
+NEEDS = {
+    "demo": ("can,plot", ["can", "cantools", "rich", "matplotlib", "mpmath", "pooch", "pandas"]),
+    "identify": ("identify", ["scipy", "pandas", "joblib", "matplotlib", "mpmath", "rich", "can"]),
+    "excite": ("identify", ["scipy"]),
+    "monitor": ("can", ["can", "cantools", "rich", "plotext", "mpmath"]),
+    "node": ("can", ["can", "rich"]),
+    "record": ("can", ["can"]),
+    "plot": ("plot", ["matplotlib", "can", "cantools", "mpmath", "pandas"]),
+    "report": ("plot", ["jinja2", "mpmath"]),
+    "data": ("plot", ["pooch"]),
+    "dbc": ("can", ["cantools", "mpmath"]),
+}
 WORDS = {"excite": ["--counts-per-turn", "1"], "record": ["-o", "x.log"], "plot": ["x"]}
 WORDS |= {"report": ["x"], "identify": ["x.csv"], "node": ["-c", "x"]}
 CALLED = {"can": "python-can", "jinja2": "jinja2"}  # other names, for pip
