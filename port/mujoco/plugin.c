@@ -140,10 +140,10 @@ static int nstate(const mjModel *m, int instance)
 
 static int init(const mjModel *m, mjData *d, int instance)
 {
-    instance_t valid;
-    attributes_read(m, instance, &valid);
+    instance_t attributes;
+    attributes_read(m, instance, &attributes);
     instance_t *self = mju_malloc(sizeof *self);
-    *self = valid;
+    *self = attributes;
     d->plugin_data[instance] = (uintptr_t)self;
     return 0;
 }
