@@ -139,7 +139,7 @@ def test_cmake_of_debian_11_and_ubuntu_20_04_suffices(
     assert run("cmake", "--version").startswith("cmake version 3.16")
     for installed in (install(tmp_path / "by_3.16", *ASKED), prefix):
         options = [f"-DCMAKE_PREFIX_PATH={installed}", "-DDAHL_COMPONENTS=node;float"]
-        build = tmp_path / installed.parent.name
+        build = tmp_path / f"user_of_{installed.parent.name}"
         project(build, "find_package", own_headers, *options)
         run("cmake", "--build", build)
         assert float(run(build / "consumer_node")) == pytest.approx(2 * EXPECTED, rel=1e-6)
