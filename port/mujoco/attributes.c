@@ -187,17 +187,15 @@ static void read_object(const config_t *c, instance_t *self)
 
 #define NAME(name, ...) " " #name
 
-instance_t *attributes_read(const mjModel *m, int instance)
+void attributes_read(const mjModel *m, int instance, instance_t *self)
 {
     const config_t c = {m, instance};
     const char *name = *text_of(&c, "model") != '\0' ? text_of(&c, "model") : "dahl";
-    instance_t *self = mju_malloc(sizeof *self);
     *self = (instance_t){.friction.model = friction_find(name)};
     if (self->friction.model == FRICTION_MODELS) {
         fail(&c, "model = %s is none of" DAHL_FRAMES_MODELS(NAME), name);
-        return self;
+        return;
     }
     read_object(&c, self);
     read_friction(&c, self);
-    return self;
 }

@@ -15,8 +15,8 @@ typedef struct {
     float full, rest;  /* of loaded: the load is rest + |torque of the actuators|/full */
 } instance_t;
 
-/* Read and check all attributes, and prepare the friction. Free the result by mju_free(). For a bad attribute, call mju_error()
- * with the name of the instance, the attribute, its value and its limit; MuJoCo then rejects the model. */
-instance_t *attributes_read(const mjModel *m, int instance);
+/* Read and check all attributes, and prepare the friction. For a bad attribute, call mju_error() with the name of the instance,
+ * the attribute, its value and its limit; MuJoCo then rejects the model. The call does not return then, so it owns no memory. */
+void attributes_read(const mjModel *m, int instance, instance_t *self);
 
 #endif

@@ -133,15 +133,17 @@ static void advance(const mjModel *m, mjData *d, int instance)
 
 static int nstate(const mjModel *m, int instance)
 {
-    instance_t *self = attributes_read(m, instance);
-    const int count = HEADER + (int)count_words(&self->friction);
-    mju_free(self);
-    return count;
+    instance_t self;
+    attributes_read(m, instance, &self);
+    return HEADER + (int)count_words(&self.friction);
 }
 
 static int init(const mjModel *m, mjData *d, int instance)
 {
-    instance_t *self = attributes_read(m, instance);
+    instance_t attributes;
+    attributes_read(m, instance, &attributes);
+    instance_t *self = mju_malloc(sizeof *self);
+    *self = attributes;
     d->plugin_data[instance] = (uintptr_t)self;
     return 0;
 }

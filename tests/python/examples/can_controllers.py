@@ -6,36 +6,32 @@ Offsets and bits are those of the manuals, written without the headers of the ex
 
 from __future__ import annotations
 
-import ctypes
 import math
+import re
 import subprocess
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
 
 import can
+from cffi import FFI
 
 ROOT = Path(__file__).resolve().parents[3]
 EXAMPLES = ROOT / "examples"
-MOCKS = [f"-I{Path(__file__).with_name(name)}" for name in ("twai_mock", "zephyr_mock")]
+TWAI_MOCK, ZEPHYR_MOCK = (Path(__file__).with_name(name) for name in ("twai_mock", "zephyr_mock"))
+MOCKS = [f"-I{TWAI_MOCK}", f"-I{ZEPHYR_MOCK}"]
 STRICT = ["-std=c11", "-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Werror", "-O1"]
 UINT32_MAX = 2**32 - 1
 UNTOUCHED = 1 << 31  # a reserved bit that shows if the program has written a register
 MAX_INTERRUPTS = 10  # in a row
-
-word, pointer, code = ctypes.c_uint32, ctypes.c_void_p, ctypes.c_int
-CLOCK = ctypes.CFUNCTYPE(word)
-CALL = ctypes.CFUNCTYPE(None)
-ADDRESS = ctypes.CFUNCTYPE(pointer)
+STANDARD_HEADERS = ("errno.h", "stdbool.h", "stddef.h", "stdint.h")
 
 
-def first_word(message: can.Message, place: int) -> int:
-    """Return four bytes of data, the first in the lowest bits."""
-    return int.from_bytes(bytes(message.data[place : place + 4]), "little")
-
-
-def as_bytes(words: list[int]) -> bytes:
-    return b"".join(one.to_bytes(4, "little") for one in words)
+def defining(*headers: str) -> str:
+    """Return C that defines the function pointers that the headers of a mock declare."""
+    before, after = (
+        "".join(f"#include <{name}>\n" for name in names) for names in (STANDARD_HEADERS, headers)
+    )
+    return f"{before}#define extern\n{after}#undef extern\n"
 
 
 def standard(identifier: int, length: int, data: bytes) -> can.Message:
@@ -44,38 +40,69 @@ def standard(identifier: int, length: int, data: bytes) -> can.Message:
     )
 
 
-class Controller(ABC):
-    """What the models have in common: a bus that can be stuck or off, and a clock."""
+def to_words(message: can.Message) -> tuple[int, int]:
+    """Return the data of a frame as two registers: the first byte in the lowest bits."""
+    data = bytes(message.data).ljust(8, b"\0")
+    return int.from_bytes(data[:4], "little"), int.from_bytes(data[4:], "little")
+
+
+def to_bytes(*words: int) -> bytes:
+    return b"".join(word.to_bytes(4, "little") for word in words)
+
+
+def declarations(header: Path) -> str:
+    """Return the declarations of a header for cffi: no preprocessor lines, no inline functions."""
+    text = re.sub(r"^#(.*\\\n)*.*$", "", header.read_text(), flags=re.MULTILINE)
+    return re.sub(r"^static inline .*?^}", "", text, flags=re.MULTILINE | re.DOTALL)
+
+
+class Controller:
+    """What the models have in common: a bus that can be stuck or off, and a clock.
+
+    A model has `settle`, which reacts to what the program has written; `accepts`, whether a frame
+    passes the filter; `receive`, which delivers it; `go_off`, if the transmit error counter passes
+    255; `recover`, after 128 times 11 recessive bits.
+    """
 
     folder: str
     sources: tuple[str, ...] = ("can_node.c",)
-    seams = '#include "can_node.h"\n'  # C that connects the example to this model
+    headers: tuple[Path, ...] = ()  # of the mock
+    seams = '#include "can_node.h"\n'  # C between the example and this model
+    hooks = ""  # function pointers of the seams
     capacity: int  # answers that wait for a stuck bus
+    has_clock = True  # false: the controller does not answer
 
     def __init__(self, folder: Path, library: Path) -> None:
         self.now_us = 0
         self.is_off = self.is_masked = self.in_main = False
         self.room = math.inf  # frames that the bus still carries
-        self.pending: list[can.Message] = []
         self.sent: list[can.Message] = []
         self.faults: list[str] = []
         self._kept: list[object] = []  # functions that C calls
-        self.lib = self.build(folder, library)
+        self.ffi = FFI()
+        headers = (*self.headers, EXAMPLES / self.folder / "can_node.h")
+        self.ffi.cdef(self.hooks + "".join(map(declarations, headers)))
+        self.lib = self.ffi.dlopen(str(self.build(folder, library)))
 
-    def build(self, folder: Path, library: Path) -> ctypes.CDLL:
+    def build(self, folder: Path, library: Path) -> Path:
         (seams := folder / "seams.c").write_text(self.seams)
-        example = EXAMPLES / self.folder
+        example, made = EXAMPLES / self.folder, folder / "example.so"
         flags = ["-DHOST_REGISTERS", f"-I{example}", *MOCKS, f"-I{ROOT}/lib/include"]
         files = [seams, *(example / name for name in self.sources)]
         words = ["gcc", *STRICT, "-shared", "-fPIC", *flags, *files, library]
-        words += [f"-Wl,-rpath,{library.parent}", "-o", folder / "example.so"]
+        words += [f"-Wl,-rpath,{library.parent}", "-o", made]
         subprocess.run([str(one) for one in words], check=True)
-        return ctypes.CDLL(str(folder / "example.so"))
+        return made
 
-    def hook(self, name: str, kind: Callable[..., object], function: Callable[..., object]) -> None:
-        """Set a function pointer of the seams."""
-        self._kept.append(kind(function))
-        pointer.in_dll(self.lib, name).value = ctypes.cast(self._kept[-1], pointer).value
+    def callback(self, kind: object, function: Callable[..., object]) -> object:
+        self._kept.append(self.ffi.callback(kind, function))
+        return self._kept[-1]
+
+    def connect(self, **functions: Callable[..., object]) -> None:
+        """Set function pointers of the seams or of the mock."""
+        for name, function in functions.items():
+            kind = self.ffi.typeof(getattr(self.lib, name))
+            setattr(self.lib, name, self.callback(kind, function))
 
     def clock(self) -> int:
         self.check_mask("the clock is read")
@@ -117,27 +144,7 @@ class Controller(ABC):
 
     @property
     def dropped(self) -> int:
-        return word.in_dll(self.lib, "can_dropped").value
-
-    @abstractmethod
-    def settle(self) -> None:
-        """React to what the program has written."""
-
-    @abstractmethod
-    def accepts(self, message: can.Message) -> bool:
-        """Return whether a frame passes the filter."""
-
-    @abstractmethod
-    def receive(self, message: can.Message) -> None:
-        """Deliver a frame that passed the filter."""
-
-    @abstractmethod
-    def go_off(self) -> None:
-        """The transmit error counter passes 255."""
-
-    @abstractmethod
-    def recover(self) -> None:
-        """128 times 11 recessive bits have passed."""
+        return self.lib.can_dropped
 
 
 # --- registers in memory --------------------------------------------------------------------------
@@ -147,29 +154,32 @@ class InMemory(Controller):
     """A controller of an STM32. Each access of the program first lets the model settle."""
 
     hooks = """
-        static void nothing(void) {}
-        void *(*access_hook)(void), *(*ram_hook)(void), *(*nvic_hook)(void);
-        uint32_t (*clock_hook)(void);
-        void (*mask_hook)(void) = nothing, (*unmask_hook)(void) = nothing;
-        uint32_t *nvic_iser0(void) { return nvic_hook(); }
-        uint32_t clock_us(void) { return clock_hook(); }
-        void mask_interrupts(void) { mask_hook(); }
-        void unmask_interrupts(void) { unmask_hook(); }
+        extern void *(*access_hook)(void), *(*ram_hook)(void);
+        extern uint32_t *(*nvic_hook)(void), (*clock_hook)(void);
+        extern void (*mask_hook)(void), (*unmask_hook)(void);
         """
-    has_clock = True
+    seams = f"""
+        #include "registers.h"
+        #include "can_node.h"
+        #define extern
+        {hooks}
+        #undef extern
+        uint32_t *nvic_iser0(void) {{ return nvic_hook(); }}
+        uint32_t clock_us(void) {{ return clock_hook(); }}
+        void mask_interrupts(void) {{ mask_hook(); }}
+        void unmask_interrupts(void) {{ unmask_hook(); }}
+        """
 
     def __init__(self, folder: Path, library: Path) -> None:
         super().__init__(folder, library)
-        self.memory, self.nvic = (word * 256)(), word(0)
-        self.hook("clock_hook", CLOCK, self.clock)
-        self.hook("mask_hook", CALL, self.mask)
-        self.hook("unmask_hook", CALL, self.unmask)
-        self.hook("nvic_hook", ADDRESS, lambda: ctypes.addressof(self.nvic))
-        self.hook("access_hook", ADDRESS, self.access)
+        self.memory, self.nvic = self.ffi.new("uint32_t[256]"), self.ffi.new("uint32_t *")
+        self.requests: list[int] = []  # mailboxes in the order of their requests
+        self.connect(access_hook=self.access, nvic_hook=lambda: self.nvic, clock_hook=self.clock)
+        self.connect(mask_hook=self.mask, unmask_hook=self.unmask)
 
-    def access(self) -> int:
+    def access(self) -> object:
         self.settle()
-        return ctypes.addressof(self.memory)
+        return self.memory
 
     def __getitem__(self, offset: int) -> int:
         return self.memory[offset // 4]
@@ -181,16 +191,15 @@ class InMemory(Controller):
         """Return a new value of a register that was shown with UNTOUCHED."""
         return None if self[offset] & UNTOUCHED else self[offset]
 
+    def is_enabled(self, interrupt: int) -> bool:
+        return bool(self.nvic[0] & 1 << interrupt)
+
 
 class BxCan(InMemory):
     """RM0090, bxCAN: three mailboxes, FIFO 0 with three frames, filter bank 0."""
 
     folder, capacity = "can_stm32_bxcan", 3
-    seams = (
-        '#include "registers.h"\n#include "can_node.h"\n'
-        + InMemory.hooks
-        + "bxcan_t *can1(void) { return access_hook(); }\n"
-    )
+    seams = InMemory.seams + "bxcan_t *can1(void) { return access_hook(); }\n"
     MCR, MSR, TSR, RF0R, IER, ESR, BTR = 0x00, 0x04, 0x08, 0x0C, 0x14, 0x18, 0x1C
     TX, RX, FMR, FM1R, FS1R, FFA1R, FA1R, F0R1, F0R2 = (
         *(0x180, 0x1B0, 0x200, 0x204),
@@ -201,7 +210,6 @@ class BxCan(InMemory):
     def __init__(self, folder: Path, library: Path) -> None:
         super().__init__(folder, library)
         self.fifo: list[can.Message] = []
-        self.requests: list[int] = []  # mailboxes in the order of their requests
         self.is_error = False
         self[self.MCR], self[self.FMR] = 0x00010002, 0x2A1C0E01  # after reset
         self.show()
@@ -232,9 +240,7 @@ class BxCan(InMemory):
         identifier, length, *data = (self[self.TX + 16 * number + 4 * k] for k in range(4))
         if identifier & 0x1FFFFF != 1:
             self.faults.append(f"TIR {identifier:#x} is no standard data frame")
-        return standard(
-            identifier >> 21, length & 15, b"".join(d.to_bytes(4, "little") for d in data)
-        )
+        return standard(identifier >> 21, length & 15, to_bytes(*data))
 
     def show(self) -> None:
         """Write the registers that the controller owns."""
@@ -250,7 +256,7 @@ class BxCan(InMemory):
             first = self.fifo[0]
             self[self.RX] = first.arbitration_id << 21 | first.is_remote_frame << 1
             self[self.RX + 4] = 0xABCD0000 | first.dlc  # the upper half is a time
-            self[self.RX + 8], self[self.RX + 12] = first_word(first, 0), first_word(first, 4)
+            self[self.RX + 8], self[self.RX + 12] = to_words(first)
 
     def accepts(self, message: can.Message) -> bool:
         is_on = self[self.FA1R] & 1 and not self[self.FMR] & 1 and not self[self.MCR] & 3
@@ -263,14 +269,14 @@ class BxCan(InMemory):
         self.fifo = [*self.fifo, message][:3]
         self.show()
         for _ in range(MAX_INTERRUPTS):
-            if self.fifo and self[self.IER] & 1 << 1 and self.nvic.value & 1 << 20:
+            if self.fifo and self[self.IER] & 1 << 1 and self.is_enabled(20):
                 self.lib.CAN1_RX0_IRQHandler()
                 self.settle()
 
     def go_off(self) -> None:
         self.is_off = self.is_error = True
         self.show()
-        if self[self.IER] & 0x8400 == 0x8400 and self.nvic.value & 1 << 22:
+        if self[self.IER] & 0x8400 == 0x8400 and self.is_enabled(22):
             self.lib.CAN1_SCE_IRQHandler()
         self.settle()
         if self.is_error:
@@ -292,12 +298,8 @@ class FdCan(InMemory):
     """RM0440, FDCAN: message RAM with fixed places, both FIFOs with three frames."""
 
     folder, capacity = "can_stm32_fdcan", 3
-    seams = (
-        '#include "registers.h"\n#include "can_node.h"\n'
-        + InMemory.hooks
-        + "fdcan_t *fdcan1(void) { return access_hook(); }\n"
-        + "fdcan_ram_t *fdcan1_ram(void) { return ram_hook(); }\n"
-    )
+    seams = InMemory.seams + "fdcan_t *fdcan1(void) { return access_hook(); }\n"
+    seams += "fdcan_ram_t *fdcan1_ram(void) { return ram_hook(); }\n"
     CCCR, NBTP, PSR, IR, IE, ILS, ILE, RXGFC = 0x18, 0x1C, 0x44, 0x50, 0x54, 0x58, 0x5C, 0x80
     RXF0S, RXF0A, TXFQS, TXBAR = 0x90, 0x94, 0xC4, 0xCC
     RX, TX, ELEMENT = 0xB0, 0x278, 72  # bytes
@@ -305,11 +307,9 @@ class FdCan(InMemory):
 
     def __init__(self, folder: Path, library: Path) -> None:
         super().__init__(folder, library)
-        self.ram = (word * (0x350 // 4))()
-        self.hook("ram_hook", ADDRESS, lambda: ctypes.addressof(self.ram))
-        self.get = self.fill = self.put = 0
-        self.requests: list[int] = []
-        self.flags = 0
+        self.ram = self.ffi.new("uint32_t[]", 0x350 // 4)
+        self.connect(ram_hook=lambda: self.ram)
+        self.get = self.fill = self.put = self.flags = 0
         self.configuration = (0, 0)
         self.was_changing = False
         self[self.CCCR] = 1
@@ -349,7 +349,7 @@ class FdCan(InMemory):
         identifier, length, *data = self.ram[place : place + 4]
         if identifier & ~(0x7FF << 18) or length & ~(15 << 16):
             self.faults.append(f"T0 {identifier:#x}, T1 {length:#x} is no classic data frame")
-        return standard(identifier >> 18, length >> 16, as_bytes(data))
+        return standard(identifier >> 18, length >> 16, to_bytes(*data))
 
     def show(self) -> None:
         self[self.IR] = UNTOUCHED | self.flags
@@ -374,7 +374,7 @@ class FdCan(InMemory):
         place = (self.RX + self.ELEMENT * ((self.get + self.fill) % 3)) // 4
         self.ram[place] = message.arbitration_id << 18
         self.ram[place + 1] = 0x00001234 | message.dlc << 16  # the lower half is a time
-        self.ram[place + 2], self.ram[place + 3] = first_word(message, 0), first_word(message, 4)
+        self.ram[place + 2], self.ram[place + 3] = to_words(message)
         self.fill, self.flags = self.fill + 1, self.flags | 1
         self.show()
 
@@ -384,10 +384,12 @@ class FdCan(InMemory):
 
     def interrupt(self) -> None:
         for _ in range(MAX_INTERRUPTS):
-            is_line_0 = self[self.ILE] & 1 and not self[self.ILS] and self.nvic.value & 1 << 21
-            if self.flags & self[self.IE] and is_line_0:
-                self.lib.FDCAN1_IT0_IRQHandler()
-                self.settle()
+            is_line_0 = self[self.ILE] & 1 and not self[self.ILS] and self.is_enabled(21)
+            if not self.flags & self[self.IE] or not is_line_0:
+                return
+            self.lib.FDCAN1_IT0_IRQHandler()
+            self.settle()
+        self.faults.append("the interrupt repeats for ever")
 
     def go_off(self) -> None:
         self.is_off, self.flags = True, self.flags | 1 << 19
@@ -412,44 +414,30 @@ class FdCan(InMemory):
 # --- MCP2515 --------------------------------------------------------------------------------------
 
 
-class Board(ctypes.Structure):
-    _fields_ = [(name, pointer) for name in ("transfer", "clock_us", "wait_us", "mask", "unmask")]
-
-
 class Mcp2515(Controller):
     """DS20001801: registers behind SPI commands, two receive and three transmit buffers."""
 
     folder, capacity = "can_mcp2515", 1
     sources = ("can_node.c", "mcp2515.c")
     CANSTAT, CANCTRL, CNF3, CANINTE, CANINTF, EFLG = 0x0E, 0x0F, 0x28, 0x2B, 0x2C, 0x2D
-    has_clock = True  # false: the chip is not there, and SPI reads ones
     OSCILLATOR_HZ = 16e6
 
     def __init__(self, folder: Path, library: Path) -> None:
         super().__init__(folder, library)
         self.memory = bytearray(128)
-        kinds = {
-            "transfer": (ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_uint8), ctypes.c_uint8)),
-            "clock_us": CLOCK,
-            "wait_us": ctypes.CFUNCTYPE(None, word),
-            **{"mask": CALL, "unmask": CALL},
-        }
-        functions = {
-            **{"transfer": self.transfer, "clock_us": self.clock, "wait_us": lambda _us: None},
-            **{"mask": self.mask, "unmask": self.unmask},
-        }
-        self._kept += [kinds[name](function) for name, function in functions.items()]
-        self.board = Board(*(ctypes.cast(one, pointer).value for one in self._kept))
+        functions = {"transfer": self.transfer, "clock_us": self.clock, "wait_us": lambda _us: None}
+        functions |= {"mask": self.mask, "unmask": self.unmask}
+        kinds = dict(self.ffi.typeof("can_board_t").fields)
+        calls = {name: self.callback(kinds[name].type, call) for name, call in functions.items()}
+        self.board = self.ffi.new("can_board_t *", calls)
 
     def init(self) -> int:
-        return self.lib.can_node_init(ctypes.byref(self.board))
+        return self.lib.can_node_init(self.board)
 
-    def transfer(self, bytes_: ctypes._Pointer[ctypes.c_uint8], length: int) -> None:
+    def transfer(self, data: object, length: int) -> None:
         self.check_mask("SPI is used")
-        command = bytes(bytes_[:length])
-        answer = self.run(command) if self.has_clock else b"\xff" * length
-        for place, value in enumerate(answer):
-            bytes_[place] = value
+        command = bytes(data[0:length])
+        data[0:length] = self.run(command) if self.has_clock else b"\xff" * length
 
     def run(self, command: bytes) -> bytes:
         """Run one SPI command; return the received bytes."""
@@ -585,6 +573,7 @@ class Driver(Controller):
     def __init__(self, folder: Path, library: Path) -> None:
         super().__init__(folder, library)
         self.queue: list[can.Message] = []  # received, not read
+        self.pending: list[can.Message] = []  # sent, and not on the bus
 
     def tick(self) -> None:
         self.lib.can_node_serve()
@@ -601,58 +590,26 @@ class Driver(Controller):
 # --- ESP32 ----------------------------------------------------------------------------------------
 
 
-class TwaiMessage(ctypes.Structure):
-    _fields_ = [("flags", word), ("identifier", word), ("length", ctypes.c_uint8)]
-    _fields_ += [("data", ctypes.c_uint8 * 8)]
-
-
-class TwaiFilter(ctypes.Structure):
-    _fields_ = [("code", word), ("mask", word), ("is_single", ctypes.c_bool)]
-
-
-class TwaiGeneral(ctypes.Structure):
-    _fields_ = [(name, code) for name in ("mode", "tx_io", "rx_io")]
-    _fields_ += [(name, word) for name in ("tx_queue", "rx_queue", "alerts")]
-
-
 class Twai(Driver):
     """The driver of ESP-IDF v5: states, queues and alerts."""
 
     folder, capacity = "can_esp32_twai/main", 5
     OFF, RECOVERED = 0x2000, 0x40  # alerts
     TIMEOUT, INVALID_STATE, NO_MEMORY = 0x107, 0x103, 0x101
-    seams = """
-        #include <driver/twai.h>
-        #include <esp_timer.h>
-        int64_t (*esp_timer_get_time)(void);
-        esp_err_t (*twai_driver_install)(const twai_general_config_t *,
-                                         const twai_timing_config_t *,
-                                         const twai_filter_config_t *);
-        esp_err_t (*twai_start)(void);
-        esp_err_t (*twai_initiate_recovery)(void);
-        esp_err_t (*twai_receive)(twai_message_t *, TickType_t);
-        esp_err_t (*twai_transmit)(const twai_message_t *, TickType_t);
-        esp_err_t (*twai_read_alerts)(uint32_t *, TickType_t);
-        """
-    has_clock = True  # false: there is no memory for the driver
+    headers = (TWAI_MOCK / "driver/twai.h", TWAI_MOCK / "esp_timer.h")
+    seams = defining("driver/twai.h", "esp_timer.h")
 
     def __init__(self, folder: Path, library: Path) -> None:
         super().__init__(folder, library)
         self.state, self.alerts, self.wanted = "", 0, 0
-        message = ctypes.POINTER(TwaiMessage)
-        installs = (ctypes.POINTER(TwaiGeneral), ctypes.POINTER(word), ctypes.POINTER(TwaiFilter))
-        self.hook("esp_timer_get_time", ctypes.CFUNCTYPE(ctypes.c_int64), lambda: self.now_us)
-        self.hook("twai_driver_install", ctypes.CFUNCTYPE(code, *installs), self.install)
-        self.hook("twai_start", ctypes.CFUNCTYPE(code), self.start)
-        self.hook("twai_initiate_recovery", ctypes.CFUNCTYPE(code), self.start_recovery)
-        self.hook("twai_receive", ctypes.CFUNCTYPE(code, message, word), self.give)
-        self.hook("twai_transmit", ctypes.CFUNCTYPE(code, message, word), self.transmit)
-        alerts = ctypes.CFUNCTYPE(code, ctypes.POINTER(word), word)
-        self.hook("twai_read_alerts", alerts, self.read_alerts)
+        self.connect(esp_timer_get_time=lambda: self.now_us, twai_driver_install=self.install)
+        self.connect(twai_start=self.start, twai_initiate_recovery=self.start_recovery)
+        self.connect(twai_receive=self.give, twai_transmit=self.transmit)
+        self.connect(twai_read_alerts=self.read_alerts)
 
     def install(self, general, timing, rule) -> int:
-        self.wanted, self.rate = general[0].alerts, timing[0]
-        self.rule = (rule[0].code, rule[0].mask, rule[0].is_single)
+        self.wanted, self.rate = general.alerts_enabled, timing.bit_per_s
+        self.rule = (rule.acceptance_code, rule.acceptance_mask, rule.single_filter)
         self.state = "stopped" if self.has_clock else ""
         return 0 if self.has_clock else self.NO_MEMORY
 
@@ -672,9 +629,8 @@ class Twai(Driver):
         if not self.queue:
             return self.TIMEOUT
         first = self.queue.pop(0)
-        flags = first.is_extended_id | first.is_remote_frame << 1
-        data = (ctypes.c_uint8 * 8)(*first.data)
-        out[0] = TwaiMessage(flags, first.arbitration_id, first.dlc, data)
+        out.extd, out.rtr, out.data = first.is_extended_id, first.is_remote_frame, list(first.data)
+        out.identifier, out.data_length_code = first.arbitration_id, first.dlc
         return 0
 
     def transmit(self, message, ticks: int) -> int:
@@ -684,10 +640,10 @@ class Twai(Driver):
             return self.INVALID_STATE
         if len(self.pending) == self.capacity:
             return self.TIMEOUT
-        one = message[0]
-        if one.flags:
-            self.faults.append(f"flags {one.flags:#x} are those of no standard data frame")
-        self.pending.append(standard(one.identifier, one.length, bytes(one.data)))
+        if message.extd or message.rtr or message.reserved:
+            self.faults.append("the flags are those of no standard data frame")
+        length, data = message.data_length_code, bytes(message.data)
+        self.pending.append(standard(message.identifier, length, data))
         self.settle()
         return 0
 
@@ -720,68 +676,32 @@ class Twai(Driver):
 # --- Zephyr ---------------------------------------------------------------------------------------
 
 
-class ZephyrFrame(ctypes.Structure):
-    _fields_ = [("id", word), ("dlc", ctypes.c_uint8), ("flags", ctypes.c_uint8)]
-    _fields_ += [("data", ctypes.c_uint8 * 8)]
-
-
-class ZephyrFilter(ctypes.Structure):
-    _fields_ = [("id", word), ("mask", word), ("flags", ctypes.c_uint8)]
-
-
-class ErrorCounters(ctypes.Structure):
-    _fields_ = [("transmit", ctypes.c_uint8), ("receive", ctypes.c_uint8)]
-
-
 class Zephyr(Driver):
     """The CAN API of Zephyr 3.7: a driver that aborts pending frames on bus-off, and recovers."""
 
     folder, capacity = "zephyr_node/src", 3
     BUS_OFF, BUSY, UNREACHABLE = 3, -11, -101
-    has_clock = True  # false: the device is not ready
-    seams = """
-        #include <zephyr/kernel.h>
-        bool (*device_is_ready)(const struct device *);
-        int64_t (*k_uptime_ticks)(void);
-        uint64_t (*k_ticks_to_us_floor64)(uint64_t);
-        int (*k_msgq_get)(struct k_msgq *, void *, k_timeout_t);
-        void (*can_set_state_change_callback)(const struct device *,
-                                              can_state_change_callback_t *, void *);
-        int (*can_add_rx_filter_msgq)(const struct device *, struct k_msgq *,
-                                      const struct can_filter *);
-        int (*can_start)(const struct device *);
-        int (*can_send)(const struct device *, const struct can_frame *, k_timeout_t,
-                        can_tx_callback_t *, void *);
-        """
+    headers = (ZEPHYR_MOCK / "zephyr/kernel.h",)
+    seams = defining("zephyr/kernel.h")
 
     def __init__(self, folder: Path, library: Path) -> None:
         super().__init__(folder, library)
         self.is_started = False
         self.rule: tuple[int, int, int] | None = None
-        kind, frame, rule = ctypes.CFUNCTYPE, ctypes.POINTER(ZephyrFrame), ZephyrFilter
-        self.state_changed = kind(None, pointer, code, ErrorCounters, pointer)
-        sets = kind(None, pointer, self.state_changed, pointer)
-        adds = kind(code, pointer, pointer, ctypes.POINTER(rule))
-        sends = kind(code, pointer, frame, code, pointer, pointer)
-        micro = kind(ctypes.c_uint64, ctypes.c_uint64)
-        ready = kind(ctypes.c_bool, pointer)
-        self.hook("device_is_ready", ready, lambda _device: self.has_clock)
-        self.hook("k_uptime_ticks", kind(ctypes.c_int64), lambda: self.now_us)
-        self.hook("k_ticks_to_us_floor64", micro, lambda ticks: ticks)
-        self.hook("k_msgq_get", kind(code, pointer, frame, code), self.give)
-        self.hook("can_set_state_change_callback", sets, self.set_callback)
-        self.hook("can_add_rx_filter_msgq", adds, self.add_filter)
-        self.hook("can_start", kind(code, pointer), self.start)
-        self.hook("can_send", sends, self.send)
+        self.connect(device_is_ready=lambda _device: self.has_clock)
+        self.connect(k_uptime_ticks=lambda: self.now_us, k_ticks_to_us_floor64=lambda ticks: ticks)
+        self.connect(can_set_state_change_callback=self.set_callback, k_msgq_get=self.give)
+        self.connect(can_add_rx_filter_msgq=self.add_filter, can_start=self.start)
+        self.connect(can_send=self.send)
 
     def init(self) -> int:
-        return -self.lib.can_node_init(None)
+        return -self.lib.can_node_init(self.ffi.NULL)
 
     def set_callback(self, _device, callback, _data) -> None:
-        self.callback = self.state_changed(ctypes.cast(callback, pointer).value)
+        self.on_state = callback
 
     def add_filter(self, _device, _queue, rule) -> int:
-        self.rule = (rule[0].id, rule[0].mask, rule[0].flags)
+        self.rule = (rule.id, rule.mask, rule.flags)
         return 0
 
     def start(self, _device) -> int:
@@ -792,19 +712,20 @@ class Zephyr(Driver):
         if not self.queue:
             return self.BUSY
         first = self.queue.pop(0)
-        data = (ctypes.c_uint8 * 8)(*first.data)
-        out[0] = ZephyrFrame(first.arbitration_id, first.dlc, first.is_remote_frame << 1, data)
+        frame = self.ffi.cast("struct can_frame *", out)
+        frame.id, frame.dlc, frame.data = first.arbitration_id, first.dlc, list(first.data)
+        frame.flags = first.is_remote_frame << 1
         return 0
 
     def send(self, _device, frame, wait: int, callback, _data) -> int:
         """Without a callback, Zephyr waits without limit until the frame is on the bus."""
-        if wait or not callback or frame[0].flags:
+        if wait or not callback or frame.flags:
             self.faults.append("the thread waits, or the frame is no standard data frame")
         if self.is_off:
             return self.UNREACHABLE
         if len(self.pending) == self.capacity:
             return self.BUSY
-        self.pending.append(standard(frame[0].id, frame[0].dlc, bytes(frame[0].data)))
+        self.pending.append(standard(frame.id, frame.dlc, bytes(frame.data)))
         self.settle()
         return 0
 
@@ -816,11 +737,14 @@ class Zephyr(Driver):
 
     def go_off(self) -> None:
         self.is_off, self.pending = True, []
-        self.callback(None, self.BUS_OFF, ErrorCounters(255, 0), None)
+        self.report(self.BUS_OFF)
 
     def recover(self) -> None:
         self.is_off = False
-        self.callback(None, 0, ErrorCounters(0, 0), None)
+        self.report(0)
+
+    def report(self, state: int) -> None:
+        self.on_state(self.ffi.NULL, state, {"tx_err_cnt": 255 if state else 0}, self.ffi.NULL)
 
 
 CONTROLLERS = {one.__name__: one for one in (BxCan, FdCan, Mcp2515, Twai, Zephyr)}

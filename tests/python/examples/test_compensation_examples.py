@@ -19,7 +19,6 @@ import can
 import dahl
 import numpy as np
 import pytest
-from conftest import need
 from dahl.binding import plan_header
 from sources import CORE, LIB
 
@@ -135,20 +134,6 @@ def test_the_current_loop_adds_the_current_of_the_friction(root: Path, tmp_path:
     assert motor.value("compensation").value == 0 and abs(motor.current) < 0.02
 
 
-@pytest.mark.checks
-def test_the_current_loop_compiles_for_a_cortex_m4f(root: Path, tmp_path: Path) -> None:
-    """Without arithmetic in double."""
-    need("arm-none-eabi-gcc", "the current loop compiles for a Cortex-M4F")
-    target = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard", "-O2"]
-    words = ["arm-none-eabi-gcc", *STRICT, "-Wdouble-promotion", *target, "-c"]
-    made = tmp_path / "current_loop.o"
-    words += [f"-I{root}/lib/include", str(root / STM32 / "current_loop.c"), "-o", str(made)]
-    subprocess.run(words, check=True)
-    words = ["arm-none-eabi-nm", "-u", str(made)]
-    needed = subprocess.run(words, capture_output=True, text=True, check=True).stdout
-    assert "dahl_compensator_torque" in needed and "__aeabi_d" not in needed
-
-
 # --- simplefoc ------------------------------------------------------------------------------------
 
 
@@ -229,16 +214,13 @@ def moteus_torque(message: can.Message) -> float:
         ("odriv can0", {}, "usage: "),
     ],
 )
-@pytest.mark.parametrize("problem", [OSError(19, "No such device"), can.CanError("down")])
-def test_the_host_needs_a_known_drive_and_a_bus(
-    words, asked, start, problem, root: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_host_needs_a_known_drive_and_a_bus(words, asked, start, root, monkeypatch) -> None:
     """A moteus needs CAN FD."""
     given: dict[str, object] = {}
 
     def refuse(**settings: object) -> None:
         given.update(settings)
-        raise problem
+        raise OSError(19, "No such device") if settings["fd"] else can.CanError("down")
 
     monkeypatch.setattr(can, "Bus", refuse)
     monkeypatch.setattr(sys, "argv", ["feed_forward.py", *words.split()])

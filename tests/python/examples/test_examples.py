@@ -115,50 +115,13 @@ def test_the_encoder_example_passes_the_wrap_of_its_timer(root, tmp_path) -> Non
     assert rows[-1][1] == rows[-2][1] and printed.strip().endswith("jumps 1")
 
 
-USE = """#include "friction.h"
-int main(void)
-{
-    dahl_params_t params = {100.0f, 0.5f, 4e-4f};
-    dahl_err_t err;
-    return friction_set(&params, &err) && friction_plan() != 0 && friction_tick(3) > 0.0f;
-}
-"""
-
-
 @pytest.mark.checks
-@pytest.mark.parametrize(
-    "compiler",
-    ["avr-gcc -mmcu=atmega2560", "arm-none-eabi-gcc -mcpu=cortex-m0 --specs=nosys.specs"],
-)
-def test_new_parameters_need_no_library_of_atomics(compiler, root, tmp_path) -> None:
-    """A non-atomic access would be a call that bare-metal libraries lack."""
-    words, folder = compiler.split(), root / "examples/change_parameters"
-    need(words[0], "parameters change under an interrupt")
-    (main := tmp_path / "main.c").write_text(USE)
-    words += ["-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Werror", f"-I{root}/lib/include"]
-    files = [f"-I{folder}", main, folder / "friction.c", *CORE, "-o", tmp_path / "image"]
-    done = subprocess.run([*words, *files], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.checks
-@pytest.mark.parametrize("words", [[], ["-m", "pytest", "-p", "no:cacheprovider"]])
-def test_an_example_without_a_node_ends_with_few_lines(root, tmp_path, words):
+def test_an_example_without_a_node_ends_with_one_line(root, tmp_path):
     """python-can tries for 10 s and logs each of 100,000 attempts."""
-    name = "test_node.py" if words else "asyncio_node.py"
-    text = (root / "examples/python_can" / name).read_text()
-    (tmp_path / name).write_text(text.replace("28600", "1"))
-    done = subprocess.run(
-        [sys.executable, *words, name],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    command = [sys.executable, root / "examples/python_can/asyncio_node.py", "1"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     said = done.stdout + done.stderr
-    assert done.returncode == 1 and "connect" in said
-    assert len(said.splitlines()) < (200 if words else 2)
+    assert done.returncode == 1 and "connect" in said and said.count("\n") == 1
 
 
 @pytest.mark.checks

@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import subprocess
 import sys
 import tomllib
 
@@ -166,20 +165,3 @@ def test_a_checkout_sets_up_its_own_environment_once_and_restarts(
     said = done.stderr.splitlines()[-1]  # below the words of the set-up
     assert done.returncode == 1 and said.startswith("error: ") and "scipy" in said
     assert ("tools/setup.sh" in said) == (case == "it fails") == asked.exists()
-
-
-# --- slow imports ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("log", ["run.blf", "RUN.MF4"])
-def test_asammdf_is_imported_only_for_an_mf4(root, tmp_path, log):
-    """Its import would be most of the start-up time of a command."""
-    code = (
-        "import atexit, sys; from dahl.__main__ import main; sys.argv[0] = 'dahl'\n"
-        "atexit.register(lambda: print('asammdf', bool(sys.modules.get('asammdf'))))\n"
-        "sys.exit(main())"
-    )
-    words = ("record", "-o", log, "-i", "virtual", "-c", "x", "--seconds", "0.01")
-    command = [sys.executable, "-c", code, *words]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.stdout.splitlines()[-1] == f"asammdf {log == 'RUN.MF4'}", done.stderr

@@ -148,42 +148,6 @@ def test_the_core_works_anywhere_with_its_dependencies_alone(core: Environment) 
     assert sum(path.stat().st_size for path in listed(core.site) if path.is_file()) < MOST
 
 
-USER = """
-import dahl
-import numpy as np
-from numpy.typing import NDArray
-
-bearing = dahl.Friction(dahl.Plan(sigma0=100, Fc=0.5, theta_per_count=1e-4))
-torque: float = bearing.step_counts(3)
-torques: NDArray[np.float32] = bearing.run_counts([1, 2])
-mix = dahl.Parallel(bearing, dahl.Slip([1.0], [1.0], 1e-3))
-dahl.Plan("100", 0.5)  # wrong: arg-type
-dahl.Plan(100.0)  # wrong: call-arg
-bearing.turn(1)  # wrong: attr-defined
-text: str = bearing.step_counts(1)  # wrong: assignment
-dahl.Loaded(dahl.Plan(1, 1, 1)).step_counts(1)  # wrong: call-arg
-dahl.Frction(1)  # wrong: attr-defined
-"""
-
-
-def test_types_of_the_installed_package_find_wrong_arguments(
-    core: Environment, tmp_path: Path
-) -> None:
-    """mypy reports each marked line of a user's script with its kind, and no other line."""
-    (tmp_path / "user.py").write_text(USER)
-    python = ["--python-executable", core.bin / "python", "--cache-dir", tmp_path / "cache"]
-    done = run(*(sys.executable, "-m", "mypy", "--strict", *python, "user.py"),
-               cwd=tmp_path, code=1)  # fmt: skip
-    found = dict(re.findall(r"^user.py:(\d+): error: .*\[([a-z-]+)\]$", done.stdout, re.MULTILINE))
-    lines = (tmp_path / "user.py").read_text().splitlines()
-    marked = {
-        str(number): line.partition("# wrong: ")[2]
-        for number, line in enumerate(lines, 1)
-        if "# wrong: " in line
-    }
-    assert found == marked, done.stdout
-
-
 def test_the_installed_package_opens_no_file_of_the_tree(core: Environment, root: Path) -> None:
     """An audit hook of the interpreter records the files."""
     watched = f"""
@@ -253,20 +217,3 @@ def test_a_wheel_without_dahl_loop_names_the_missing_packages(
     assert float(made.python("-c", ISSUE).stdout) == pytest.approx(0.4323323, rel=1e-6)
     [line] = made.dahl("demo", "--scene", "steering", code=1).stderr.splitlines()
     assert "libinih-dev libcsv-dev libcjson-dev" in line
-
-
-def test_cmake_installs_the_library_and_the_bus_description(root: Path, tmp_path: Path) -> None:
-    options = ["-DDAHL_BUILD_SHARED=ON", f"-DCMAKE_INSTALL_PREFIX={tmp_path}/prefix"]
-    run("cmake", "-S", root, "-B", tmp_path / "b", "-G", "Ninja", *options)
-    run("cmake", "--build", tmp_path / "b")
-    run("cmake", "--install", tmp_path / "b")
-    names = {path.name: path for path in (tmp_path / "prefix").rglob("libdahl.so*")}
-    version = importlib.metadata.version("dahl")
-    minor = version.rpartition(".")[0]  # before 1.0 each minor version has other structures
-    assert names.keys() == {"libdahl.so", f"libdahl.so.{minor}", f"libdahl.so.{version}"}
-    library = names["libdahl.so"]
-    own = {**os.environ, "DAHL_LIBRARY": str(library)}
-    done = run(sys.executable, "-c", ISSUE, env=own, cwd=tmp_path)
-    assert float(done.stdout) == pytest.approx(0.4323323, rel=1e-6)
-    (dbc,) = (tmp_path / "prefix").rglob("dahl.dbc")
-    assert dbc.read_bytes() == (root / "lib/node/dahl.dbc").read_bytes()
