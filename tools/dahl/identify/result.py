@@ -69,7 +69,7 @@ class Intervals:
         return max(shares, key=lambda name: shares[name])
 
 
-@dataclass
+@dataclass(eq=False)
 class Result:
     """All that was found. Torque in N m and angle in rad, or N and m for linear motion."""
 
@@ -88,6 +88,11 @@ class Result:
     checks: dict[str, float] = field(default_factory=dict)  # log not fitted -> R2
 
     # --- numbers ---
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the logs, each once."""
+        return list(dict.fromkeys(log.name for log in self.raw))
 
     @property
     def units(self) -> dict[str, str]:
@@ -170,8 +175,12 @@ class Result:
     @property
     def delay_rows(self) -> float:
         """Rows by which the torque is late in the chosen hypothesis."""
-        h = self.hypothesis
-        late = float(np.mean(self.chosen.p[h.friction.parameters :])) if "delay" in h.lag else 0.0
+        return self.delay_of(self.chosen)
+
+    def delay_of(self, fit: Fit) -> float:
+        """Rows by which the torque is late in a fit: the mean of all logs."""
+        h = fit.hypothesis
+        late = float(np.mean(fit.p[h.friction.parameters :])) if "delay" in h.lag else 0.0
         return (late + h.skew) * self.samples.block
 
     @property
@@ -206,10 +215,9 @@ class Result:
         import pandas as pd
 
         s = self.samples
-        names = list(dict.fromkeys(log.name for log in self.logs))
         return pd.DataFrame(
             {
-                "log": [names[k] for k in s.log_of_rows],
+                "log": np.array(self.names)[s.log_of_rows],
                 "time": s.time,
                 "angle": s.angles[self.hypothesis.angle],
                 "speed": s.speed,
