@@ -22,7 +22,7 @@ import pytest
 from dahl import Plan
 from dahl.binding import plan_header
 from dahl.binding.asymmetric import Asymmetric
-from dahl.identify import Log
+from dahl.identify import Log, Options, export, identify
 from identify_tools import (
     COUNT,
     FC,
@@ -490,6 +490,25 @@ def test_the_nearest_runnable_model_is_named_with_what_it_loses(tmp_path):
     assert 0 < kept["exported_model_lost_r2"] < 0.1
     (chosen,) = (one for one in kept["models"] if one["chosen"])
     assert not chosen["in_library"] and chosen["instructions_m3"] is None
+
+
+def test_each_reason_alone_is_against_a_plan():
+    result = identify([log_of(MOTION, dahl_torque(MOTION))])
+    (log,) = result.logs
+    coarse = [replace(log, resolution=2 * COUNT)]
+    noisy = [replace(log, torque=log.torque + FC * noise_of(2, log.rows))]
+    for change, reason in (
+        ({}, ""),
+        ({"claimed": (True, False)}, "identifiable"),
+        ({"claimed": (False, True)}, "identifiable"),
+        ({"options": Options(model="coulomb")}, "Coulomb"),
+        ({"logs": noisy}, " is the least"),
+        ({"logs": coarse}, "a grid of 16384 counts a turn"),
+        ({"logs": coarse, "options": Options(trust_units=True)}, ""),
+        ({"logs": coarse, "options": Options(target_counts=4096)}, ""),
+    ):
+        against = export.runnable_model(replace(result, **change)).against
+        assert len(against) == bool(reason) and reason in "".join(against), change
 
 
 def test_noise_leaves_no_plan_and_json_has_no_infinity(tmp_path):

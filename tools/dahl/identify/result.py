@@ -26,6 +26,7 @@ SLIP_LENGTHS = 3  # presliding lengths that a compensator needs if slip elements
 MAX_HALF_WIDTH = 0.3  # of the value; a wider interval is no basis for a firmware
 MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller shapes still more
 MIN_R2 = 0.5  # on cycles left out; below it most of the torque is not friction
+POWERS_OF_REACH = {"spring": 1, "cubic": 3}  # by which samples.py divides the angle of these terms
 SOURCES = {  # of the width of an interval, in the order in which they are added
     "noise": "noise",
     "hypotheses": "the choice of law, lag and terms",
@@ -298,12 +299,8 @@ def terms_of(fit: Fit, samples: Samples) -> dict[str, float]:
         if name == "waves":
             k += samples.waves.shape[1]
             continue
-        found[name] = float(fit.coefficients[k])
+        found[name] = float(fit.coefficients[k]) / reach ** POWERS_OF_REACH.get(name, 0)
         k += 1
-    if "spring" in found:
-        found["spring"] /= reach
-    if "cubic" in found:
-        found["cubic"] /= reach**3
     if h.law == "asymmetric":  # the mean of both limits is friction, not offset
         found["offset"] = found.get("offset", 0.0) - float(fit.limits[0] * fit.p[1])
     return found
