@@ -22,7 +22,7 @@ import pytest
 from dahl import Plan
 from dahl.binding import plan_header
 from dahl.binding.asymmetric import Asymmetric
-from dahl.identify import Log, Options, export, identify
+from dahl.identify import Log, Options, export, identify, report
 from identify_tools import (
     COUNT,
     FC,
@@ -238,12 +238,9 @@ def test_the_screen_begins_with_the_verdict_and_has_each_number_with_its_unit(ri
     assert tables and max(map(len, tables)) <= 80
 
 
-def is_plan_of(folder: Path, *params: float) -> bool:
-    """Whether the header has the plan of these parameters. tests/python/cli/test_plan.py compares
-    such a text with dahl_prepare() bit for bit.
-    """
-    plan = plan_header.text("x", {"": Plan(*params)}, []).partition("*/")[2].strip()
-    return plan in (folder / "dahl_plan_x.h").read_text()
+def plan_text(*params: float) -> str:
+    """Return the plan of a header; tests/python/cli/test_plan.py compares it with C bit for bit."""
+    return plan_header.text("x", {"": Plan(*params)}, []).partition("*/")[2].strip()
 
 
 def params_of(kept: dict) -> tuple[float, float, float]:
@@ -260,8 +257,7 @@ def test_the_header_has_the_plan_and_its_numbers(rig):
     kept, header = rig.kept, rig.out / "dahl_plan_x.h"
     params = params_of(kept)
     assert params[:2] == pytest.approx((kept["sigma0"], kept["Fc"]), rel=1e-6)
-    assert is_plan_of(rig.out, *params)
-    assert not is_plan_of(rig.out, 1.001 * params[0], *params[1:])
+    assert plan_text(*params) in header.read_text()
     words = comment_of(header)
     for name in ("sigma0", "Fc"):
         low, high = kept["ci95"][name]
@@ -424,19 +420,6 @@ def test_a_shaft_is_in_newton_metres_and_its_sign_is_noted(shaft):
     assert played["measured"]["torque"] == "torque_Nm" and played["motion"]["angle"] == "theta_rad"
 
 
-@pytest.mark.parametrize(("counts", "turn"), [(4096, 2 * np.pi), (20, 1e-3)])
-def test_the_plan_is_for_the_encoder_of_the_target(shaft, rig, counts, turn, tmp_path):
-    log, one = (rig.logs[0], rig) if turn == 1e-3 else (shaft.out / "shaft.csv", shaft)
-    words = ("--model", "dahl", "--target-counts-per-turn", counts, "-o", tmp_path, "--name", "x")
-    words += ("--terms", ",".join(one.kept["extra"]) or "none", "--no-delay", "--force")
-    assert run("identify", log, *words).returncode == 0
-    kept = json.loads((tmp_path / "x.json").read_text())
-    assert kept["plan"]["theta_per_count"] == pytest.approx(turn / counts)
-    assert (kept["plan"]["of_target"], one.kept["plan"]["of_target"]) == (True, False)
-    assert turn == 1e-3 or kept["resolution"] == pytest.approx(COUNT)
-    assert is_plan_of(tmp_path, *params_of(kept))
-
-
 # --- other models ---------------------------------------------------------------------------------
 
 EXPORTED = {  # model of the scene: torque, chosen law, plan in the header
@@ -492,9 +475,23 @@ def test_the_nearest_runnable_model_is_named_with_what_it_loses(tmp_path):
     assert not chosen["in_library"] and chosen["instructions_m3"] is None
 
 
-def test_each_reason_alone_is_against_a_plan():
-    result = identify([log_of(MOTION, dahl_torque(MOTION))])
-    (log,) = result.logs
+@pytest.fixture(scope="module")
+def fitted(library):
+    return identify([log_of(MOTION, dahl_torque(MOTION))])
+
+
+@pytest.mark.parametrize(("counts", "linear", "turn"), [(4096, False, 2 * np.pi), (20, True, 1e-3)])
+def test_the_plan_is_for_the_encoder_of_the_target(fitted, counts, linear, turn):
+    logs = [replace(log, linear=linear) for log in fitted.logs]
+    result = replace(fitted, logs=logs, options=Options(target_counts=counts, model="dahl"))
+    kept, model = report.numbers(result), export.runnable_model(result)
+    assert kept["plan"]["theta_per_count"] == pytest.approx(turn / counts)
+    assert kept["plan"]["of_target"] and kept["resolution"] == COUNT
+    assert plan_text(*model.sigma0, *model.Fc, turn / counts) in export.header(model, "x", "")
+
+
+def test_each_reason_alone_is_against_a_plan(fitted):
+    (log,) = fitted.logs
     coarse = [replace(log, resolution=2 * COUNT)]
     noisy = [replace(log, torque=log.torque + FC * noise_of(2, log.rows))]
     for change, reason in (
@@ -507,7 +504,7 @@ def test_each_reason_alone_is_against_a_plan():
         ({"logs": coarse, "options": Options(trust_units=True)}, ""),
         ({"logs": coarse, "options": Options(target_counts=4096)}, ""),
     ):
-        against = export.runnable_model(replace(result, **change)).against
+        against = export.runnable_model(replace(fitted, **change)).against
         assert len(against) == bool(reason) and reason in "".join(against), change
 
 
