@@ -183,29 +183,6 @@ def test_a_table_in_any_form_is_read(examples, tmp_path):
     holds(law, examples, FORMS, st.lists(numbers, min_size=4, max_size=7))
 
 
-@pytest.mark.parametrize(
-    ("above", "row"),
-    [
-        ("", "{};{};7"),
-        ("", "{}\t{}"),
-        ("", "{},{},7"),
-        ("# one remark or more\n", "{} {} 7"),
-        ("Title\n", "{};{}"),
-        ("# one remark or more\n----\n", "{} {} 7"),
-    ],
-)
-def test_columns_without_names_are_numbered(above, row, tmp_path):
-    _, angle, torque = table_of(3).values()
-    path = tmp_path / "a.csv"
-    lines = [row.format(*pair) for pair in zip(angle.tolist(), torque.tolist(), strict=True)]
-    path.write_text(above + "\n".join(lines) + "\n")
-    log = read(path, *"--angle 1 --torque 2 --angle-unit rad --torque-unit Nm".split())
-    assert (log.theta.tolist(), log.torque.tolist()) == (angle.tolist(), torque.tolist())
-    assert "(there are: 1, 2" in refused(path) and "--angle" in refused(path)
-    path.write_text("A title\ndeg;Nm\n" + "\n".join(f"{x};{x % 7}" for x in range(ROWS)))
-    assert read(path, "--angle", "deg", "--torque", "Nm").rows == ROWS
-
-
 ODD = {  # lines above 40 rows of time, angle and torque, and the form of a row
     "a quote that is never closed": ('"rig 3\ntime_s;angle_deg;torque_Nm', "{};{};{}"),
     "names with units between blanks": ("time [s] angle [deg] torque [Nm]", "{} {} {}"),
@@ -217,20 +194,27 @@ ODD = {  # lines above 40 rows of time, angle and torque, and the form of a row
     "quoted names in a comment": ('# "time_s"\t"angle_deg"\t"torque_Nm"', "{}\t{}\t{}"),
     "a calibration above": ("range;2,5;5\ntime_s;angle_deg;torque_Nm", "{};{};{}"),
 }
+UNNAMED = {  # the same without names
+    "nothing above": ("", "{};{};{}"),
+    "a separator at the end": ("", "{}\t{}\t{}\t"),
+    "a title": ("Title", "{};{};{};7"),
+    "a remark": ("# one remark or more than that", "{} {} {} 7"),
+    "a remark and dashes": ("# one remark or more than that\n----", "{},{},{},7"),
+}
 
 
-@pytest.mark.parametrize("above", ODD)
+@pytest.mark.parametrize("above", ODD | UNNAMED)
 def test_odd_tables_are_read(above, tmp_path):
-    head, row = ODD[above]
-    table = table_of(5)
+    head, row = (ODD | UNNAMED)[above]
+    table, words = table_of(5), ("--trust-units",)
+    if above in UNNAMED:
+        words += tuple("--time 1 --angle 2 --torque 3 --angle-unit deg --torque-unit Nm".split())
     rows = zip(*(column.tolist() for column in table.values()), strict=True)
     (tmp_path / "x.csv").write_text("\n".join([head, *(row.format(*one) for one in rows)]))
-    log = read(tmp_path / "x.csv", "--trust-units")
+    log = read(tmp_path / "x.csv", *words)
     np.testing.assert_allclose(np.degrees(log.theta), table["pos_m"], rtol=1e-14)
-    assert (log.time.tolist(), log.torque.tolist()) == (
-        table["t"].tolist(),
-        table["force_N"].tolist(),
-    )
+    assert log.time.tolist() == table["t"].tolist()
+    assert log.torque.tolist() == table["force_N"].tolist()
 
 
 @pytest.mark.parametrize("before", [0, 3])
@@ -245,8 +229,6 @@ def test_a_letter_may_lie_across_the_end_of_the_head(before, tmp_path):
 LONG = "1,2,3\n" * 20_000  # beyond the head
 BAD = [  # name, text, parts of the error
     ("a.csv", "angle;torque\ndeg;Nm\n1;2\n3;x\n", "a.csv:4:|'torque [Nm]'|'x'"),
-    ("a.csv", "# one\n\nangle,torque\n1,2\n3,x\n", "a.csv:5:|'torque'|'x'"),
-    ("a.csv", '"angle\n\nleft","torque"\n1,2\n3,x\n', "a.csv:5:|'torque'|'x'"),
     ("a.csv", 'angle 5",torque\n1,2\n3,x\n', "a.csv:3:|'torque'|'x'"),
     ("a.csv", 'n,angle,torque\n"a\nb",1,2\n\n#\nc,3,x\n', "a.csv:6:|'torque'|'x'"),
     ("a.csv", "t,angle,torque\n0,\u2019,y\n0,1,2\n", "a.csv:2:|'angle'|'\u2019'"),
@@ -272,6 +254,7 @@ BAD = [  # name, text, parts of the error
     ("a.csv", "t,angle,torque\n0,1,2\n\n2,1,3\n1.5,2,2\n", "a.csv:5:|1.5 after 2"),
     ("a.csv", '"an\ngle","tor\x1bque\x07",t\n1,2,3\n4,5,6\n', "a.csv:1:|an gle"),
     ("bare.csv", "1 2\n3 x\n", "bare.csv:1:|--angle|1, 2"),
+    ("title.csv", "A title\nx;y\n1;2\n3;4\n", "title.csv:2:|--angle|x, y"),
     ("a.xlsx", "PK\3\4\0\0", "a.xlsx|XLSX|CSV"),
     ("a.xls", "\xd0\xcf\x11\xe0\0", "a.xls|XLS|CSV"),
     ("a.tdms", "TDSm\x0e\0", "a.tdms|TDMS|CSV"),
