@@ -231,8 +231,11 @@ def test_the_screen_begins_with_the_verdict_and_has_each_number_with_its_unit(ri
     assert f"{kept['checks'][rig.check]:.4f}" in shown["check 3 of the le…ond hall.csv"]
     (row,) = (value for name, value in shown.items() if "plan" in name)
     assert f"{kept['r2_plan']:.4f}" in row
+    rows = [line.split("│")[1:-1] for line in rig.shown.splitlines() if line.count("│") == 5]
+    laws = {name.replace("(chosen)", "").strip(): "".join(cells).split() for name, *cells in rows}
     for one in kept["models"]:
-        assert f"{one['name']}" in rig.shown and f"{one['r2']:.4f}" in rig.shown
+        words = [f"{one['r2']:.4f}", str(one["instructions_m3"] or "-")]
+        assert laws[one["name"]][-2:] == words
     assert all(str(path) in rig.shown for path in rig.out.iterdir())
     tables = [line for line in rig.shown.splitlines() if set(line) & set("│┃┏└┡├")]
     assert tables and max(map(len, tables)) <= 80
@@ -410,6 +413,7 @@ def test_a_shaft_is_in_newton_metres_and_its_sign_is_noted(shaft):
     assert kept["units"] == {"sigma0": "N m/rad", "Fc": "N m", "a": "1/rad"}
     assert (kept["torque_sign"], kept["linear"], kept["extra"]) == (-1.0, False, {})
     assert any("other sign" in note for note in kept["notes"])
+    assert any("one speed" in note for note in kept["notes"]) is kept["identifiable"]["sigma0"]
     assert shaft.shown["note"] == " ".join(kept["notes"])
     assert units_of(shaft.figure, "by speed") == ("rad/row", "N m")
     measured, *_, odd = panels_of(shaft.figure)["loop"].lines
