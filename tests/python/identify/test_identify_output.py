@@ -465,6 +465,19 @@ def test_the_chosen_model_is_exported(model, tmp_path, root):
     subprocess.run([*words.split(), *places], check=True, timeout=60)
 
 
+def test_the_bounds_cover_all_plausible_limits():
+    """Fc_low counts the least Fc of all plausible fits of the law, length_long the largest."""
+    result = identify([log_of(MOTION, each_way())], Options(terms=("offset",), delay=False))
+    one, place = result.chosen, np.arange(len(result.chosen.p))
+    for skews in ((0.4, 0.1), (0.1, 0.4), (0.1,)):
+        fits = [replace(one, p=np.where(place == 1, skew, one.p)) for skew in skews]
+        plausible = replace(result.plausible, fits=fits)
+        found = replace(result, plausible=plausible, claimed=(True, True))
+        skew = max(*skews, one.p[1])
+        wanted = (1 - skew) * result.Fc.low, (1 + skew) / result.a.low
+        assert found.compensator_bounds == pytest.approx(wanted, rel=1e-9)
+
+
 def test_the_nearest_runnable_model_is_named_with_what_it_loses(tmp_path):
     """The library has no general exponent."""
     from dahl.identify import models

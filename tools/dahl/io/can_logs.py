@@ -66,8 +66,8 @@ def read_candump(path: Path | str) -> list[can.Message]:
 
 
 @contextlib.contextmanager
-def half_readers_end_quietly() -> Iterator[None]:
-    """Collect what asammdf leaves of a reader of a broken MF4 at once, since its end fails."""
+def discard_broken_readers() -> Iterator[None]:
+    """On an error, collect asammdf's reader of a broken MF4 quietly, since it cannot be closed."""
     hook = sys.unraisablehook
     try:
         yield
@@ -81,7 +81,7 @@ def half_readers_end_quietly() -> Iterator[None]:
 
 
 def mf4_in_memory(path: Path) -> io.BytesIO:
-    """Return an MF4 for asammdf, which copies one that was not closed to the disk otherwise."""
+    """Return the content of an MF4. From a path, asammdf copies an unfinished file to the disk."""
     return io.BytesIO(path.read_bytes())
 
 
@@ -101,7 +101,7 @@ def frames_of(path: Path) -> Iterator[can.Message]:
         raise Error(f"{path}: no log of frames by its ending; {', '.join(CAN_LOGS)} was expected")
     count = 0
     try:
-        with half_readers_end_quietly(), _reader_of(path) as reader:
+        with discard_broken_readers(), _reader_of(path) as reader:
             for message in reader:
                 count += 1
                 yield message
