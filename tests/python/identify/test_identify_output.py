@@ -22,7 +22,7 @@ import pytest
 from dahl import Plan
 from dahl.binding import plan_header
 from dahl.binding.asymmetric import Asymmetric
-from dahl.identify import Log, Options, export, identify, report
+from dahl.identify import Log, Options, export, identify, plot, report
 from identify_tools import (
     COUNT,
     FC,
@@ -463,6 +463,14 @@ def test_the_chosen_model_is_exported(model, tmp_path, root):
     words = "gcc -std=c99 -Wall -Wextra -Werror -pedantic -Wno-unused-const-variable -fsyntax-only"
     places = f"-I{root / 'lib' / 'include'}", tmp_path / "out" / "dahl_plan_x.h"
     subprocess.run([*words.split(), *places], check=True, timeout=60)
+
+
+def test_rows_without_a_reading_are_no_outliers_of_the_picture(fitted, tmp_path):
+    weight = np.where(np.arange(fitted.samples.rows) % 7, 1.0, 0.0)
+    result = replace(fitted, samples=replace(fitted.samples, weight=weight))
+    with drawing(rendered=False) as figures:
+        plot.draw(tmp_path / "x.png", result, "x")
+    assert len(panels_of(figures[0])["loop"].get_legend().get_texts()) == 2
 
 
 def test_the_bounds_cover_all_plausible_limits():
