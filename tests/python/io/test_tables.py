@@ -189,6 +189,7 @@ ODD = {  # lines above 40 rows of time, angle and torque, and the form of a row
     "a line of dashes": ("time_s angle_deg torque_Nm\n------- ----- -----", "{} {} {}"),
     "units of other quantities": ("U;P;Zeit;Winkel;Moment\nV;-;s;deg;Nm", "1;2;{};{};{}"),
     "numbers for words": ("#;1;time_s;angle_deg;torque_Nm", "n;2;{};{};{}"),
+    "the same below a title": ("Rig 3\n#;1;time_s;angle_deg;torque_Nm", "n;2;{};{};{}"),
     "a mark in a cell": ("time_s;angle_deg;torque_Nm;what", "{};{};{};run # 3"),
     "another mark between": ("% rig 3\ntime_s;angle_deg;torque_Nm\n# start", "{};{};{}\n# next"),
     "quoted names in a comment": ('# "time_s"\t"angle_deg"\t"torque_Nm"', "{}\t{}\t{}"),
