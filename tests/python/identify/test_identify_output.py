@@ -11,17 +11,18 @@ import configparser
 import json
 import re
 import subprocess
+from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import built
 from dahl import Plan
 from dahl.binding import plan_header
 from dahl.binding.asymmetric import Asymmetric
-from dahl.identify import Log
+from dahl.identify import Log, Options, export, identify, plot, report
 from identify_tools import (
     COUNT,
     FC,
@@ -107,6 +108,14 @@ def rig(tmp_path_factory, library):
     )
 
 
+MOTION = sine(2, rows=2400, cycles=9)
+
+
+def each_way() -> np.ndarray:
+    limits = np.where(np.diff(MOTION, prepend=MOTION[0]) > 0, 1.25 * FC, 0.75 * FC)
+    return varying_torque(MOTION, np.full(len(MOTION), SIGMA0), limits)
+
+
 # --- JSON -----------------------------------------------------------------------------------------
 
 
@@ -161,6 +170,37 @@ def test_json_has_the_cycles_and_the_hypotheses(rig):
     assert kept["model"] == kept["exported_model"] == "Dahl"
 
 
+POWERS = {  # of the units of torque and angle, by the last name in a path of JSON
+    **dict.fromkeys("sigma0 spring viscous inertia bilinear_sigma0".split(), (1, -1)),
+    **dict.fromkeys("Fc rmse offset Fc_low Fc_forward Fc_backward".split(), (1, 0)),
+    **dict.fromkeys("length_long resolution theta_per_count backlash".split(), (0, 1)),
+    "a": (0, -1),
+}
+
+
+def numbers_in(kept: object, name: str = "") -> Iterator[tuple[str, float]]:
+    """Yield all numbers of JSON with the last name of their path."""
+    if isinstance(kept, (dict, list)):
+        pairs = kept.items() if isinstance(kept, dict) else ((name, one) for one in kept)
+        for key, one in pairs:
+            yield from numbers_in(one, key)
+    elif isinstance(kept, (int, float)) and not isinstance(kept, bool):
+        yield name, float(kept)
+
+
+def test_all_numbers_follow_the_units_of_torque_and_angle():
+    """The same log with 64 times the torque and an eighth of the angle has the same fits."""
+    log = log_of(MOTION, each_way() + 4 * MOTION)
+    other = replace(log, torque=64 * log.torque, theta=log.theta / 8, resolution=COUNT / 8)
+    options = {"terms": tuple(TERMS), "delay": False, "trust_units": True}
+    first, second = (seen(one, **options) for one in (log, other))
+    pairs = [*zip(numbers_in(first), numbers_in(second), strict=True)]
+    assert len(pairs) > 200 and first["model"] == second["model"] == "asymmetric"
+    for (name, one), (same, two) in pairs:
+        torque, angle = POWERS.get(name, (0, 0))
+        assert name == same and two == pytest.approx(one * 64**torque / 8**angle, rel=1e-6), name
+
+
 # --- screen and header ----------------------------------------------------------------------------
 
 
@@ -191,38 +231,19 @@ def test_the_screen_begins_with_the_verdict_and_has_each_number_with_its_unit(ri
     assert f"{kept['checks'][rig.check]:.4f}" in shown["check 3 of the le…ond hall.csv"]
     (row,) = (value for name, value in shown.items() if "plan" in name)
     assert f"{kept['r2_plan']:.4f}" in row
+    rows = [line.split("│")[1:-1] for line in rig.shown.splitlines() if line.count("│") == 5]
+    laws = {name.replace("(chosen)", "").strip(): "".join(cells).split() for name, *cells in rows}
     for one in kept["models"]:
-        assert f"{one['name']}" in rig.shown and f"{one['r2']:.4f}" in rig.shown
+        words = [f"{one['r2']:.4f}", str(one["instructions_m3"] or "-")]
+        assert laws[one["name"]][-2:] == words
     assert all(str(path) in rig.shown for path in rig.out.iterdir())
     tables = [line for line in rig.shown.splitlines() if set(line) & set("│┃┏└┡├")]
     assert tables and max(map(len, tables)) <= 80
 
 
-SAME = """#include <string.h>
-#include "dahl_plan_x.h"
-int main(void)
-{
-    static const dahl_params_t params = {%.9ef, %.9ef, %.9ef};
-    dahl_plan_t plan;
-    memset(&plan, 0, sizeof plan);
-    if (dahl_prepare(&plan, &params) != DAHL_OK) { return 2; }
-    return memcmp(&plan, &dahl_plan_x, sizeof plan) != 0;
-}
-"""
-
-
-def compile_c(main: Path, *words: object, includes: tuple[Path, Path]) -> None:
-    folder, root = includes
-    strict = "-std=c99 -Wall -Wextra -Werror -pedantic".split()
-    headers = [f"-I{folder}", f"-I{root}/lib/include"]
-    subprocess.run(["gcc", *strict, *headers, main, *words], check=True, timeout=60)
-
-
-def is_plan_of(folder: Path, root: Path, *params: float) -> bool:
-    (main := folder / "main.c").write_text(SAME % tuple(map(np.float32, params)))
-    library = (built("lib", "libdahl.a"), "-lm", "-o", folder / "same")
-    compile_c(main, *library, includes=(folder, root))
-    return subprocess.run([folder / "same"], check=False, timeout=10).returncode == 0
+def plan_text(*params: float) -> str:
+    """Return the plan of a header; tests/python/cli/test_plan.py compares it with C bit for bit."""
+    return plan_header.text("x", {"": Plan(*params)}, []).partition("*/")[2].strip()
 
 
 def params_of(kept: dict) -> tuple[float, float, float]:
@@ -235,16 +256,11 @@ def comment_of(header: Path) -> str:
     return " ".join(text.replace("*", " ").split())
 
 
-def test_the_header_has_the_plan_bit_for_bit_and_its_numbers(rig, root):
-    """Compare with the C library and with dahl.Plan."""
+def test_the_header_has_the_plan_and_its_numbers(rig):
     kept, header = rig.kept, rig.out / "dahl_plan_x.h"
     params = params_of(kept)
     assert params[:2] == pytest.approx((kept["sigma0"], kept["Fc"]), rel=1e-6)
-    assert is_plan_of(rig.out, root, *params)
-    assert not is_plan_of(rig.out, root, 1.001 * params[0], *params[1:])
-    assert plan_header.text("x", {"": Plan(*params)}, []).partition("*/")[2].strip() in (
-        header.read_text()
-    )
+    assert plan_text(*params) in header.read_text()
     words = comment_of(header)
     for name in ("sigma0", "Fc"):
         low, high = kept["ci95"][name]
@@ -397,6 +413,7 @@ def test_a_shaft_is_in_newton_metres_and_its_sign_is_noted(shaft):
     assert kept["units"] == {"sigma0": "N m/rad", "Fc": "N m", "a": "1/rad"}
     assert (kept["torque_sign"], kept["linear"], kept["extra"]) == (-1.0, False, {})
     assert any("other sign" in note for note in kept["notes"])
+    assert any("one speed" in note for note in kept["notes"]) is kept["identifiable"]["sigma0"]
     assert shaft.shown["note"] == " ".join(kept["notes"])
     assert units_of(shaft.figure, "by speed") == ("rad/row", "N m")
     measured, *_, odd = panels_of(shaft.figure)["loop"].lines
@@ -407,28 +424,7 @@ def test_a_shaft_is_in_newton_metres_and_its_sign_is_noted(shaft):
     assert played["measured"]["torque"] == "torque_Nm" and played["motion"]["angle"] == "theta_rad"
 
 
-@pytest.mark.parametrize(("counts", "turn"), [(4096, 2 * np.pi), (65536, 2 * np.pi), (20, 1e-3)])
-def test_the_plan_is_for_the_encoder_of_the_target(shaft, rig, counts, turn, root, tmp_path):
-    log, one = (rig.logs[0], rig) if turn == 1e-3 else (shaft.out / "shaft.csv", shaft)
-    words = ("--model", "dahl", "--target-counts-per-turn", counts, "-o", tmp_path, "--name", "x")
-    words += ("--terms", ",".join(one.kept["extra"]) or "none", "--no-delay", "--force")
-    assert run("identify", log, *words).returncode == 0
-    kept = json.loads((tmp_path / "x.json").read_text())
-    assert kept["plan"]["theta_per_count"] == pytest.approx(turn / counts)
-    assert (kept["plan"]["of_target"], one.kept["plan"]["of_target"]) == (True, False)
-    assert turn == 1e-3 or kept["resolution"] == pytest.approx(COUNT)
-    assert is_plan_of(tmp_path, root, *params_of(kept))
-
-
 # --- other models ---------------------------------------------------------------------------------
-
-MOTION = sine(2, rows=2400, cycles=9)
-
-
-def each_way() -> np.ndarray:
-    limits = np.where(np.diff(MOTION, prepend=MOTION[0]) > 0, 1.25 * FC, 0.75 * FC)
-    return varying_torque(MOTION, np.full(len(MOTION), SIGMA0), limits)
-
 
 EXPORTED = {  # model of the scene: torque, chosen law, plan in the header
     "slip": (lambda: springs(MOTION, (80, 0.2), (20, 0.3)), "slip K=2", "dahl_plan_x"),
@@ -464,12 +460,30 @@ def test_the_chosen_model_is_exported(model, tmp_path, root):
             total = sum(part[name] for part in chosen["parts"])
             assert total == pytest.approx(kept[name], rel=0.02)
     assert re.search(rf"\b{plan}\b", header)
-    (main := tmp_path / "main.c").write_text(
-        '#include "dahl_plan_x.h"\nint main(void) { return 0; }'
-    )
-    compile_c(
-        main, "-Wno-unused-const-variable", "-fsyntax-only", includes=(tmp_path / "out", root)
-    )
+    words = "gcc -std=c99 -Wall -Wextra -Werror -pedantic -Wno-unused-const-variable -fsyntax-only"
+    places = f"-I{root / 'lib' / 'include'}", tmp_path / "out" / "dahl_plan_x.h"
+    subprocess.run([*words.split(), *places], check=True, timeout=60)
+
+
+def test_rows_without_a_reading_are_no_outliers_of_the_picture(fitted, tmp_path):
+    weight = np.where(np.arange(fitted.samples.rows) % 7, 1.0, 0.0)
+    result = replace(fitted, samples=replace(fitted.samples, weight=weight))
+    with drawing(rendered=False) as figures:
+        plot.draw(tmp_path / "x.png", result, "x")
+    assert len(panels_of(figures[0])["loop"].get_legend().get_texts()) == 2
+
+
+def test_the_bounds_cover_all_plausible_limits():
+    """Fc_low counts the least Fc of all plausible fits of the law, length_long the largest."""
+    result = identify([log_of(MOTION, each_way())], Options(terms=("offset",), delay=False))
+    one, place = result.chosen, np.arange(len(result.chosen.p))
+    for skews in ((0.4, 0.1), (0.1, 0.4), (0.1,)):
+        fits = [replace(one, p=np.where(place == 1, skew, one.p)) for skew in skews]
+        plausible = replace(result.plausible, fits=fits)
+        found = replace(result, plausible=plausible, claimed=(True, True))
+        skew = max(*skews, one.p[1])
+        wanted = (1 - skew) * result.Fc.low, (1 + skew) / result.a.low
+        assert found.compensator_bounds == pytest.approx(wanted, rel=1e-9)
 
 
 def test_the_nearest_runnable_model_is_named_with_what_it_loses(tmp_path):
@@ -484,6 +498,39 @@ def test_the_nearest_runnable_model_is_named_with_what_it_loses(tmp_path):
     assert 0 < kept["exported_model_lost_r2"] < 0.1
     (chosen,) = (one for one in kept["models"] if one["chosen"])
     assert not chosen["in_library"] and chosen["instructions_m3"] is None
+
+
+@pytest.fixture(scope="module")
+def fitted(library):
+    return identify([log_of(MOTION, dahl_torque(MOTION))])
+
+
+@pytest.mark.parametrize(("counts", "linear", "turn"), [(4096, False, 2 * np.pi), (20, True, 1e-3)])
+def test_the_plan_is_for_the_encoder_of_the_target(fitted, counts, linear, turn):
+    logs = [replace(log, linear=linear) for log in fitted.logs]
+    result = replace(fitted, logs=logs, options=Options(target_counts=counts, model="dahl"))
+    kept, model = report.numbers(result), export.runnable_model(result)
+    assert kept["plan"]["theta_per_count"] == pytest.approx(turn / counts)
+    assert kept["plan"]["of_target"] and kept["resolution"] == COUNT
+    assert plan_text(*model.sigma0, *model.Fc, turn / counts) in export.header(model, "x", "")
+
+
+def test_each_reason_alone_is_against_a_plan(fitted):
+    (log,) = fitted.logs
+    coarse = [replace(log, resolution=2 * COUNT)]
+    noisy = [replace(log, torque=log.torque + FC * noise_of(2, log.rows))]
+    for change, reason in (
+        ({}, ""),
+        ({"claimed": (True, False)}, "identifiable"),
+        ({"claimed": (False, True)}, "identifiable"),
+        ({"options": Options(model="coulomb")}, "Coulomb"),
+        ({"logs": noisy}, " is the least"),
+        ({"logs": coarse}, "a grid of 16384 counts a turn"),
+        ({"logs": coarse, "options": Options(trust_units=True)}, ""),
+        ({"logs": coarse, "options": Options(target_counts=4096)}, ""),
+    ):
+        against = export.runnable_model(replace(fitted, **change)).against
+        assert len(against) == bool(reason) and reason in "".join(against), change
 
 
 def test_noise_leaves_no_plan_and_json_has_no_infinity(tmp_path):

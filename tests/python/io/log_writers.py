@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -89,21 +89,25 @@ TABLES: dict[str, Callable[[Path, Table], None]] = {
 }
 
 
-def frames(path: Path, time: np.ndarray, angle: np.ndarray, torque: np.ndarray) -> None:
-    """Write a CAN log by python-can: time in s, deg and Nm in bits of the DBC."""
+def bus(path: Path, rows: Iterable[tuple[float, int, int]], **kind: object) -> Path:
+    """Write frames by python-can: time in s, id, and the number in the first 4 bytes.
+
+    A row may have a dictionary of more arguments of its can.Message.
+    """
     import can
 
+    usual = {"is_extended_id": False, "channel": 1, **kind}
     with can.Logger(path) as logger:
-        for now, first, second in zip(time.tolist(), angle.tolist(), torque.tolist(), strict=True):
-            for number, bits in ((SHAFT, first), (LOAD, second)):
-                message = can.Message(
-                    timestamp=now,
-                    arbitration_id=number,
-                    is_extended_id=False,
-                    data=struct.pack("<ii", bits, 0),
-                    channel=1,
-                )
-                logger.on_message_received(message)
+        for time, number, bits, *more in rows:
+            data = struct.pack("<ii", bits, 0)
+            logger(can.Message(time, number, data=data, **dict(usual, **dict(*more))))
+    return path
+
+
+def frames(path: Path, time: np.ndarray, angle: np.ndarray, torque: np.ndarray) -> Path:
+    """Write a CAN log: time in s, deg and Nm in bits of the DBC."""
+    rows = zip(time.tolist(), angle.tolist(), torque.tolist(), strict=True)
+    return bus(path, (one for now, a, m in rows for one in ((now, SHAFT, a), (now, LOAD, m))))
 
 
 FRAMES = ("blf", "asc", "trc", "log", "raw.mf4")  # kinds that need a DBC

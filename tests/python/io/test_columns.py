@@ -129,39 +129,32 @@ def test_an_option_overrides_the_unit_of_a_name(tmp_path):
         assert f"--{what}-unit {wrong}" in line and f"'{near}'" in line
 
 
-@pytest.mark.parametrize(
-    ("header", "words", "noted"),
-    [
-        ("time_s,angle_deg,torque_Nm", "", []),
-        ("angle,load", "--angle-unit rad --torque-unit Nm", []),
-        ("angle_deg,torque_A", "", ["torque Nm"]),
-        ("angle,load", "", ["angle deg", "torque Nm"]),
-        ("t,angle,torque", "", ["angle deg", "torque Nm", "time s 0.0156"]),
-        ("position_mm,load", "", ["torque N"]),
-        ("t,angle_deg,torque_Nm", "--time-unit ms", []),
-        ("angle_deg,force_kN", "", ["force_kN N m"]),
-        ("position_mm,torque_Nm", "", ["torque_Nm N"]),
-        (
-            "time_s,angle_deg,torque_Nm",
-            "--angle 1 --torque 3 --time 2",
-            ["time_s time", "angle_deg angle"],
-        ),
-        (
-            "time_s,angle_deg,torque_Nm",
-            "--torque 2 --angle 3",
-            ["torque_Nm torque", "angle_deg angle"],
-        ),
-        ("time_s,angle_deg,t_Nm", "--angle 3 --torque 2 --angle-unit deg", ["t_Nm torque"]),
-    ],
-)
-def test_a_unit_that_is_assumed_or_of_another_quantity_is_noted(header, words, noted, tmp_path):
-    columns = [UP if name[0] in "ta" else WAVE + UP for name in header.split(",")]
-    path = written_as(tmp_path, dict(zip(header.split(","), columns, strict=True)))
-    log = read(path, *words.split(), "--trust-units")
+ASSUMED = """
+time_s,angle_deg,torque_Nm | |
+angle,load | --angle-unit rad --torque-unit Nm |
+angle_deg,torque_A | | torque Nm
+angle,load | | angle deg, torque Nm
+t,angle,torque | | angle deg, torque Nm, time s 0.0156
+position_mm,load | | torque N
+t,angle_deg,torque_Nm | --time-unit ms |
+angle_deg,force_kN | | force_kN N m
+position_mm,torque_Nm | | torque_Nm N
+time_s,angle_deg,torque_Nm | --angle 1 --torque 3 --time 2 | time_s time, angle_deg angle
+time_s,angle_deg,torque_Nm | --torque 2 --angle 3 | torque_Nm torque, angle_deg angle
+time_s,angle_deg,t_Nm | --angle 3 --torque 2 --angle-unit deg | t_Nm torque
+"""
+
+
+@pytest.mark.parametrize("row", ASSUMED.strip().split("\n"))
+def test_a_unit_that_is_assumed_or_of_another_quantity_is_noted(row, tmp_path):
+    """A row has names of columns, options, and words of each note."""
+    names, words, noted = (part.strip() for part in row.split("|"))
+    columns = {name: UP if name[0] in "ta" else WAVE + UP for name in names.split(",")}
+    log = read(written_as(tmp_path, columns), *words.split(), "--trust-units")
     notes = [note for note in log.notes if "--time)" not in note]
     assert (len(notes) < len(log.notes)) is (log.time is None)
-    for one in noted:
-        assert any(all(word in note for word in one.split()) for note in notes), (one, notes)
+    for one in noted.split(","):
+        assert not noted or any(all(word in note for word in one.split()) for note in notes), one
     assert bool(notes) is bool(noted)
 
 
@@ -290,37 +283,25 @@ def test_a_column_that_rises_in_a_unit_of_time_is_the_clock(tmp_path):
 # --- counters -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_counter_that_wraps_is_unwrapped(seed, tmp_path):
-    """At any counts per turn, from any start; without the counts per turn it is an error."""
-    draw = np.random.default_rng(seed)
-    turn = int(draw.integers(300, 2**20))
-    gone = np.cumsum(draw.integers(-turn // 20, turn // 20, 60))
-    gone = np.append(gone - gone[-1], np.cumsum(np.full(40, turn // 50)))
-    read_by = (gone + int(draw.integers(turn))) % turn
-    path = written(tmp_path, counts=read_by, torque=draw.normal(size=100))
-    log = read(path, "--counts-per-turn", turn)
-    way = (log.theta - log.theta[0]) * turn / (2 * math.pi)
-    np.testing.assert_allclose(way, gone - gone[0], atol=1e-6)
-    assert log.resolution == pytest.approx(2 * math.pi / turn)
-    assert "--counts-per-turn" in refused(path)
-
-
 @pytest.mark.parametrize(
-    ("unit", "turn"), [("deg", 360), ("rad", 2 * math.pi), ("turn", 1), ("gon", 400)]
+    ("unit", "turn"),
+    [("deg", 360), ("rad", 2 * math.pi), ("turn", 1), ("gon", 400), ("counts", 300)]
+    + [("counts", 16384), ("counts", 1_000_003), ("mm", 360)],
 )
 def test_an_angle_that_wraps_at_a_turn_is_unwrapped(unit, turn, tmp_path):
-    gone = np.cumsum(np.full(100, 0.03))
-    path = written_as(tmp_path, {f"angle [{unit}]": turn * (gone % 1), "torque": np.sin(gone)})
-    log = read(path)
-    assert np.diff(log.theta) == pytest.approx(0.03 * 2 * math.pi)
-    assert sum("wraps" in note for note in log.notes) == 1
-
-
-def test_a_length_is_not_unwrapped(tmp_path):
-    way = np.where(np.arange(ROWS) % 20, 6.0, 0.1) + UP / 8
-    log = read(written(tmp_path, pos_m=way, force_N=WAVE))
-    assert log.theta.tolist() == way.tolist()
+    """A length is not; a counter needs its counts per turn."""
+    draw = np.random.default_rng(1)
+    gone = np.cumsum(np.append(draw.uniform(-0.05, 0.05, 60), np.full(60, 0.02))) * turn
+    gone = np.round(gone) if unit == "counts" else gone
+    wrapped = (gone + turn // 3) % turn
+    path = written_as(tmp_path, {f"Position [{unit}]": wrapped, "load": draw.normal(size=120)})
+    log = read(path, *(("--counts-per-turn", turn) if unit == "counts" else ()))
+    wanted = wrapped / 1e3 if unit == "mm" else gone * 2 * math.pi / turn
+    np.testing.assert_allclose(log.theta - log.theta[0], wanted - wanted[0], atol=1e-9)
+    assert any("wraps" in note for note in log.notes) is (unit != "mm")
+    if unit == "counts":
+        assert log.resolution == pytest.approx(2 * math.pi / turn)
+        assert "--counts-per-turn" in refused(path)
 
 
 def test_the_encoder_counts_are_found_in_the_angle(tmp_path):

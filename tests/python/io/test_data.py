@@ -6,11 +6,13 @@ machine.
 from __future__ import annotations
 
 import hashlib
-import http.server
 import json
 import re
 import threading
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
@@ -38,39 +40,32 @@ def alone(dahl, monkeypatch, tmp_path) -> Path:
 
 
 @pytest.fixture
-def server(monkeypatch):
-    """A web server on this machine; yields its files {path: bytes}."""
-    files: dict[str, bytes] = {}
-
-    class Handler(http.server.BaseHTTPRequestHandler):
-        def do_GET(self) -> None:  # noqa: N802 (http.server's name)
-            content = files.get(self.path)
-            self.send_response(200 if content is not None else 404)
-            self.send_header("Content-Length", str(len(content or b"")))
-            self.end_headers()
-            self.wfile.write(content or b"")
-
-        def log_message(self, *_: object) -> None:
-            """Quiet."""
-
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler) as running:
+def server(monkeypatch, tmp_path) -> Iterator[Path]:
+    """A web server on this machine; yields the folder of its files."""
+    (folder := tmp_path / "served").mkdir()
+    monkeypatch.setattr(SimpleHTTPRequestHandler, "log_message", lambda *_: None)
+    served = partial(SimpleHTTPRequestHandler, directory=folder)
+    with ThreadingHTTPServer(("127.0.0.1", 0), served) as running:
         threading.Thread(target=running.serve_forever, args=(0.02,), daemon=True).start()
-        monkeypatch.setenv(
-            "DAHL_DATA_URL", f"http://127.0.0.1:{running.server_port}/{{repo}}/{{commit}}/{{path}}"
-        )
+        port = running.server_port
+        monkeypatch.setenv("DAHL_DATA_URL", f"http://127.0.0.1:{port}/{{repo}}/{{commit}}/{{path}}")
         monkeypatch.setenv("NO_PROXY", "127.0.0.1")
-        yield files
+        yield folder
         running.shutdown()
 
 
 def expected(monkeypatch, name: str, content: bytes) -> list[str]:
-    """Set the pinned sums of a set to those of `content`; returns the addresses on the server."""
+    """Set the pinned sums of a set to those of `content`; returns the paths on the server."""
     known = data.SETS[name]
     right = hashlib.sha256(content).hexdigest()
     files = tuple(replace(file, sha256=right) for file in known.files)
     monkeypatch.setitem(data.SETS, name, replace(known, files=files))
-    places = (file.path.replace(" ", "%20") for file in files)
-    return [f"/{known.repo}/{known.commit}/{place}" for place in places]
+    return [f"{known.repo}/{known.commit}/{file.path}" for file in files]
+
+
+def serve(server: Path, path: str, content: bytes) -> None:
+    (server / path).parent.mkdir(parents=True, exist_ok=True)
+    (server / path).write_bytes(content)
 
 
 def got(dahl, name: str) -> Path:
@@ -81,34 +76,28 @@ def got(dahl, name: str) -> Path:
 
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 def test_a_download_is_cut_checked_and_cached(alone, server, dahl, monkeypatch, end):
-    (address,) = expected(monkeypatch, "tribometer", CUT)
-    server[address] = upstream(end)
+    (path,) = expected(monkeypatch, "tribometer", CUT)
+    serve(server, path, upstream(end))
     folder = got(dahl, "tribometer")
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == {"reciprocating.tsv": CUT}
-    server.clear()
+    (server / path).unlink()
     assert got(dahl, "tribometer") == folder  # from the cache, without the server
     (folder / "reciprocating.tsv").unlink()
     code, line = complaint(dahl("data", "tribometer"))
-    assert code == 1 and address in line
+    assert code == 1 and f"{path} " in line
 
 
 @pytest.mark.parametrize(
-    ("content", "wanted", "words"),
-    [
-        (upstream().replace(b"8.605", b"8.606"), CUT, "sha256 .*reciprocating.tsv.*{sum}"),
-        (b"<html>sorry</html>\nnot a number\n", b"", "{address}: "),
-        (None, CUT, "{address} "),
-    ],
-    ids=["changed", "another", "absent"],
+    "content", [upstream().replace(b"8.605", b"8.606"), b"<html>\nno number\n"]
 )
-def test_a_file_with_another_sum_is_refused(
-    alone, server, dahl, monkeypatch, content, wanted, words
-):
-    (address,) = expected(monkeypatch, "tribometer", wanted)
-    server |= {} if content is None else {address: content}
-    right = hashlib.sha256(wanted).hexdigest()
+def test_a_file_with_another_sum_is_refused(alone, server, dahl, monkeypatch, content):
+    (path,) = expected(monkeypatch, "tribometer", CUT)
+    serve(server, path, content)
     code, line = complaint(dahl("data", "tribometer"))
-    assert code == 1 and re.search(words.format(sum=right, address=address), line)
+    assert code == 1 and f"{path}: " in line
+    is_cut = content.startswith(HEADER.encode())
+    right = hashlib.sha256(CUT).hexdigest()
+    assert bool(re.search(f"sha256 .*reciprocating.tsv.*{right}", line)) is is_cut
     assert not [*Path("cache").rglob("*.tsv")]
     (entry,) = (one for one in json.loads(dahl("data", "--json").stdout) if "trib" in one["name"])
     assert entry["folder"] is None
@@ -116,11 +105,14 @@ def test_a_file_with_another_sum_is_refused(
 
 def test_each_file_of_a_set_is_checked(alone, server, dahl, monkeypatch):
     *others, last = expected(monkeypatch, "friction_damper", b"right")
-    server |= {**dict.fromkeys(others, b"right"), last: b"wrong"}
+    for path in others:
+        serve(server, path, b"right")
+    serve(server, last, b"wrong")
     code, line = complaint(dahl("data", "friction_damper"))
-    assert code == 1 and last in line
-    server.clear()  # the files that were right are not fetched again
-    server[last] = b"right"
+    assert code == 1 and last.replace(" ", "%20") in line
+    for path in others:  # the files that were right are not fetched again
+        (server / path).unlink()
+    serve(server, last, b"right")
     files = {path.name: path.read_bytes() for path in got(dahl, "friction_damper").iterdir()}
     assert files == {file.name: b"right" for file in data.SETS["friction_damper"].files}
 

@@ -11,6 +11,7 @@ import log_writers
 import numpy as np
 import pandas as pd
 import pytest
+from dahl.errors import Error
 from dahl.identify import Source
 from dahl.identify import read as read_log
 from hypothesis import strategies as st
@@ -36,14 +37,14 @@ def table_of(seed: int, rows: int = ROWS, size: float = 1.0) -> log_writers.Tabl
 
 @pytest.mark.parametrize("kind", TABLES)
 def test_a_table_of_each_kind_comes_back_as_it_was_written(kind, tmp_path):
+    prefix = "rig." if kind == "structure.mat" else ""
+    named = ("--angle", f"{prefix}pos_m", "--torque", f"{prefix}force_N")
+    named += () if kind == "channels.mf4" else ("--time", f"{prefix}t")
     for seed, size in enumerate((1.0, 1 / 3e7, 7e7)):
         table = table_of(seed, rows=30 + 17 * seed, size=size)
         path = tmp_path / f"{seed}.{kind.upper() if seed else kind}"
         TABLES[kind](tmp_path / kind, table)
         (tmp_path / kind).rename(path)
-        prefix = "rig." if kind == "structure.mat" else ""
-        named = ("--angle", f"{prefix}pos_m", "--torque", f"{prefix}force_N")
-        named += () if kind == "channels.mf4" else ("--time", f"{prefix}t")
         for words in (named, ()) if kind != "structure.mat" else (named,):
             log = read(path, *words, "--trust-units", "--angle-unit", "m")
             assert log.linear and log.name == str(path)
@@ -52,27 +53,21 @@ def test_a_table_of_each_kind_comes_back_as_it_was_written(kind, tmp_path):
                 np.testing.assert_allclose(found, wrote, rtol=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("kind", "place"),
-    [
-        ("comma.csv", ":7:"),
-        ("records.json", ": row 6:"),
-        ("plain.mat", ": row 6:"),
-        ("log.parquet", ": row 6:"),
-    ],
-)
-def test_a_row_without_a_number_is_named_or_left_out(kind, place, tmp_path):
-    table, path = table_of(1), tmp_path / f"x.{kind}"
+@pytest.mark.parametrize("kind", TABLES)
+def test_a_row_without_a_number_is_named_or_left_out(kind, tmp_path):
+    table, path = table_of(1), tmp_path / kind
     table["force_N"][[5, 9]] = np.nan
     TABLES[kind](path, table)
-    line = refused(path)
+    prefix = "rig." if kind == "structure.mat" else ""
+    words = ("--angle", f"{prefix}pos_m", "--torque", f"{prefix}force_N", "--angle-unit", "m")
+    line, place = refused(path, *words), ":7:" if kind in TEXTS else ": row 6:"
     assert line.startswith(f"{path}{place} ") and "nan" in line
-    assert "'force_N'" in line and f"2 of {ROWS}" in line and "--skip-gaps" in line
-    log, kept = read(path, "--skip-gaps"), np.delete(np.arange(ROWS), [5, 9])
-    assert log.time.tolist() == table["t"][kept].tolist()
+    assert f"{prefix}force_N'" in line and f"2 of {ROWS}" in line and "--skip-gaps" in line
+    log, kept = read(path, *words, "--skip-gaps"), np.delete(np.arange(ROWS), [5, 9])
+    assert log.theta.tolist() == table["pos_m"][kept].tolist()
     assert log.torque.tolist() == table["force_N"][kept].tolist()
     TABLES[kind](path, {**table, "force_N": np.full(ROWS, np.nan)})
-    assert f"{ROWS} of {ROWS}" in refused(path, "--skip-gaps")
+    assert f"{ROWS} of {ROWS}" in refused(path, *words, "--skip-gaps")
 
 
 def test_rows_and_columns_are_found_in_nested_json_and_matlab(tmp_path):
@@ -115,6 +110,7 @@ def test_the_clock_of_a_table_of_pandas(tmp_path):
 
 # --- text in many forms ---------------------------------------------------------------------------
 
+TEXTS = ("comma.csv", "semicolon.csv", "tab.tsv", "blank.txt")
 PREAMBLE = ["", "# rig 3", "% 24.11.2026, 12:00", "Messung: Prüfstand 3", "Kalibrierung;1,25;2,5"]
 PREAMBLE += ['Datum\t"24.11.2026"', "Rate,1000,Hz", "sep=;"]
 NAMES = [  # above the rows, with units in the names or in a line of their own
@@ -140,7 +136,8 @@ FORMS = st.fixed_dictionaries(
 )
 
 
-def text_of(form: dict, columns: list[list[float]]) -> str:
+def text_of(form: dict, columns: list[list[float]], last: str = "") -> tuple[str, int]:
+    """Return a table and the line of its last row, whose last cell may be another one."""
     separator = form["separator"]
 
     def line(cells: list[str]) -> str:
@@ -149,52 +146,41 @@ def text_of(form: dict, columns: list[list[float]]) -> str:
         quoted = [f'"{word}"' if {special, "\n"} & set(word) else word for word in words]
         return separator.join(quoted) + separator.strip(" ") * form["last"]
 
-    numbers = zip(*columns, strict=True)
-    rows = [line([f"{x:.17g}".replace(".", form["decimal"]) for x in row]) for row in numbers]
+    cells = [[f"{x:.17g}".replace(".", form["decimal"]) for x in column] for column in columns]
+    cells[-1][-1] = last or cells[-1][-1]
+    rows = [line(row) for row in zip(*cells, strict=True)]
     above = [form["mark"] + line(form["names"][0]), *map(line, form["names"][1:])]
     after = form["after"].format(mark=form["mark"] or "# ")
     rows[2:2] = [after.strip("\n")] if after else []
-    return "\n".join([*form["preamble"], *above, *rows]) + after
+    text = "\n".join([*form["preamble"], *above, *rows])
+    return text + after, text.count("\n") + 1
 
 
 @modes(short=150, long=3000)
 def test_a_table_in_any_form_is_read(examples, tmp_path):
-    numbers = st.tuples(st.floats(-100, 100), st.floats(-3e4, 3e4))
+    """An error names the line of its cell, and a row without a number may be left out."""
+    numbers, path = st.tuples(st.floats(-100, 100), st.floats(-3e4, 3e4)), tmp_path / "x.csv"
+
+    def write(form: dict, text: str) -> None:
+        path.write_text(text.replace("\n", form["end"]), encoding=form["encoding"], newline="")
 
     def law(form: dict, rows: list[tuple[float, float]]) -> None:
         columns = [np.arange(len(rows)) / 8, *np.array(rows).T]
-        text = text_of(form, columns).replace("\n", form["end"])
-        path = tmp_path / "x.csv"
-        path.write_text(text, encoding=form["encoding"], newline="")
+        text, place = text_of(form, columns)
+        write(form, text)
         log = read_log(path, Source())
         found = (1e3 * log.time, np.degrees(log.theta), 1e3 * log.torque)
         np.testing.assert_allclose(found, columns, rtol=1e-14, atol=1e-290, err_msg=text)
         assert log.notes == []
+        for cell in ("nan", "x y"):
+            write(form, text_of(form, columns, cell)[0])
+            with pytest.raises(Error, match=rf"x.csv:{place}: column '.*m.*': .*{cell}"):
+                read_log(path, Source())
+        write(form, text_of(form, columns, "nan")[0])
+        log = read_log(path, Source(skip_gaps=True))
+        np.testing.assert_allclose(1e3 * log.torque, columns[2][:-1], rtol=1e-14, atol=1e-290)
 
     holds(law, examples, FORMS, st.lists(numbers, min_size=4, max_size=7))
-
-
-@pytest.mark.parametrize(
-    ("above", "row"),
-    [
-        ("", "{};{};7"),
-        ("", "{}\t{}"),
-        ("", "{},{},7"),
-        ("# one remark or more\n", "{} {} 7"),
-        ("Title\n", "{};{}"),
-        ("# one remark or more\n----\n", "{} {} 7"),
-    ],
-)
-def test_columns_without_names_are_numbered(above, row, tmp_path):
-    _, angle, torque = table_of(3).values()
-    path = tmp_path / "a.csv"
-    lines = [row.format(*pair) for pair in zip(angle.tolist(), torque.tolist(), strict=True)]
-    path.write_text(above + "\n".join(lines) + "\n")
-    log = read(path, *"--angle 1 --torque 2 --angle-unit rad --torque-unit Nm".split())
-    assert (log.theta.tolist(), log.torque.tolist()) == (angle.tolist(), torque.tolist())
-    assert "(there are: 1, 2" in refused(path) and "--angle" in refused(path)
-    path.write_text("A title\ndeg;Nm\n" + "\n".join(f"{x};{x % 7}" for x in range(ROWS)))
-    assert read(path, "--angle", "deg", "--torque", "Nm").rows == ROWS
 
 
 ODD = {  # lines above 40 rows of time, angle and torque, and the form of a row
@@ -203,25 +189,33 @@ ODD = {  # lines above 40 rows of time, angle and torque, and the form of a row
     "a line of dashes": ("time_s angle_deg torque_Nm\n------- ----- -----", "{} {} {}"),
     "units of other quantities": ("U;P;Zeit;Winkel;Moment\nV;-;s;deg;Nm", "1;2;{};{};{}"),
     "numbers for words": ("#;1;time_s;angle_deg;torque_Nm", "n;2;{};{};{}"),
+    "the same below a title": ("Rig 3\n#;1;time_s;angle_deg;torque_Nm", "n;2;{};{};{}"),
     "a mark in a cell": ("time_s;angle_deg;torque_Nm;what", "{};{};{};run # 3"),
     "another mark between": ("% rig 3\ntime_s;angle_deg;torque_Nm\n# start", "{};{};{}\n# next"),
     "quoted names in a comment": ('# "time_s"\t"angle_deg"\t"torque_Nm"', "{}\t{}\t{}"),
     "a calibration above": ("range;2,5;5\ntime_s;angle_deg;torque_Nm", "{};{};{}"),
 }
+UNNAMED = {  # the same without names
+    "nothing above": ("", "{};{};{}"),
+    "a separator at the end": ("", "{}\t{}\t{}\t"),
+    "a title": ("Title", "{};{};{};7"),
+    "a remark": ("# one remark or more than that", "{} {} {} 7"),
+    "a remark and dashes": ("# one remark or more than that\n----", "{},{},{},7"),
+}
 
 
-@pytest.mark.parametrize("above", ODD)
+@pytest.mark.parametrize("above", ODD | UNNAMED)
 def test_odd_tables_are_read(above, tmp_path):
-    head, row = ODD[above]
-    table = table_of(5)
+    head, row = (ODD | UNNAMED)[above]
+    table, words = table_of(5), ("--trust-units",)
+    if above in UNNAMED:
+        words += tuple("--time 1 --angle 2 --torque 3 --angle-unit deg --torque-unit Nm".split())
     rows = zip(*(column.tolist() for column in table.values()), strict=True)
     (tmp_path / "x.csv").write_text("\n".join([head, *(row.format(*one) for one in rows)]))
-    log = read(tmp_path / "x.csv", "--trust-units")
+    log = read(tmp_path / "x.csv", *words)
     np.testing.assert_allclose(np.degrees(log.theta), table["pos_m"], rtol=1e-14)
-    assert (log.time.tolist(), log.torque.tolist()) == (
-        table["t"].tolist(),
-        table["force_N"].tolist(),
-    )
+    assert log.time.tolist() == table["t"].tolist()
+    assert log.torque.tolist() == table["force_N"].tolist()
 
 
 @pytest.mark.parametrize("before", [0, 3])
@@ -236,8 +230,6 @@ def test_a_letter_may_lie_across_the_end_of_the_head(before, tmp_path):
 LONG = "1,2,3\n" * 20_000  # beyond the head
 BAD = [  # name, text, parts of the error
     ("a.csv", "angle;torque\ndeg;Nm\n1;2\n3;x\n", "a.csv:4:|'torque [Nm]'|'x'"),
-    ("a.csv", "# one\n\nangle,torque\n1,2\n3,x\n", "a.csv:5:|'torque'|'x'"),
-    ("a.csv", '"angle\n\nleft","torque"\n1,2\n3,x\n', "a.csv:5:|'torque'|'x'"),
     ("a.csv", 'angle 5",torque\n1,2\n3,x\n', "a.csv:3:|'torque'|'x'"),
     ("a.csv", 'n,angle,torque\n"a\nb",1,2\n\n#\nc,3,x\n', "a.csv:6:|'torque'|'x'"),
     ("a.csv", "t,angle,torque\n0,\u2019,y\n0,1,2\n", "a.csv:2:|'angle'|'\u2019'"),
@@ -263,6 +255,7 @@ BAD = [  # name, text, parts of the error
     ("a.csv", "t,angle,torque\n0,1,2\n\n2,1,3\n1.5,2,2\n", "a.csv:5:|1.5 after 2"),
     ("a.csv", '"an\ngle","tor\x1bque\x07",t\n1,2,3\n4,5,6\n', "a.csv:1:|an gle"),
     ("bare.csv", "1 2\n3 x\n", "bare.csv:1:|--angle|1, 2"),
+    ("title.csv", "A title\nx;y\n1;2\n3;4\n", "title.csv:2:|--angle|x, y"),
     ("a.xlsx", "PK\3\4\0\0", "a.xlsx|XLSX|CSV"),
     ("a.xls", "\xd0\xcf\x11\xe0\0", "a.xls|XLS|CSV"),
     ("a.tdms", "TDSm\x0e\0", "a.tdms|TDMS|CSV"),

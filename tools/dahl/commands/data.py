@@ -9,10 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from dahl.io.data import Set
 
 HELP = "list measured sets, or get one"
 EXAMPLE = "example: head -3 $(dahl data tribometer)/reciprocating.tsv"
@@ -29,20 +25,25 @@ def run(args: argparse.Namespace) -> None:
     if args.name:
         folder = str(data.folder(args.name))
         print(json.dumps({"name": args.name, "folder": folder}) if args.json else folder)
-    elif args.json:
-        print(json.dumps([_numbers(*one) for one in data.SETS.items()], indent=2))
-    else:
-        for name, known in data.SETS.items():
-            print(f"{name}\n    {known.what} ({known.licence})\n    {_where(name, known)}")
+        return
+    sets = [_numbers(name) for name in data.SETS]
+    if args.json:
+        print(json.dumps(sets, indent=2))
+        return
+    for known in sets:
+        place = known["folder"] or "not on this machine; no download exists"
+        if known["download"] and not known["folder"]:
+            place = f"to download from {known['download']}"
+        print(f"{known['name']}\n    {known['what']} ({known['licence']})\n    {place}")
 
 
-def _numbers(name: str, known: Set) -> dict[str, str | None]:
+def _numbers(name: str) -> dict[str, str | None]:
     """Return a set as JSON values: its `folder` if it is on this machine, and its `download`
     source.
     """
     from dahl.io import data
 
-    found = data.local_folder(name)
+    known, found = data.SETS[name], data.local_folder(name)
     return {
         "name": name,
         "what": known.what,
@@ -50,16 +51,3 @@ def _numbers(name: str, known: Set) -> dict[str, str | None]:
         "folder": str(found) if found else None,
         "download": known.repo if known.commit else None,
     }
-
-
-def _where(name: str, known: Set) -> str:
-    from dahl.io import data
-
-    found = data.local_folder(name)
-    if found:
-        return str(found)
-    return (
-        f"to download from {known.repo}"
-        if known.commit
-        else "not on this machine; no download exists"
-    )

@@ -114,8 +114,8 @@ def _write_csv(path: Path, wanted: Wanted, motion: Motion) -> Path:
 
     theta = motion.theta()
     counts = np.round(theta / wanted.theta_per_count)
-    table = np.column_stack((np.arange(len(theta)) / motion.rate, theta, counts))
-    export.write_csv(path, table, "time_s,theta,counts", ["%.6f", "%.9g", "%d"])
+    columns = (np.arange(len(theta)) / motion.rate, theta, counts)
+    export.write_csv(path, columns, "time_s,theta,counts", "%.6f,%.9g,%d")
     return path
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Identify each log of a folder separately, in parallel, and store the results.
 
-joblib runs the logs on the cores of this machine or on a Dask cluster. It stores each result at
+joblib runs the logs on the cores of this machine or on a Dask cluster. Each result is stored at
 once, so that an interrupted run can be continued. A broken log is one line in the table.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import warnings
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
@@ -20,7 +20,7 @@ from dahl.errors import Error, RunError
 from dahl.identify import estimate, report
 from dahl.identify.estimate import Options
 from dahl.io import can_logs, readers
-from dahl.io.files import one_line, write_atomic
+from dahl.io.files import one_line, read_json, write_atomic
 from dahl.io.readers import Source
 from dahl.version import __version__
 
@@ -33,26 +33,20 @@ def logs_in(folder: Path) -> list[Path]:
     """Return the logs in a folder by their endings. Raises dahl.Error for a folder without logs."""
     if not folder.is_dir():
         raise Error(f"--each {folder}: no such folder")
-    found = sorted(path for path in folder.iterdir() if path.suffix.lower() in ENDINGS)
+    found = sorted(path for path in folder.resolve().iterdir() if path.suffix.lower() in ENDINGS)
     if not found:
         raise Error(f"--each {folder}: no logs in it ({', '.join(sorted(ENDINGS))})")
     return found
 
 
-def identify_file(
-    key: tuple[str, ...], path: Path, source: Source, options: Options
-) -> dict[str, Any]:
-    """Return the numbers of one log, or {"error": reason} if the log cannot be used.
-
-    joblib stores them by all arguments; `key` has the hashes of the log, the DBC and the method.
-    """
-    del key
+def identify_file(path: Path, source: Source, options: Options) -> tuple[Path, dict[str, Any]]:
+    """Return the path and the numbers of a log, or {"error": reason} if it cannot be used."""
     try:
-        return report.numbers(estimate.identify([readers.read(path, source)], options))
+        return path, report.numbers(estimate.identify([readers.read(path, source)], options))
     except RunError:  # such as a missing library: not a fault of the log
         raise
     except Error as error:
-        return {"error": str(error)}
+        return path, {"error": str(error)}
 
 
 def digest(path: Path) -> str:
@@ -73,40 +67,19 @@ def method_version() -> str:
 
 
 class Store:
-    """Results in a folder, by content and path of the log, options and method."""
+    """Numbers of logs as JSON in a folder, by content and path of the log, options and method."""
 
     def __init__(self, folder: Path, source: Source, options: Options) -> None:
-        import joblib
-
+        folder.mkdir(parents=True, exist_ok=True)
         dbc = source.dbc and source.dbc.resolve()
+        self.folder = folder
         self.source, self.options = replace(source, dbc=dbc), options
         self.method = (digest(dbc) if dbc else "", method_version())
-        self.call = joblib.Memory(folder, verbose=0).cache(identify_file)
 
-    def arguments(self, path: Path) -> tuple[Any, ...]:
-        path = path.resolve()
-        return (digest(path), *self.method), path, self.source, self.options
-
-    def get(self, path: Path) -> dict[str, Any] | None:
-        """Return the result of an earlier run, if it is there and not damaged."""
-        arguments = self.arguments(path)
-        if not self.call.check_call_in_cache(*arguments):
-            return None
-        stored = self.call.call_and_shelve(*arguments)
-        try:
-            numbers: dict[str, Any] = stored.get()
-        except Exception:  # a damaged pickle raises errors of any kind
-            stored.clear()
-            return None
-        return numbers
-
-
-def _numbers(store: Store, path: Path) -> tuple[Path, dict[str, Any]]:
-    from joblib.memory import CacheWarning
-
-    with warnings.catch_warnings():  # a result that cannot be stored is computed again
-        warnings.simplefilter("ignore", CacheWarning)
-        return path, store.call(*store.arguments(path))
+    def place(self, path: Path) -> Path:
+        """Return the file of the numbers of a log with its content of this moment."""
+        key = (digest(path), path, self.source, self.options, self.method)
+        return self.folder / f"{hashlib.sha256(repr(key).encode()).hexdigest()}.json"
 
 
 def run(
@@ -115,16 +88,19 @@ def run(
     """Yield each log with its numbers and whether they were stored before, as they are ready."""
     import joblib
 
-    left = []
+    left = {}
     for path in paths:
-        stored = store.get(path)
-        if stored is None:
-            left.append(path)
-        else:
-            yield path, stored, True
+        place = store.place(path)
+        try:
+            yield path, read_json(place), True
+        except Error:  # not there, or damaged
+            left[path] = place
     with _cluster(dask):
         parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
-        for path, numbers in parallel(joblib.delayed(_numbers)(store, path) for path in left):
+        call = joblib.delayed(identify_file)
+        for path, numbers in parallel(call(one, store.source, store.options) for one in left):
+            with contextlib.suppress(Error):  # such as a full disk
+                write_atomic(left[path], json.dumps(numbers))
             yield path, numbers, False
 
 

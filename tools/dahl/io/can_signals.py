@@ -171,7 +171,7 @@ def read_channels(path: Path, choose: Callable[[list[str]], dict[str, str]]) -> 
 
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     try:
-        with can_logs.without_mf4_copies(path), MDF(path) as file:
+        with can_logs.discard_broken_readers(), MDF(can_logs.mf4_in_memory(path)) as file:
             if "CAN_DataFrame" in file.channels_db:  # raw frames, by ASAM's name for them
                 raise Error(f"{path}: {NEEDS_DBC}")
             places = _unique_names(file.channels_db)

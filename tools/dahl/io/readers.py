@@ -161,30 +161,30 @@ def _columns_at(table: Table, places: dict[str, int], skip_gaps: bool = False) -
 
 
 def _seconds_from_first(column: pandas.Series) -> pandas.Series | None:
-    """Return dates and times of day as s from the first, None if the column has no such cell.
+    """Return dates and times of day (ISO 8601, decimal comma too) as s from the first.
 
-    Other cells stay unchanged.
+    None if the first cell is neither; other cells stay unchanged.
     """
-    moments = column if column.dtype.kind in "Mm" else _moments(column)
-    if moments is None or moments.empty:
+    import pandas as pd
+
+    first = "" if column.empty else str(column.iloc[0]).strip()
+    if first and column.dtype.kind in "Mm":
+        moments = column
+    elif DATE.match(first):
+        text = _with_decimal_points(column)
+        moments = pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")
+    elif TIME_OF_DAY.match(first):
+        times = pd.to_timedelta(_with_decimal_points(column), errors="coerce")
+        days = (times.diff() < MIDNIGHT).cumsum()
+        moments = times + pd.to_timedelta(days, unit="D")
+    else:
         return None
     seconds: pandas.Series = (moments - moments.iloc[0]).dt.total_seconds()
     return seconds.where(seconds.notna(), column)
 
 
-def _moments(column: pandas.Series) -> pandas.Series | None:
-    """Return dates or times of day (ISO 8601, decimal comma too) that text holds."""
-    import pandas as pd
-
-    first = "" if column.empty else str(column.iloc[0]).strip()
-    is_date = DATE.match(first)
-    if not (is_date or TIME_OF_DAY.match(first)):
-        return None
-    text = column.astype(str).str.strip().str.replace(",", ".")
-    if is_date:
-        return pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")
-    times = pd.to_timedelta(text, errors="coerce")
-    return times + pd.to_timedelta((times.diff() < MIDNIGHT).astype(int).cumsum(), unit="D")
+def _with_decimal_points(column: pandas.Series) -> pandas.Series:
+    return column.astype(str).str.strip().str.replace(",", ".")
 
 
 def _numbers(table: Table, name: str, column: pandas.Series) -> np.ndarray:
