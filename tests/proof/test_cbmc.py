@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from _pytest.mark.structures import ParameterSet
 from conftest import ROOT, need
-from sources import INCLUDES, NODE, as_one
+from sources import INCLUDES, as_one
 
 HERE = Path(__file__).parent
 # Not --conversion-check: the sources rely on the conversion to signed modulo 2^32, which C99 leaves
@@ -83,11 +83,6 @@ PROOFS = [
     *(replace(proof, flags=("-U__GNUC__",)) for proof in CORE),
     Proof("check_encoder_move", 33, {"dahl_shortest_move": "any_way"}, "cbmc_encoder.c"),
     Proof("check_encoder_way", 33, {"dahl_shortest_move": "any_way"}, "cbmc_encoder.c"),
-    *(
-        Proof(f"check_{message}", 33, harness="cbmc_frames.c", long=True)
-        for message in ("encoder", "torque", "status", "param_write", "param_reply", "reset")
-    ),
-    Proof("check_crc", 33, harness="cbmc_frames.c"),
     Proof("check_text_feed", harness="cbmc_text.c"),
     Proof("check_slcan_take", 66, harness="cbmc_slcan.c", long=True),
     Proof("check_slcan_write", 30, harness="cbmc_slcan.c", long=True),
@@ -103,7 +98,6 @@ def run(command: list[str], allowed: tuple[int, ...] = (0,)) -> str:
 def compiled(proof: Proof, bin_folder: Path, folder: Path) -> str:
     whole, ready = str(folder / "whole.goto"), str(folder / "ready.goto")
     as_one(folder)
-    as_one(folder, NODE, "node_library.c")
     includes = [f"-I{path}" for path in (folder, HERE, ROOT)]
     command = [str(bin_folder / "goto-cc"), "-std=c99", *proof.flags, *includes, *INCLUDES]
     command.append(str(HERE / proof.harness))
@@ -145,6 +139,5 @@ def test_every_check_is_run() -> None:
     for harness in HERE.glob("cbmc_*.c"):
         text = harness.read_text()
         names = re.findall(r"^void (check_\w+)\(", text, re.MULTILINE)
-        names += [f"check_{name}" for name in re.findall(r"^CHECK\((\w+),", text, re.MULTILINE)]
         assert names
         assert {(harness.name, name) for name in names} <= asked

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: MIT
-"""docs/accuracy.md: constants against measured worst cases, sums against the header."""
+"""docs/accuracy.md: the constants of the core against measured worst cases, all sums against the
+headers.
+"""
 
 from __future__ import annotations
 
 import ctypes
 import math
 import random
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
@@ -13,12 +16,47 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import theorem
+from conftest import ROOT
 from mpmath import mp, mpf
 from sources import number
-from theorem import LEAST_TRAVEL, ONE, assert_just_below, float32, floats, travel_error, ulps
 
+mp.prec = 220
+PAGE = ROOT / "docs" / "accuracy.md"
+ONE = 2**62
+LEAST_TRAVEL = mpf(2) ** -30
+PARTS = "dahl_parts.h"
+SLIP_ELEMENTS_MAX = 8
 COUNTS = [*range(1, 9), *(2**k for k in range(4, 32))]  # of each entry of the table
+
+
+def value_of(text: str) -> mpf:
+    if "^" in text:
+        base, exponent = text.split("^")
+        return mpf(int(base)) ** int(exponent)
+    return mpf(Fraction(text).numerator) / Fraction(text).denominator
+
+
+def float32(x: float) -> float:
+    return float(np.float32(x))
+
+
+def floats(*values: float) -> ctypes.Array[ctypes.c_float]:
+    return (ctypes.c_float * len(values))(*values)
+
+
+def travel_error(k: dict[str, mpf], u: mpf) -> mpf:
+    """The k of the theorem."""
+    least = k["first_entry_units"] * mpf(2) ** -64 / u + k["series"] * u * u
+    return least * (1 + mpf(2) ** -15)
+
+
+def ulps(k: dict[str, mpf], e: mpf) -> mpf:
+    """The error in ulp of Fc, which is less than 2^24 ulp."""
+    return k["output"] + e * 2**24
+
+
+def assert_just_below(bound: mpf, said: float, slack: float) -> None:
+    assert said * (1 - slack) <= bound <= said
 
 
 @dataclass(frozen=True)
@@ -54,7 +92,9 @@ def lib(library: Path) -> ctypes.CDLL:
 
 @pytest.fixture(scope="module")
 def constants() -> dict[str, mpf]:
-    return theorem.constants()
+    """The constants in the tables, such as 2^-31, 1/6 or 2.02."""
+    rows = re.findall(r"^\| (\w+) \| ([\d.^/-]+) \|", PAGE.read_text(), re.MULTILINE)
+    return {name: value_of(value) for name, value in rows}
 
 
 def random_plan(lib: ctypes.CDLL, low: float, high: float) -> tuple[Plan, mpf]:
@@ -196,6 +236,28 @@ def test_sums_lead_to_the_header(constants: dict[str, mpf]) -> None:
     inverse = 2 * (k["gap_rounding"] + k["cut"] / LEAST_TRAVEL) * (1 + mpf(2) ** -32)
     assert_just_below(inverse, number("DAHL_INVERSE_ERROR", "dahl_parts.h"), 0.1)
     assert k["kernel"] == number("DAHL_KERNEL_ERROR", "kernel.h")
+
+
+def test_sums_lead_to_the_header_of_the_parts(constants: dict[str, mpf]) -> None:
+    k = constants
+    u, travel, half = LEAST_TRAVEL, travel_error(k, LEAST_TRAVEL), k["gap_rounding"]
+    tick = half + k["cut"] / u
+    asymmetric = tick + k["end_rounding"] + 4 * travel
+    assert_just_below(asymmetric + half, number("DAHL_ASYMMETRIC_ERROR_Q30", PARTS), 0.01)
+    growth = k["growth_units"] / mpf(2) ** 31
+    loaded = max(tick, growth) + 2 * travel
+    assert_just_below(2 * (loaded + half) + half, number("DAHL_LOADED_ERROR_Q30", PARTS), 0.01)
+    assert_just_below(max(tick, growth / 2) + 2 * travel + 2 * half, 1.85e-9, 0.03)
+    elastoplastic = max(k["kernel"] + k["crossing"], tick)
+    elastoplastic += 2 * k["count_units"] / ONE / u + travel + k["breakaway_rounding"]
+    assert_just_below(elastoplastic + half, number("DAHL_ELASTOPLASTIC_ERROR_Q30", PARTS), 0.02)
+    for most in (ulps(k, asymmetric), ulps(k, loaded) + mpf(1) / 128, ulps(k, elastoplastic)):
+        assert most <= number("DAHL_ULP_PARTS", PARTS)
+    for elements in (1, SLIP_ELEMENTS_MAX):
+        slip = 4 * k["limit_units"] / mpf(2) ** 31
+        slip += k["weight_units"] * (2 * elements - 1) / mpf(2) ** 32
+        assert slip + half <= number("DAHL_SLIP_ERROR_Q30", PARTS)
+        assert ulps(k, slip) <= number("DAHL_ULP_PARTS", PARTS)
 
 
 def test_no_travel_errs_more_than_the_least(constants: dict[str, mpf]) -> None:
