@@ -94,7 +94,7 @@ static void check_bound(unsigned form, size_t count, size_t rows)
     reference_t exact[MANY];
     for (size_t c = 0; c < count; c++) {
         exact[c] = form & ANGLE ? reference_by_angle(&channels.params[c]) : reference_by_counts(&channels.params[c]);
-        exact[c].w_reversal = ratio_in_range(channels.start[c].w);
+        exact[c].w = ratio_in_range(channels.start[c].w);
     }
     for (size_t i = 0; i < count * rows; i++) {
         const long double move = form & ANGLE ? (long double)angles[i] : (long double)moves[i];
