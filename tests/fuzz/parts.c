@@ -132,12 +132,12 @@ static void check_work(const walk_t *walk)
     LAW(isinf(got) || fabsl(got - exact) <= work_bound(p, exact, walk->moves), "work: the integral of the torque");
 }
 
-/* Any torque up to Fc, an end or its neighbour, nearly none, or no number. Near Fc a count changes the torque by a rounding or
+/* Any torque up to Fc, an end or its neighbour, beyond Fc, nearly none, or no number. Near Fc a count changes the torque by a rounding or
  * not at all. */
 static float any_torque(float Fc, uint32_t part)
 {
     const float any = Fc * (float)(int32_t)part * 0x1p-31f, near = nextafterf(Fc, 0.0f);
-    const float torques[] = {Fc, -Fc, near, -near, 0.0f, 1e-12f * Fc, NAN, -HUGE_VALF};
+    const float torques[] = {Fc, -Fc, near, 1.01f * Fc, 0.0f, 1e-12f * Fc, NAN, -HUGE_VALF};
     return (part & 8u) != 0 ? any : torques[part & 7u];
 }
 
@@ -171,7 +171,40 @@ static void check_inverse(const walk_t *walk, uint32_t part_of_Fc)
     LAW(F == here ? found == 0 : s > 0 ? reached >= F : reached <= F, "inverse: the move reaches the torque");
     LAW(F == here || (s > 0 ? dahl_step_counts(&plan, &before, found - 1) < F : dahl_step_counts(&plan, &before, found + 1) > F),
         "inverse: one count less does not");
-    LAW(dahl_tip_torque(&plan, part_of_Fc) <= p->Fc, "tips are below Fc");
+}
+
+/* The ends of a loop of a stroke that is repeated to and fro. */
+static void check_tip(const dahl_params_t *p, uint32_t stroke)
+{
+    dahl_plan_t plan;
+    if (p->theta_per_count == 0 || dahl_prepare(&plan, p) != DAHL_OK) {
+        return;
+    }
+    const long double u = fuzz_travel(p, (long double)p->theta_per_count), exact = (long double)p->Fc * tanhl(u * stroke / 2);
+    const float tip = dahl_tip_torque(&plan, stroke);
+    LAW(fabsl((long double)tip - exact) <= 0x1p-30L * exact + 0.51L * ulp_of((float)exact), "the tip of a loop is tanh");
+    LAW(tip <= p->Fc && dahl_tip_torque(&plan, 0) == 0, "tips are between 0 and Fc");
+}
+
+/* The bits of the plain element. Half the load gives exactly half the torque. */
+static void check_load_of_1(const walk_t *walk)
+{
+    dahl_plan_t plan;
+    dahl_loaded_state_t loaded = {{0}, 0}, half = {{0}, 0};
+    dahl_state_t plain = {0}, clamped = {0}, by_angle = {0};
+    if (dahl_prepare(&plan, &walk->params[0]) != DAHL_OK) {
+        return;
+    }
+    for (int i = 0; i < walk->moves; i++) {
+        const int32_t n = walk->dcounts[i];
+        const float dtheta = fuzz_float_of(walk->move[i].load_q30 ^ (uint32_t)n), F = dahl_step_counts(&plan, &plain, n);
+        LAW(dahl_loaded_step_counts(&plan, &loaded, n, ONE_Q30) == F, "a load of 1 is the plain element by counts");
+        LAW(dahl_loaded_step_counts(&plan, &half, n, ONE_Q30 / 2) == F / 2 || fabsf(F) < 0x1p-125f,
+            "half the load, half the torque");
+        LAW(dahl_clamped_step(&plan, &clamped, dtheta, ONE_Q30) == dahl_step(&plan, &by_angle, dtheta),
+            "a load of 1 is the plain element by angle");
+        LAW(clamped.w == by_angle.w, "a load of 1 leaves the state of the plain element");
+    }
 }
 
 static int32_t any_counts(fuzz_bytes_t *bytes)
@@ -186,7 +219,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     fuzz_bytes_t bytes = {data, size};
     walk_t walk = {.params = {fuzz_params(&bytes), fuzz_params(&bytes)}};
     uint32_t torque = fuzz_u32(&bytes);
-    walk.breakaway = fuzz_scaled(fuzz_u32(&bytes), -1 - (int)(torque % 3u));
+    walk.breakaway = fuzz_scaled(fuzz_u32(&bytes), torque % 8u == 7 ? -32 : -1 - (int)(torque % 3u));
     walk.ratio = fuzz_scaled(torque, (int)(torque >> 24) % 9 - 5);
     walk.elements = (int)(torque >> 16 & 7u) + 1;
     walk.bits = (int64_t)fuzz_u64(&bytes) >> fuzz_u8(&bytes) % 4u * (torque & 2u);
@@ -201,5 +234,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     check_fast_sum(&walk);
     check_work(&walk);
     check_inverse(&walk, torque);
+    check_tip(&walk.params[0], (uint32_t)walk.bits >> torque % 32u);
+    check_load_of_1(&walk);
     return 0;
 }

@@ -8,7 +8,7 @@
 #define ONE ((int64_t)1 << 62)
 #define PAST ((int64_t)1 << 31) /* a step exceeds 1 by less */
 
-enum { COUNTS, ANGLE, REST, SET, CHANGE, PLACE, BETWEEN, TRAVELS, KINDS };
+enum { COUNTS, ANGLE, REST, SET, CHANGE, PLACE, BETWEEN, UNITS, TRAVELS, KINDS };
 enum { STEPS_MAX = 12 };
 
 typedef struct {
@@ -143,16 +143,16 @@ static float any_angle(const walk_t *walk, fuzz_bytes_t *bytes, uint32_t size)
     return size == 0 ? fuzz_float_of(value) : value >> 31 ? -scaled : scaled;
 }
 
-/* A subnormal angle counts as 0. */
-static int is_zero_angle(float dtheta)
+/* A subnormal angle or torque counts as 0. */
+static int is_zero(float x)
 {
-    return fabsf(dtheta) < 0x1p-126f;
+    return fabsf(x) < 0x1p-126f;
 }
 
 static void check_angle(const walk_t *walk, int64_t w, float dtheta)
 {
     long double u = fuzz_travel(&walk->plan->params, (long double)dtheta);
-    if (u >= 0x1p-63L && !is_zero_angle(dtheta)) {
+    if (u >= 0x1p-63L && !is_zero(dtheta)) {
         check_solution(w, walk->state.w, u, dtheta > 0, 0x1p-29L);
     }
 }
@@ -164,8 +164,8 @@ static void move_angle(walk_t *walk, float dtheta, int exact)
     dahl_state_t mirror = {~w};
     float F = dahl_step(plan, &walk->state, dtheta);
     check_torque(walk, walk->state.w, F);
-    if (isnan(dtheta) || dtheta == 0) {
-        LAW(walk->state.w == w, "an angle of 0 or NaN keeps the state");
+    if (isnan(dtheta) || is_zero(dtheta)) {
+        LAW(walk->state.w == w, "a subnormal angle, 0 and NaN keep the state");
     } else if (isinf(dtheta)) {
         LAW(walk->state.w == (dtheta > 0 ? ONE : -ONE), "infinity saturates");
     } else {
@@ -173,10 +173,10 @@ static void move_angle(walk_t *walk, float dtheta, int exact)
         dahl_step(plan, &mirror, -dtheta);
         LAW(mirror.w == ~walk->state.w, "backward is forward on the complement");
     }
-    if (exact && isfinite(dtheta) && dtheta != 0) {
+    if (exact && isfinite(dtheta)) {
         check_angle(walk, w, dtheta);
     }
-    check_float(walk, F, dahl_float_step(&walk->float_plan, &walk->float_state, is_zero_angle(dtheta) ? 0.0f : dtheta));
+    check_float(walk, F, dahl_float_step(&walk->float_plan, &walk->float_state, is_zero(dtheta) ? 0.0f : dtheta));
     begin_batch(walk);
 }
 
@@ -204,6 +204,8 @@ static void set(walk_t *walk, float F)
         float wanted = fminf(fmaxf(F, -Fc), Fc);
         float got = dahl_torque(&walk->plan->plan, &walk->state);
         LAW(walk->state.w <= ONE && walk->state.w >= -ONE, "a set torque is clamped");
+        const long double ratio = is_zero(F) ? 0 : (long double)wanted / (long double)Fc;
+        LAW(fabsl(value_of(walk->state.w) - ratio) <= 0x1.00001p-63L, "a set torque is rounded to the nearest state");
         LAW(fabsf(wanted) < 0x1p-36f * Fc || got == wanted, "a set torque is read back");
     }
     start_float(walk);
@@ -253,6 +255,16 @@ static void between(fuzz_bytes_t *bytes)
     LAW((before % turn + way - now % turn) % turn == 0, "the move leads to the reading");
 }
 
+/* An Fc above 2^30 units counts as 2^30. */
+static void units(fuzz_bytes_t *bytes)
+{
+    const int32_t ratio = (int32_t)fuzz_u32(bytes) >> fuzz_u8(bytes) % 32u;
+    const uint32_t Fc_units = fuzz_u32(bytes) >> fuzz_u8(bytes) % 32u;
+    const int64_t one = (int64_t)1 << 30, Fc = Fc_units < one ? (int64_t)Fc_units : one;
+    const int64_t off = ratio * Fc - one * dahl_to_units(ratio, Fc_units);
+    LAW(-one / 2 <= off && off < one / 2, "units: the nearest whole number, a half rounded up");
+}
+
 static void travels(const walk_t *walk, float one, float two)
 {
     dahl_state_t x = walk->state, y = walk->state;
@@ -283,6 +295,7 @@ static void act(walk_t *walk, fuzz_bytes_t *bytes)
     case CHANGE: change(walk); break;
     case PLACE: place(walk, fuzz_u64(bytes), size); break;
     case BETWEEN: between(bytes); break;
+    case UNITS: units(bytes); break;
     default:
         one = any_angle(walk, bytes, 1);
         travels(walk, one, size == 0 ? nextafterf(one, INFINITY) : any_angle(walk, bytes, size));

@@ -211,3 +211,35 @@ static void test_plans_of_zeros_are_safe_on_any_bits(void)
         }
     }
 }
+
+static void test_a_plan_of_zeros_keeps_no_torque(void)
+{
+    static const dahl_plan_t zeros;
+    static const dahl_velocity_plan_t no_table;
+    const dahl_params_t params = params_for(1e-3, 1.0f);
+    const dahl_plan_t plan = plan_for(&params);
+    const dahl_plan_t *const changes[][2] = {{&zeros, &plan}, {&plan, &zeros}, {&zeros, &zeros}};
+    for (size_t i = 0; i < sizeof changes / sizeof changes[0]; i++) {
+        dahl_state_t bristle = {i % 2 ? INT64_MAX : INT64_MIN};
+        dahl_change_plan(changes[i][0], changes[i][1], &bristle);
+        TEST_ASSERT_TRUE(bristle.w == 0);
+        dahl_set_torque(&zeros, &bristle, 0.25f);
+        TEST_ASSERT_TRUE(dahl_torque(&zeros, &bristle) == 0.0f && dahl_tip_torque(&zeros, 1000) == 0.0f);
+    }
+    TEST_ASSERT_TRUE(dahl_velocity_torque(&no_table, 1000) == 0.0f && dahl_velocity_torque(&no_table, INT32_MIN) == 0.0f);
+}
+
+/* NaN and subnormal angles keep the state, an infinite angle saturates, a load of 0 clears any state. */
+static void test_the_clamped_model_keeps_its_limits_for_any_input(void)
+{
+    dahl_params_t p = params_for(0.01, 2.0f), soft = {0x1p-64f, 0x1p63f, 0.0f};
+    dahl_plan_t plan = plan_for(&p), soft_plan = plan_for(&soft);
+    dahl_state_t bristle = {0}, little = {1};
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &bristle, INFINITY, ONE_Q30 / 2) == 1.0f);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &bristle, -INFINITY, ONE_Q30 / 2) == -1.0f);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &bristle, NAN, ONE_Q30 / 2) == -1.0f);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &bristle, 1e-45f, ONE_Q30 / 2) == -1.0f);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &bristle, INFINITY, 0) == 0.0f);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&soft_plan, &bristle, -INFINITY, ONE_Q30) == -soft.Fc);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &little, 0.0f, 0) == 0.0f && little.w == 0);
+}
