@@ -34,7 +34,6 @@ CHECKS = [
     "--unwinding-assertions",
 ]
 PRODUCTS = {"dahl_mul": "any_product", "dahl_mulhi": "any_upper_half"}
-SAME = {"dahl_mul": "same_product", "dahl_mulhi": "same_upper_half"}
 UPDATES = PRODUCTS | {"dahl_forward": "any_forward", "dahl_backward": "any_backward"}
 UPDATES_BY_ANGLE = PRODUCTS | {
     "dahl_forward_by_angle": "any_forward_by_angle",
@@ -64,10 +63,6 @@ CORE = [
     Proof("check_normalise", 65),
     Proof("check_update", instead=PRODUCTS),
     Proof("check_update_by_angle", instead=PRODUCTS),
-    Proof("check_still", instead=SAME),
-    Proof("check_whole_travel", instead=SAME),
-    Proof("check_mirror", instead=SAME),
-    Proof("check_monotone", instead=SAME),
     Proof("check_step_large", 34, UPDATES),
     Proof("check_step_counts_q30", 3, MOVES),
     Proof("check_step_counts", 5, MOVES),
