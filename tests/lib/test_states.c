@@ -2,8 +2,9 @@
 /* Any bits are a safe state, and so are plans of zeros. All elements move in random order, with several plans, on one memory
  * whose bits are spoiled now and then. test_step_laws.c sets torques and changes plans; test_part_laws.c has work and
  * inverse. */
-#include "plans.h"
+#include "../random.h"
 #include "models.h"
+#include "plans.h"
 
 #ifndef TEST_TICKS
 #define TEST_TICKS 200000
@@ -22,13 +23,10 @@ static element_t element; /* each call prepares them again, because small cores 
 static any_state_t state;
 static uint64_t seed;
 
-/* splitmix64 */
 static uint64_t random64(void)
 {
-    uint64_t z = seed += 0x9e3779b97f4a7c15u;
-    z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ z >> 27) * 0x94d049bb133111ebu;
-    return z ^ z >> 31;
+    const uint64_t high = random_u32(&seed);
+    return high << 32 | random_u32(&seed);
 }
 
 static uint32_t random_below(uint32_t n)
