@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Ticks of each form on any plan and any state, with new torques and plans between them. The laws are those of dahl.h and
- * lib/model/bristle_update.h; the exact solution is expm1l. */
-#include "dahl_batch.h"
-#include "dahl_float.h"
+/* Ticks by counts and by angle on any plan and any state, with new torques and plans between them. The laws are those of dahl.h
+ * and lib/model/bristle_update.h; the exact solution is expm1l. */
 #include "plans.h"
 
 #define ONE ((int64_t)1 << 62)
@@ -14,13 +12,6 @@ enum { STEPS_MAX = 12 };
 typedef struct {
     const fuzz_plan_t *plan, *other;
     dahl_state_t state;
-    dahl_float_plan_t float_plan;
-    dahl_float_state_t float_state;
-    double float_errors; /* that the literal form may have accumulated, in DAHL_FLOAT_ERROR */
-    int moves;
-    int32_t dcounts[STEPS_MAX];
-    float F[STEPS_MAX];
-    dahl_state_t before_moves;
 } walk_t;
 
 static uint32_t bits_of(float x)
@@ -73,21 +64,6 @@ static void check_direction(int64_t w, int64_t now, int forward)
     LAW(forward ? now >= w : now <= w, "the state moves towards its target");
 }
 
-static void start_float(walk_t *walk)
-{
-    walk->float_state = (dahl_float_state_t){.w_reversal = (float)value_of(walk->state.w)};
-    walk->float_errors = 1;
-}
-
-/* Each reversal and each addition to the travel adds an error. */
-static void check_float(walk_t *walk, float F, float literal)
-{
-    float Fc = walk->plan->params.Fc;
-    walk->float_errors += 2;
-    LAW(fabs((double)literal - (double)F) <= (double)Fc * DAHL_FLOAT_ERROR * walk->float_errors,
-        "the literal form agrees within its error");
-}
-
 static void move_counts(walk_t *walk, int32_t dcounts, int exact)
 {
     const dahl_plan_t *plan = &walk->plan->plan;
@@ -107,24 +83,6 @@ static void move_counts(walk_t *walk, int32_t dcounts, int exact)
         long double travel = (long double)dcounts * (long double)walk->plan->params.theta_per_count;
         check_solution(w, walk->state.w, fuzz_travel(&walk->plan->params, travel), dcounts > 0, 0x1p-32L);
     }
-    check_float(walk, F, dahl_float_step_counts(&walk->float_plan, &walk->float_state, dcounts));
-    walk->dcounts[walk->moves] = dcounts;
-    walk->F[walk->moves++] = F;
-}
-
-static void check_batch(walk_t *walk)
-{
-    float F[STEPS_MAX];
-    dahl_state_t state = walk->before_moves;
-    dahl_batch_counts(&walk->plan->plan, &state, walk->dcounts, F, (size_t)walk->moves);
-    LAW(state.w == walk->state.w || walk->moves == 0, "a batch leaves the state of single steps");
-    LAW(memcmp(F, walk->F, (size_t)walk->moves * sizeof F[0]) == 0, "a batch returns the bits of single steps");
-}
-
-static void begin_batch(walk_t *walk)
-{
-    walk->before_moves = walk->state;
-    walk->moves = 0;
 }
 
 static int32_t any_counts(fuzz_bytes_t *bytes, uint32_t size)
@@ -176,24 +134,18 @@ static void move_angle(walk_t *walk, float dtheta, int exact)
     if (exact && isfinite(dtheta)) {
         check_angle(walk, w, dtheta);
     }
-    check_float(walk, F, dahl_float_step(&walk->float_plan, &walk->float_state, is_zero(dtheta) ? 0.0f : dtheta));
-    begin_batch(walk);
 }
 
 static void rest(walk_t *walk)
 {
     const dahl_plan_t *plan = &walk->plan->plan;
     int64_t w = walk->state.w;
-    dahl_float_state_t literal = walk->float_state;
     dahl_step_counts(plan, &walk->state, 0);
     dahl_step_counts_q30(plan, &walk->state, 0);
     dahl_step(plan, &walk->state, -0.0f);
     dahl_step(plan, &walk->state, fuzz_float_of(0xffc00001u));
     dahl_set_torque(plan, &walk->state, fuzz_float_of(0x7f800001u));
-    dahl_float_step_counts(&walk->float_plan, &walk->float_state, 0);
-    dahl_float_step(&walk->float_plan, &walk->float_state, fuzz_float_of(0x7fc00000u));
     LAW(walk->state.w == w, "0 counts, an angle of 0 and NaN keep the state");
-    LAW(memcmp(&literal, &walk->float_state, sizeof literal) == 0, "0 counts and NaN keep the state of the literal form");
 }
 
 static void set(walk_t *walk, float F)
@@ -208,8 +160,6 @@ static void set(walk_t *walk, float F)
         LAW(fabsl(value_of(walk->state.w) - ratio) <= 0x1.00001p-63L, "a set torque is rounded to the nearest state");
         LAW(fabsf(wanted) < 0x1p-36f * Fc || got == wanted, "a set torque is read back");
     }
-    start_float(walk);
-    begin_batch(walk);
 }
 
 /* The torque is clamped to the new Fc, and scaled if the bristle becomes softer. */
@@ -227,9 +177,6 @@ static void change(walk_t *walk)
     LAW(now * now / (long double)to->sigma0 <= F * F / (long double)from->sigma0, "the stored energy does not grow");
     walk->plan = walk->other;
     walk->other = left;
-    LAW(dahl_float_prepare(&walk->float_plan, to) == DAHL_OK, "the literal form accepts the same parameters");
-    start_float(walk);
-    begin_batch(walk);
 }
 
 /* A state in range, a small one, or any bits, which the next call clamps. */
@@ -242,8 +189,6 @@ static void place(walk_t *walk, uint64_t value, uint32_t size)
     check_torque(walk, w, dahl_torque(&walk->plan->plan, &walk->state));
     dahl_step_counts(&walk->plan->plan, &walk->state, 0);
     LAW(walk->state.w == w, "any bits are a safe state");
-    start_float(walk);
-    begin_batch(walk);
 }
 
 static void between(fuzz_bytes_t *bytes)
@@ -310,11 +255,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (!first.good || !second.good) {
         return 0;
     }
-    LAW(dahl_float_prepare(&walk.float_plan, &first.params) == DAHL_OK, "the literal form accepts the same parameters");
-    start_float(&walk);
     for (int i = 0; i < STEPS_MAX && bytes.left > 0; i++) {
         act(&walk, &bytes);
     }
-    check_batch(&walk);
     return 0;
 }

@@ -81,7 +81,10 @@ static void test_any_bits_are_a_safe_state(void)
     for (int k = 0; k < 36; k++) {
         dahl_float_state_t state = {any[k % 6], k % 5 == 0 ? UINT32_MAX : 7, k % 7 == 0 ? UINT64_MAX : 7, directions[k % 3]};
         const float F = k < 18 ? dahl_float_step_counts(&plan, &state, 0) : dahl_float_step(&plan, &state, 0.0f);
+        const dahl_float_state_t kept = state;
         TEST_ASSERT_TRUE(F >= -p.Fc && F <= p.Fc);
+        TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &state, 0) == F && dahl_float_step(&plan, &state, NAN) == F);
+        TEST_ASSERT_EQUAL_MEMORY(&kept, &state, sizeof kept);
         TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &state, 1000) >= F);
         TEST_ASSERT_TRUE(dahl_float_step(&plan, &state, -HUGE_VALF) == -p.Fc);
     }
