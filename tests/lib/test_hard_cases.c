@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* Cases at which other implementations fail, a plan at the end of its format, and the constants of dahl.h. */
-#include "motions.h"
+#include "dahl_parts.h"
 #include "plans.h"
 
 #define TEXT_OF(x) #x
@@ -50,6 +50,22 @@ static void test_a_travel_whose_last_bits_are_ones(void)
     dahl_plan_t plan = plan_for(&p);
     TEST_ASSERT_EQUAL_HEX32(0x1e857baeu, plan.g[1].hi);
     TEST_ASSERT_EQUAL_HEX32(0x94cc33d1u, plan.g[1].lo);
+}
+
+/* A limit that rounds up to 2^31, because it slips after 1 - 2^-46 counts; and a sum of Fc of more than 32 bits, all ones. */
+static void test_slip_elements_at_the_ends_of_their_format(void)
+{
+    static const dahl_slip_params_t cases[] = {{1, 0x1.000002p0f, {0x1.000002p0f}, {0x1.000004p0f}},
+                                               {2, 0.5f, {1.0f, 0x1p-24f}, {0x1.fffffep0f, 0x1.fffffep-24f}}};
+    static const float Fc[] = {0x1.000004p0f, 2.0f};
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        dahl_slip_plan_t plan;
+        dahl_slip_state_t state = {{0}};
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_slip_prepare(&plan, &cases[i]));
+        TEST_ASSERT_TRUE(dahl_slip_step_counts(&plan, &state, 1000) == Fc[i]);
+        TEST_ASSERT_TRUE(i == 1 || fabsf(dahl_slip_step_counts(&plan, &state, -1)) <= 0x1p-29f);
+        TEST_ASSERT_TRUE(dahl_slip_step_counts(&plan, &state, -1000) == -Fc[i]);
+    }
 }
 
 static void test_version_and_limits_are_those_of_the_header(void)

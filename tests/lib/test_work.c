@@ -39,3 +39,22 @@ static void test_the_work_of_slip_is_Fc_times_the_travel(void)
         TEST_ASSERT_TRUE(dahl_work(&cases[i].p, &cases[i].sums) == cases[i].work);
     }
 }
+
+/* The returned energy, or the part that the bristle keeps, is below the resolution of a float. */
+static void test_terms_below_the_resolution_are_dropped(void)
+{
+    dahl_params_t small = {1.0f, 0x1p-64f, 0x1p-64f}, fast = {0x1p19f, 1.0f, 1.0f};
+    dahl_plan_t plan = plan_for(&small);
+    dahl_state_t state = {0};
+    dahl_work_t sums = {{0}, {0}};
+    dahl_set_torque(&plan, &state, small.Fc);
+    (void)dahl_work_step_counts(&plan, &state, &sums, -1);
+    TEST_ASSERT_TRUE(dahl_work(&small, &sums) == 0.0f && !signbit(dahl_work(&small, &sums)));
+
+    dahl_work_t slid = {{0}, {0}};
+    plan = plan_for(&fast);
+    dahl_set_torque(&plan, &state, nextafterf(fast.Fc, 0));
+    (void)dahl_work_step_counts(&plan, &state, &slid, INT32_MAX);
+    TEST_ASSERT_TRUE(slid.way[0] != 0 || slid.way[1] != 0);
+    TEST_ASSERT_TRUE(dahl_work(&fast, &slid) == 0x1p31f);
+}
