@@ -91,14 +91,15 @@ static int32_t any_counts(fuzz_bytes_t *bytes, uint32_t size)
     return size == 0 ? (int32_t)(value % 17u) - 8 : (int32_t)value >> (size == 1 ? 18 : 0);
 }
 
-/* Any float, or one whose travel is 2^-72 to 2^7 presliding lengths. */
+/* Any float, often infinite, or one whose travel is 2^-72 to 2^7 presliding lengths. */
 static float any_angle(const walk_t *walk, fuzz_bytes_t *bytes, uint32_t size)
 {
     uint32_t value = fuzz_u32(bytes);
     const dahl_params_t *params = &walk->plan->params;
     int exponent = (int)((value >> 23 & 255u) % 80u) - 72 - ilogbf(params->sigma0) + ilogbf(params->Fc);
     float scaled = fuzz_scaled(value, exponent);
-    return size == 0 ? fuzz_float_of(value) : value >> 31 ? -scaled : scaled;
+    const float any = (value & 7u) == 0 ? HUGE_VALF : fuzz_float_of(value), angle = size == 0 ? any : scaled;
+    return value >> 31 ? -angle : angle;
 }
 
 /* A subnormal angle or torque counts as 0. */
