@@ -391,12 +391,6 @@ static inline float more_for(const model_t *model, float elements, float ratio, 
     return model->more == MORE_IS_BREAKAWAY ? breakaway : model->more == MORE_IS_RATIO ? ratio : elements;
 }
 
-/* The plan by which dahl_torque() and dahl_set_torque() store a torque. */
-static inline const dahl_plan_t *storing_plan(const model_t *model, const any_plan_t *plan)
-{
-    return model->more == MORE_IS_BREAKAWAY ? &plan->elastoplastic.plastic : &plan->dahl;
-}
-
 /* The torque that a ratio of 1 means: Fc, the larger Fc, or the sum of all Fc. */
 static inline long double whole_of(const model_t *model, const set_t *set)
 {

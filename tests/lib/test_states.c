@@ -46,13 +46,6 @@ static uint32_t random_load(void)
     return kind == 0 ? 0 : kind < 3 ? ONE_Q30 : any >> random_below(4);
 }
 
-static float float_of(uint32_t bits)
-{
-    float x;
-    memcpy(&x, &bits, sizeof x);
-    return x;
-}
-
 static void prepare(element_t *e, const model_t *model)
 {
     static const double travels[SETS] = {1e-6, 2e-3, 0.3, 9.0};
@@ -120,6 +113,12 @@ static void check_clamped_first(const element_t *e, any_state_t before, move_t m
     HOLDS(memcmp(&before, &state, sizeof state) == 0, "a call clamps the state first");
 }
 
+static int is_in_range(int64_t w)
+{
+    const int64_t end = ((int64_t)1 << 62) + ((int64_t)1 << 31);
+    return -end <= w && w < end;
+}
+
 static void step_any_element(void)
 {
     const element_t *e = &element;
@@ -127,6 +126,7 @@ static void step_any_element(void)
     const move_t move = {random_counts(), random_load()}, rest = {0, move.load_q30};
     const any_state_t before = state;
     any_state_t at_rest = state;
+    HOLDS(dahl_state_ok(&before.dahl) == is_in_range(before.dahl.w), "dahl_state_ok() is the range to the bit");
     const float F0 = e->model->step(&e->plan, &at_rest, &e->set, rest), F = e->model->step(&e->plan, &state, &e->set, move);
     check_limits(e, move, F0);
     check_limits(e, move, F);
@@ -148,40 +148,6 @@ static void test_calls_in_any_order_are_safe_on_any_bits(void)
         } else {
             step_any_element();
         }
-    }
-}
-
-/* The recipe of dahl.h: store the torque and set it again. An elasto-plastic element uses the plan of its plastic range. */
-static void test_a_torque_survives_a_power_cycle(void)
-{
-    seed = 2;
-    for (int i = 0; i < 2000; i++) {
-        const int is_plastic = i % 2;
-        prepare(&element, is_plastic ? model_with(MORE_IS_BREAKAWAY) : &models[0]);
-        const dahl_plan_t *plan = storing_plan(element.model, &element.plan);
-        const move_t there = {random_counts(), 0}, and_back = {random_counts(), 0}, rest = {0, 0};
-        any_state_t bearing = {{0}}, again;
-        (void)element.model->step(&element.plan, &bearing, &element.set, there);
-        const float F = element.model->step(&element.plan, &bearing, &element.set, and_back);
-        const float stored = dahl_torque(plan, &bearing.dahl);
-        again.dahl.w = (int64_t)random64();
-        dahl_set_torque(plan, &again.dahl, stored);
-        HOLDS(stored == F && element.model->step(&element.plan, &again, &element.set, rest) == F, "the torque is restored");
-        dahl_set_torque(plan, &again.dahl, float_of((uint32_t)random64()));
-        HOLDS(fabsf(dahl_torque(plan, &again.dahl)) <= element.set.p.Fc, "a bad stored value gives at most Fc");
-    }
-}
-
-static void test_state_ok_is_the_range_to_the_bit(void)
-{
-    const int64_t end = ((int64_t)1 << 62) + ((int64_t)1 << 31);
-    const struct {
-        int64_t w;
-        int ok;
-    } cases[] = {{0, 1}, {end - 1, 1}, {end, 0}, {-end, 1}, {-end - 1, 0}, {INT64_MAX, 0}, {INT64_MIN, 0}};
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        const dahl_state_t bearing = {cases[i].w};
-        TEST_ASSERT_EQUAL_INT(cases[i].ok, dahl_state_ok(&bearing));
     }
 }
 
