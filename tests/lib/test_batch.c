@@ -318,42 +318,6 @@ static void test_bad_angles_in_a_batch_are_as_in_single_steps(void)
     }
 }
 
-/* Alone, and with a good channel before or after. If the parameters are good, the batch is empty. */
-static void test_bad_parameters_change_no_state(void)
-{
-    enum { OK = DAHL_OK, PARAM = DAHL_ERR_PARAM, RANGE = DAHL_ERR_RANGE };
-    const double nan = (double)NAN, inf = (double)INFINITY;
-    const struct {
-        dahl_throughput_params_t params;
-        int by_counts, by_angle;
-    } cases[] = {{{nan, 1, 1}, PARAM, PARAM},          {{1, nan, 1}, PARAM, PARAM},          {{1, 1, nan}, PARAM, OK},
-                 {{0, 1, 1}, PARAM, PARAM},            {{1, -1, 1}, PARAM, PARAM},           {{1, inf, 1}, PARAM, PARAM},
-                 {{1, 1, 0}, PARAM, OK},               {{1, 1, -1}, PARAM, OK},              {{1e30, 1, 1}, RANGE, RANGE},
-                 {{1, 1e-30, 1}, RANGE, RANGE},        {{1, 1, 1e-10}, RANGE, OK},           {{1, 1, 1048576}, RANGE, OK},
-                 {{1, 1, 1048575}, OK, OK},            {{3, 1, 349525}, OK, OK},             {{3, 1, 349526}, RANGE, OK}, /* 2^20/3 */
-                 {{1, 3, 0x1.800001p-29}, OK, OK},     {{1, 3, 0x1.7fffffp-29}, RANGE, OK},  {{0x1p-64, 0x1p-64, 0x1p-30}, OK, OK},
-                 {{1, 0x1p64, 0x1p63}, RANGE, RANGE},  {{1e19, 1e-19, 1e-33}, RANGE, OK}};
-    for (size_t i = 0; i < 2 * sizeof cases / sizeof cases[0]; i++) {
-        const size_t bad = i % 2;
-        const int by_counts = cases[i / 2].by_counts, by_angle = cases[i / 2].by_angle;
-        dahl_throughput_params_t params[2] = {{1.0, 1.0, 0.1}, {1.0, 1.0, 0.1}};
-        dahl_state_t states[2] = {{77}, {78}};
-        const int32_t counts[2] = {5, 6};
-        const float dtheta[2] = {0.5f, 0.6f};
-        float out[2] = {-3.0f, -3.0f};
-        params[bad] = cases[i / 2].params;
-        TEST_ASSERT_EQUAL_INT(by_counts, dahl_throughput_counts(&params[bad], states, counts, out, by_counts == OK ? 0 : 2));
-        TEST_ASSERT_EQUAL_INT(by_angle, dahl_throughput(&params[bad], states, dtheta, out, by_angle == OK ? 0 : 2));
-        TEST_ASSERT_EQUAL_INT(by_counts, dahl_throughput_counts_channels(params, states, 2, counts, out, by_counts == OK ? 0 : 1));
-        TEST_ASSERT_EQUAL_INT(by_angle, dahl_throughput_channels(params, states, 2, dtheta, out, by_angle == OK ? 0 : 1));
-        TEST_ASSERT_TRUE(states[0].w == 77 && states[1].w == 78 && out[0] < -2.0f && out[1] < -2.0f);
-        dahl_throughput_element_t elements[2] = {{params[0], 1, {0}, 3.0}, {params[1], 0, {7}, 2.0}}, before[2];
-        memcpy(before, elements, sizeof before);
-        TEST_ASSERT_EQUAL_INT(by_counts, dahl_throughput_parallel_counts(elements, 2, counts, out, by_counts == OK ? 0 : 1));
-        TEST_ASSERT_TRUE(memcmp(before, elements, sizeof before) == 0 && out[0] < -2.0f);
-    }
-}
-
 static void test_a_plan_of_zeros_gives_no_torque(void)
 {
     static const unsigned exact[] = {0, ANGLE, ONE, ONE + ANGLE};
