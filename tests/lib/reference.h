@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The exact torque, computed independently of the library (Eqs. 7 and 18): one expm1l for each move. Each move adds one rounding
- * of a long double, far below the bounds under test. Small cores have a long double of 53 bits, which still suffices.
+ * The exact torque, computed independently of the library (Eqs. 7 and 18): one expm1l for each move. Each move adds one
+ * rounding of a long double, far below the bounds under test. Small cores have a long double of 53 bits, which still suffices.
  */
 #ifndef REFERENCE_H
 #define REFERENCE_H

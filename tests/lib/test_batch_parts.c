@@ -88,7 +88,7 @@ static void test_work_and_tables_have_the_bits_of_single_ticks(void)
     static float by_speed[TICKS];
     const dahl_params_t params = params_for(1e-3, 0.5f);
     const dahl_plan_t plan = plan_for(&params);
-    const dahl_velocity_params_t table = {.segment_bits = 4, .torque = {0.1f, -0.2f, 0.3f, [DAHL_VELOCITY_SEGMENTS - 1] = 0.4f}};
+    const dahl_velocity_params_t table = {.segment_bits = 4, .torque = {0.1f, -0.2f, [DAHL_VELOCITY_SEGMENTS - 1] = 0.4f}};
     dahl_velocity_plan_t over_speed;
     dahl_state_t by_log = {0}, by_tick = {0};
     dahl_work_t work = {{0}, {0}}, work_by_tick = {{0}, {0}};

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Laws that hold within the rounding of the state: energy, opposite motion, longer moves, the inverse. The bounds are those of dahl_parts.h;
- * plans, states and moves are random. */
+/* Laws that hold within the rounding of the state: energy, opposite motion, longer moves, the inverse. The bounds are those of
+ * dahl_parts.h; plans, states and moves are random. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <unity.h>

@@ -75,7 +75,8 @@ static int64_t random_w(void)
 {
     const int64_t one = (int64_t)1 << 62, past = (int64_t)1 << 31, any = (int64_t)(random64() >> 1) - one;
     const uint64_t bits = random64();
-    const int64_t near = (int64_t)(bits >> 8 & 7u) - 3, tie = (int64_t)(((uint64_t)any & ~(uint64_t)UINT32_MAX) | 0x80000000u);
+    const int64_t near = (int64_t)(bits >> 8 & 7u) - 3;
+    const int64_t tie = (int64_t)(((uint64_t)any & ~(uint64_t)UINT32_MAX) | 0x80000000u);
     const int64_t kinds[] = {any, any, tie, any >> (bits >> 8 & 63u), one + near, one + past + near, one + (int64_t)(bits >> 33),
                              (int64_t)(random64() | 1u)};
     const int64_t w = kinds[bits & 7u];
