@@ -93,8 +93,9 @@ static given_t any_given(fuzz_bytes_t *bytes)
             one->theta_per_count = any_value(bytes, kind);
         } else {
             *one = fuzz_params(bytes);
-            one->sigma0 = k == 0 ? one->sigma0 : given.of[0].sigma0 * fuzz_scaled(fuzz_u32(bytes), 0);
-            one->Fc = k == 0 ? one->Fc : given.of[0].Fc * fuzz_scaled(fuzz_u32(bytes), 0);
+            const int smaller = kind == 2 ? 0 : fuzz_u8(bytes) % 64, stiffer = kind == 2 ? 0 : fuzz_u8(bytes) % 4;
+            one->sigma0 = k == 0 ? one->sigma0 : given.of[0].sigma0 * fuzz_scaled(fuzz_u32(bytes), stiffer - smaller);
+            one->Fc = k == 0 ? one->Fc : given.of[0].Fc * fuzz_scaled(fuzz_u32(bytes), -smaller);
         }
         one->theta_per_count = given.of[0].theta_per_count;
     }
@@ -110,19 +111,39 @@ static void check_untouched(const void *plan, size_t size)
     }
 }
 
+/* Throughput forms, alone and with a good channel before or after. A refusal changes nothing; good parameters get no rows. */
+static void check_fast_forms(const dahl_params_t *p, int bad)
+{
+    const dahl_params_t without_counts = {p->sigma0, p->Fc, 0.0f};
+    const dahl_err_t by_counts = judge(p), by_angle = fuzz_judge(&without_counts);
+    const size_t rows = by_counts == DAHL_OK ? 0 : 1, rows_by_angle = by_angle == DAHL_OK ? 0 : 1;
+    dahl_throughput_params_t all[2] = {{1, 1, 0.1}, {1, 1, 0.1}};
+    all[bad] = (dahl_throughput_params_t){(double)p->sigma0, (double)p->Fc, (double)p->theta_per_count};
+    dahl_state_t states[2] = {{77}, {78}};
+    dahl_throughput_element_t elements[2] = {{all[0], 1, {0}, 3.0}, {all[1], 0, {7}, 2.0}}, before[2];
+    float out[2] = {-3.0f, -3.0f};
+    memcpy(before, elements, sizeof before);
+    LAW(dahl_throughput_counts(&all[bad], states, (int32_t[]){5, 6}, out, rows) == by_counts
+            && dahl_throughput_counts_channels(all, states, 2, (int32_t[]){5, 6}, out, rows) == by_counts
+            && dahl_throughput_parallel_counts(elements, 2, (int32_t[]){5, 6}, out, rows) == by_counts,
+        "throughput forms by counts have the same limits");
+    LAW(dahl_throughput(&all[bad], states, (float[]){0.5f, 0.6f}, out, rows_by_angle) == by_angle
+            && dahl_throughput_channels(all, states, 2, (float[]){0.5f, 0.6f}, out, rows_by_angle) == by_angle,
+        "throughput forms by angle have the same limits");
+    LAW(states[0].w == 77 && states[1].w == 78 && out[0] == -3.0f && out[1] == -3.0f, "a refusal changes no state");
+    LAW(memcmp(before, elements, sizeof before) == 0, "a refusal changes no element");
+}
+
 /* All forms of Dahl's element. Only dahl_prepare and the literal form accept a theta_per_count of 0. */
 static void check_element(const dahl_params_t *p)
 {
-    const dahl_throughput_params_t wide = {(double)p->sigma0, (double)p->Fc, (double)p->theta_per_count};
     const dahl_err_t wanted = fuzz_judge(p);
     dahl_float_plan_t literal;
     dahl_plan_t plan;
-    dahl_state_t state = {0};
     memset(&plan, 0xA5, sizeof plan);
     memset(&literal, 0xA5, sizeof literal);
     LAW(dahl_prepare(&plan, p) == wanted, "the error code of dahl_prepare is right");
     LAW(dahl_float_prepare(&literal, p) == wanted, "the literal form has the same limits");
-    LAW(p->theta_per_count == 0 || dahl_throughput_counts(&wide, &state, NULL, NULL, 0) == wanted, "the throughput form has the same limits");
     if (wanted == DAHL_OK) {
         check_entries(&plan, p);
         check_plan(&plan, p);
@@ -154,32 +175,49 @@ static dahl_err_t judge_breakaway(float b)
     return !(b > 0) || !isfinite(b) ? DAHL_ERR_PARAM : b < 1 ? DAHL_OK : DAHL_ERR_RANGE;
 }
 
+/* Both results keep their bounds on leaps. Then both ends are the sum of Fc, with a ratio of 1. */
+static void check_slip(const dahl_slip_plan_t *plan, const dahl_slip_params_t *params)
+{
+    const long double sum = slip_reference_Fc(params);
+    slip_reference_t exact = slip_reference(params);
+    dahl_slip_state_t state = {{0}}, q30 = {{0}};
+    motion_t motion = MOTION_START;
+    for (int t = 0; t < 8; t++) {
+        const int32_t d = motion_leap(&motion) / 4;
+        const long double F = slip_reference_move(&exact, d);
+        const long double ratio = dahl_slip_step_counts_q30(plan, &q30, d) * (long double)DAHL_Q30;
+        LAW(fabsl((long double)dahl_slip_step_counts(plan, &state, d) - F) <= (long double)DAHL_ULP_PARTS * ulp_of_sum(sum),
+            "slip: the torque is exact");
+        LAW(fabsl(ratio - F / sum) <= (long double)DAHL_SLIP_ERROR_Q30, "slip: the ratio is exact");
+    }
+    for (int way = 1; way >= -1; way -= 2) {
+        const int32_t far = way > 0 ? INT32_MAX : -INT32_MAX;
+        (void)dahl_slip_step_counts(plan, &state, far);
+        const float F = dahl_slip_step_counts(plan, &state, far);
+        const long double slack = (float)sum == sum ? 0 : 0.55L * ulp_of_sum(sum);
+        LAW(fabsl((long double)F - (long double)way * sum) <= slack, "slip: both ends are the sum of Fc");
+        LAW(dahl_slip_step_counts_q30(plan, &state, 0) == way * (1 << 30), "slip: both ends are a ratio of 1");
+    }
+}
+
 static void prepare_slip(const given_t *given)
 {
     dahl_slip_params_t params = {given->elements, given->of[0].theta_per_count, {0}, {0}};
     dahl_slip_plan_t plan;
-    dahl_slip_state_t state = {{0}};
     dahl_err_t wanted = given->elements == 0 ? DAHL_ERR_PARAM : given->elements > DAHL_SLIP_MAX ? DAHL_ERR_RANGE : DAHL_OK;
-    long double sum = 0;
     for (uint32_t k = 0; k < DAHL_SLIP_MAX; k++) {
         params.sigma0[k] = given->of[k].sigma0;
         params.Fc[k] = given->of[k].Fc;
         if (wanted != DAHL_ERR_PARAM && k < given->elements && given->elements <= DAHL_SLIP_MAX) {
             wanted = both(wanted, judge(&given->of[k]));
-            sum += (long double)given->of[k].Fc;
         }
     }
     memset(&plan, 0xA5, sizeof plan);
     LAW(dahl_slip_prepare(&plan, &params) == wanted, "slip: the error code is right");
     if (wanted != DAHL_OK) {
         check_untouched(&plan, sizeof plan);
-        return;
-    }
-    for (int way = 1; way >= -1; way -= 2) {
-        const int32_t far = way > 0 ? INT32_MAX : -INT32_MAX;
-        (void)dahl_slip_step_counts(&plan, &state, far);
-        float F = dahl_slip_step_counts(&plan, &state, far);
-        LAW(fabsl((long double)F - (long double)way * sum) <= 0.55L * ulp_of_sum(sum), "slip: both ends are the sum of Fc");
+    } else {
+        check_slip(&plan, &params);
     }
 }
 
@@ -188,13 +226,34 @@ static int is_table_value(float x)
     return x == 0 || (fabsf(x) >= DAHL_TORQUE_MIN && fabsf(x) < DAHL_TORQUE_MAX);
 }
 
+/* Straight lines between the values, constant beyond the last one. */
+static long double table_torque(const dahl_velocity_params_t *p, int32_t dcounts)
+{
+    const long double end = DAHL_VELOCITY_SEGMENTS, segment = (long double)(1u << p->segment_bits);
+    const long double x = fminl(fabsl((long double)dcounts) / segment, end);
+    const int k = x < end ? (int)x : DAHL_VELOCITY_SEGMENTS - 1;
+    const long double from = k == 0 ? 0 : (long double)p->torque[k - 1], to = (long double)p->torque[k];
+    return (dcounts < 0 ? -1 : 1) * (from + (to - from) * (x - k));
+}
+
+static void check_table_at(const dahl_velocity_plan_t *plan, const dahl_velocity_params_t *params, long double largest,
+                           int32_t dcounts)
+{
+    const long double exact = table_torque(params, dcounts), unit = 0x1p-30L * largest;
+    const float F = dahl_velocity_torque(plan, dcounts);
+    LAW(fabsl((long double)F - exact) <= 1.5L * unit + 0.51L * ulp_of(fabsf((float)exact)),
+        "table: the torque is linear between the values");
+    LAW(fabsl(dahl_velocity_torque_q30(plan, dcounts) * unit - exact) <= 1.5L * unit, "table: both forms agree");
+    LAW(dcounts == INT32_MIN || dahl_velocity_torque(plan, -dcounts) == -F, "table: the torque is odd");
+}
+
 static void check_table(const dahl_velocity_plan_t *plan, const dahl_velocity_params_t *params, long double largest)
 {
-    for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
-        int32_t counts = (int32_t)((uint32_t)(k + 1) << params->segment_bits);
-        float F = dahl_velocity_torque(plan, counts);
-        LAW(fabsl((long double)F - (long double)params->torque[k]) <= (0x1p-31L + 0x1p-24L) * largest, "table: the torque at a value is that value");
-        LAW(dahl_velocity_torque(plan, -counts) == -F, "table: the torque is odd");
+    motion_t motion = MOTION_START;
+    for (uint32_t k = 0; k <= DAHL_VELOCITY_SEGMENTS + 1; k++) {
+        check_table_at(plan, params, largest, (int32_t)(k << params->segment_bits));
+        check_table_at(plan, params, largest, motion_leap(&motion)); /* the first one is INT32_MIN */
+        check_table_at(plan, params, largest, (int32_t)(motion_random(&motion) % (17u << params->segment_bits)));
     }
     LAW(dahl_velocity_torque(plan, 0) == 0, "table: rest has no torque");
 }
@@ -207,6 +266,7 @@ static void prepare_velocity(const given_t *given)
     long double largest = 0;
     for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
         float x = k % 2 ? -given->of[k / 2].sigma0 : given->of[k / 2].Fc;
+        x = given->elements == 4 ? 0.0f : x; /* a table of zeros is valid */
         params.torque[k] = x;
         wanted = both(wanted, !isfinite(x) ? DAHL_ERR_PARAM : is_table_value(x) ? DAHL_OK : DAHL_ERR_RANGE);
         largest = fmaxl(largest, fabsl((long double)x));
@@ -228,6 +288,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     const set_t set = {*one, given.more};
     const dahl_params_t backward = {one->sigma0, one->Fc * given.more, one->theta_per_count};
     check_element(one);
+    check_fast_forms(one, (int)(given.elements % 2u));
     check_model(model_with(MORE_IS_RATIO)->prepare, &set, both(judge(one), judge(&backward)));
     check_model(model_with(MORE_IS_BREAKAWAY)->prepare, &set, both(judge(one), judge_breakaway(given.more)));
     prepare_slip(&given);

@@ -1,26 +1,17 @@
 /* SPDX-License-Identifier: MIT */
-/* Ticks of each form on any plan and any state, with new torques and plans between them. The laws are those of dahl.h and
- * lib/model/bristle_update.h; the exact solution is expm1l. */
-#include "dahl_batch.h"
-#include "dahl_float.h"
+/* Ticks by counts and by angle on any plan and any state, with new torques and plans between them. The laws are those of dahl.h
+ * and lib/model/bristle_update.h; the exact solution is expm1l. */
 #include "plans.h"
 
 #define ONE ((int64_t)1 << 62)
 #define PAST ((int64_t)1 << 31) /* a step exceeds 1 by less */
 
-enum { COUNTS, ANGLE, REST, SET, CHANGE, PLACE, BETWEEN, TRAVELS, KINDS };
+enum { COUNTS, ANGLE, REST, SET, CHANGE, PLACE, BETWEEN, UNITS, TRAVELS, KINDS };
 enum { STEPS_MAX = 12 };
 
 typedef struct {
     const fuzz_plan_t *plan, *other;
     dahl_state_t state;
-    dahl_float_plan_t float_plan;
-    dahl_float_state_t float_state;
-    double float_errors; /* that the literal form may have accumulated, in DAHL_FLOAT_ERROR */
-    int moves;
-    int32_t dcounts[STEPS_MAX];
-    float F[STEPS_MAX];
-    dahl_state_t before_moves;
 } walk_t;
 
 static uint32_t bits_of(float x)
@@ -73,21 +64,6 @@ static void check_direction(int64_t w, int64_t now, int forward)
     LAW(forward ? now >= w : now <= w, "the state moves towards its target");
 }
 
-static void start_float(walk_t *walk)
-{
-    walk->float_state = (dahl_float_state_t){.w_reversal = (float)value_of(walk->state.w)};
-    walk->float_errors = 1;
-}
-
-/* Each reversal and each addition to the travel adds an error. */
-static void check_float(walk_t *walk, float F, float literal)
-{
-    float Fc = walk->plan->params.Fc;
-    walk->float_errors += 2;
-    LAW(fabs((double)literal - (double)F) <= (double)Fc * DAHL_FLOAT_ERROR * walk->float_errors,
-        "the literal form agrees within its error");
-}
-
 static void move_counts(walk_t *walk, int32_t dcounts, int exact)
 {
     const dahl_plan_t *plan = &walk->plan->plan;
@@ -107,24 +83,6 @@ static void move_counts(walk_t *walk, int32_t dcounts, int exact)
         long double travel = (long double)dcounts * (long double)walk->plan->params.theta_per_count;
         check_solution(w, walk->state.w, fuzz_travel(&walk->plan->params, travel), dcounts > 0, 0x1p-32L);
     }
-    check_float(walk, F, dahl_float_step_counts(&walk->float_plan, &walk->float_state, dcounts));
-    walk->dcounts[walk->moves] = dcounts;
-    walk->F[walk->moves++] = F;
-}
-
-static void check_batch(walk_t *walk)
-{
-    float F[STEPS_MAX];
-    dahl_state_t state = walk->before_moves;
-    dahl_batch_counts(&walk->plan->plan, &state, walk->dcounts, F, (size_t)walk->moves);
-    LAW(state.w == walk->state.w || walk->moves == 0, "a batch leaves the state of single steps");
-    LAW(memcmp(F, walk->F, (size_t)walk->moves * sizeof F[0]) == 0, "a batch returns the bits of single steps");
-}
-
-static void begin_batch(walk_t *walk)
-{
-    walk->before_moves = walk->state;
-    walk->moves = 0;
 }
 
 static int32_t any_counts(fuzz_bytes_t *bytes, uint32_t size)
@@ -133,26 +91,27 @@ static int32_t any_counts(fuzz_bytes_t *bytes, uint32_t size)
     return size == 0 ? (int32_t)(value % 17u) - 8 : (int32_t)value >> (size == 1 ? 18 : 0);
 }
 
-/* Any float, or one whose travel is 2^-72 to 2^7 presliding lengths. */
+/* Any float, often infinite, or one whose travel is 2^-72 to 2^7 presliding lengths. */
 static float any_angle(const walk_t *walk, fuzz_bytes_t *bytes, uint32_t size)
 {
     uint32_t value = fuzz_u32(bytes);
     const dahl_params_t *params = &walk->plan->params;
     int exponent = (int)((value >> 23 & 255u) % 80u) - 72 - ilogbf(params->sigma0) + ilogbf(params->Fc);
     float scaled = fuzz_scaled(value, exponent);
-    return size == 0 ? fuzz_float_of(value) : value >> 31 ? -scaled : scaled;
+    const float any = (value & 7u) == 0 ? HUGE_VALF : fuzz_float_of(value), angle = size == 0 ? any : scaled;
+    return value >> 31 ? -angle : angle;
 }
 
-/* A subnormal angle counts as 0. */
-static int is_zero_angle(float dtheta)
+/* A subnormal angle or torque counts as 0. */
+static int is_zero(float x)
 {
-    return fabsf(dtheta) < 0x1p-126f;
+    return fabsf(x) < 0x1p-126f;
 }
 
 static void check_angle(const walk_t *walk, int64_t w, float dtheta)
 {
     long double u = fuzz_travel(&walk->plan->params, (long double)dtheta);
-    if (u >= 0x1p-63L && !is_zero_angle(dtheta)) {
+    if (u >= 0x1p-63L && !is_zero(dtheta)) {
         check_solution(w, walk->state.w, u, dtheta > 0, 0x1p-29L);
     }
 }
@@ -164,8 +123,8 @@ static void move_angle(walk_t *walk, float dtheta, int exact)
     dahl_state_t mirror = {~w};
     float F = dahl_step(plan, &walk->state, dtheta);
     check_torque(walk, walk->state.w, F);
-    if (isnan(dtheta) || dtheta == 0) {
-        LAW(walk->state.w == w, "an angle of 0 or NaN keeps the state");
+    if (isnan(dtheta) || is_zero(dtheta)) {
+        LAW(walk->state.w == w, "a subnormal angle, 0 and NaN keep the state");
     } else if (isinf(dtheta)) {
         LAW(walk->state.w == (dtheta > 0 ? ONE : -ONE), "infinity saturates");
     } else {
@@ -173,27 +132,21 @@ static void move_angle(walk_t *walk, float dtheta, int exact)
         dahl_step(plan, &mirror, -dtheta);
         LAW(mirror.w == ~walk->state.w, "backward is forward on the complement");
     }
-    if (exact && isfinite(dtheta) && dtheta != 0) {
+    if (exact && isfinite(dtheta)) {
         check_angle(walk, w, dtheta);
     }
-    check_float(walk, F, dahl_float_step(&walk->float_plan, &walk->float_state, is_zero_angle(dtheta) ? 0.0f : dtheta));
-    begin_batch(walk);
 }
 
 static void rest(walk_t *walk)
 {
     const dahl_plan_t *plan = &walk->plan->plan;
     int64_t w = walk->state.w;
-    dahl_float_state_t literal = walk->float_state;
     dahl_step_counts(plan, &walk->state, 0);
     dahl_step_counts_q30(plan, &walk->state, 0);
     dahl_step(plan, &walk->state, -0.0f);
     dahl_step(plan, &walk->state, fuzz_float_of(0xffc00001u));
     dahl_set_torque(plan, &walk->state, fuzz_float_of(0x7f800001u));
-    dahl_float_step_counts(&walk->float_plan, &walk->float_state, 0);
-    dahl_float_step(&walk->float_plan, &walk->float_state, fuzz_float_of(0x7fc00000u));
     LAW(walk->state.w == w, "0 counts, an angle of 0 and NaN keep the state");
-    LAW(memcmp(&literal, &walk->float_state, sizeof literal) == 0, "0 counts and NaN keep the state of the literal form");
 }
 
 static void set(walk_t *walk, float F)
@@ -204,10 +157,10 @@ static void set(walk_t *walk, float F)
         float wanted = fminf(fmaxf(F, -Fc), Fc);
         float got = dahl_torque(&walk->plan->plan, &walk->state);
         LAW(walk->state.w <= ONE && walk->state.w >= -ONE, "a set torque is clamped");
+        const long double ratio = is_zero(F) ? 0 : (long double)wanted / (long double)Fc;
+        LAW(fabsl(value_of(walk->state.w) - ratio) <= 0x1.00001p-63L, "a set torque is rounded to the nearest state");
         LAW(fabsf(wanted) < 0x1p-36f * Fc || got == wanted, "a set torque is read back");
     }
-    start_float(walk);
-    begin_batch(walk);
 }
 
 /* The torque is clamped to the new Fc, and scaled if the bristle becomes softer. */
@@ -225,9 +178,6 @@ static void change(walk_t *walk)
     LAW(now * now / (long double)to->sigma0 <= F * F / (long double)from->sigma0, "the stored energy does not grow");
     walk->plan = walk->other;
     walk->other = left;
-    LAW(dahl_float_prepare(&walk->float_plan, to) == DAHL_OK, "the literal form accepts the same parameters");
-    start_float(walk);
-    begin_batch(walk);
 }
 
 /* A state in range, a small one, or any bits, which the next call clamps. */
@@ -240,8 +190,6 @@ static void place(walk_t *walk, uint64_t value, uint32_t size)
     check_torque(walk, w, dahl_torque(&walk->plan->plan, &walk->state));
     dahl_step_counts(&walk->plan->plan, &walk->state, 0);
     LAW(walk->state.w == w, "any bits are a safe state");
-    start_float(walk);
-    begin_batch(walk);
 }
 
 static void between(fuzz_bytes_t *bytes)
@@ -251,6 +199,16 @@ static void between(fuzz_bytes_t *bytes)
     int64_t way = dahl_counts_between(before, now, n);
     LAW(2 * way >= -turn && 2 * way < turn, "the move is the shortest one; half a turn is negative");
     LAW((before % turn + way - now % turn) % turn == 0, "the move leads to the reading");
+}
+
+/* An Fc above 2^30 units counts as 2^30. */
+static void units(fuzz_bytes_t *bytes)
+{
+    const int32_t ratio = (int32_t)fuzz_u32(bytes) >> fuzz_u8(bytes) % 32u;
+    const uint32_t Fc_units = fuzz_u32(bytes) >> fuzz_u8(bytes) % 32u;
+    const int64_t one = (int64_t)1 << 30, Fc = Fc_units < one ? (int64_t)Fc_units : one;
+    const int64_t off = ratio * Fc - one * dahl_to_units(ratio, Fc_units);
+    LAW(-one / 2 <= off && off < one / 2, "units: the nearest whole number, a half rounded up");
 }
 
 static void travels(const walk_t *walk, float one, float two)
@@ -283,6 +241,7 @@ static void act(walk_t *walk, fuzz_bytes_t *bytes)
     case CHANGE: change(walk); break;
     case PLACE: place(walk, fuzz_u64(bytes), size); break;
     case BETWEEN: between(bytes); break;
+    case UNITS: units(bytes); break;
     default:
         one = any_angle(walk, bytes, 1);
         travels(walk, one, size == 0 ? nextafterf(one, INFINITY) : any_angle(walk, bytes, size));
@@ -297,11 +256,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (!first.good || !second.good) {
         return 0;
     }
-    LAW(dahl_float_prepare(&walk.float_plan, &first.params) == DAHL_OK, "the literal form accepts the same parameters");
-    start_float(&walk);
     for (int i = 0; i < STEPS_MAX && bytes.left > 0; i++) {
         act(&walk, &bytes);
     }
-    check_batch(&walk);
     return 0;
 }

@@ -34,7 +34,7 @@ class Fuzzer:
 
 FUZZERS = {
     "step": Fuzzer(64, 1_000_000),
-    "prepare": Fuzzer(64, 400_000),
+    "prepare": Fuzzer(200, 80_000),
     "parts": Fuzzer(140, 60_000),
     "codec": Fuzzer(24, 1_500_000),
     "receiver": Fuzzer(300, 400_000),

@@ -10,7 +10,6 @@
 #include "dahl_parts.h"
 #include "motions.h"
 #include "reference.h"
-#include "slip_reference.h"
 
 #define ONE_Q30 ((uint32_t)1 << 30)
 #define LOAD_MOST 0x7fffffffu
@@ -51,14 +50,18 @@ typedef union {
     } mix;
 } any_state_t;
 
+/* Slip elements: the deflections in counts, which end at Fc/(sigma0 theta). */
+typedef struct {
+    dahl_slip_params_t params;
+    long double deflection[DAHL_SLIP_MAX];
+} slip_reference_t;
+
+/* The exact solution of a model along a motion. */
 typedef struct {
     const set_t *set;
     reference_t curve;
     slip_reference_t slip;
-    dahl_slip_params_t slip_params;
     uint32_t load;
-    int64_t counts; /* elastoplastic: since the elastic range began */
-    int plastic;    /* elastoplastic: direction of sliding; 0: elastic */
 } exact_t;
 
 /* A move of one bristle, in units of Fc and of Fc/sigma0; w is the state before and after it. */
@@ -73,7 +76,6 @@ typedef struct {
     dahl_err_t (*prepare)(any_plan_t *plan, const set_t *set);
     float (*step)(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move);
     int32_t (*step_q30)(const any_plan_t *plan, any_state_t *state, move_t move);
-    void (*begin)(exact_t *exact, const set_t *set);
     long double (*exact)(exact_t *exact, move_t move); /* as a fraction of whole_of() */
     /* work minus the change of the stored energy, in units of Fc^2/sigma0; NULL: the state is not rounded */
     long double (*loss)(const stroke_t *stroke);
@@ -123,19 +125,9 @@ static inline float angle_step(const any_plan_t *plan, any_state_t *state, const
     return dahl_step(&plan->dahl, &state->dahl, angle_of(set, move));
 }
 
-static inline void counts_begin(exact_t *exact, const set_t *set)
-{
-    exact->curve = reference_by_counts(&set->p);
-}
-
 static inline long double counts_exact(exact_t *exact, move_t move)
 {
     return reference_move(&exact->curve, move.counts);
-}
-
-static inline void angle_begin(exact_t *exact, const set_t *set)
-{
-    exact->curve = reference_by_angle(&set->p);
 }
 
 static inline long double angle_exact(exact_t *exact, move_t move)
@@ -178,15 +170,35 @@ static inline dahl_err_t slip_prepare(any_plan_t *plan, const set_t *set)
     return dahl_slip_prepare(&plan->slip, &params);
 }
 
-static inline void slip_begin(exact_t *exact, const set_t *set)
+static inline slip_reference_t slip_reference(const dahl_slip_params_t *params)
 {
-    exact->slip_params = slip_params(set);
-    exact->slip = slip_reference(&exact->slip_params);
+    return (slip_reference_t){*params, {0}};
+}
+
+static inline long double slip_reference_Fc(const dahl_slip_params_t *params)
+{
+    long double sum = 0;
+    for (uint32_t k = 0; k < params->elements; k++) {
+        sum += params->Fc[k];
+    }
+    return sum;
+}
+
+static inline long double slip_reference_move(slip_reference_t *slip, int32_t counts)
+{
+    long double F = 0;
+    for (uint32_t k = 0; k < slip->params.elements; k++) {
+        const long double stiffness = (long double)slip->params.sigma0[k] * slip->params.theta_per_count;
+        const long double longest = slip->params.Fc[k] / stiffness, moved = slip->deflection[k] + counts;
+        slip->deflection[k] = fmaxl(-longest, fminl(longest, moved));
+        F += stiffness * slip->deflection[k];
+    }
+    return F;
 }
 
 static inline long double slip_exact(exact_t *exact, move_t move)
 {
-    return slip_reference_move(&exact->slip, move.counts) / slip_reference_Fc(&exact->slip_params);
+    return slip_reference_move(&exact->slip, move.counts) / slip_reference_Fc(&exact->slip.params);
 }
 
 static inline dahl_err_t mix_prepare(any_plan_t *plan, const set_t *set)
@@ -211,15 +223,9 @@ static inline int32_t mix_q30(const any_plan_t *plan, any_state_t *state, move_t
     return dahl_parallel_step_counts_q30(parts, shares, 2, move.counts);
 }
 
-static inline void mix_begin(exact_t *exact, const set_t *set)
-{
-    counts_begin(exact, set);
-    slip_begin(exact, set);
-}
-
 static inline long double mix_exact(exact_t *exact, move_t move)
 {
-    long double Fc = exact->set->p.Fc, sum = Fc + slip_reference_Fc(&exact->slip_params);
+    long double Fc = exact->set->p.Fc, sum = Fc + slip_reference_Fc(&exact->slip.params);
     return (counts_exact(exact, move) * Fc + slip_reference_move(&exact->slip, move.counts)) / sum;
 }
 
@@ -241,21 +247,14 @@ static inline dahl_asymmetric_params_t asymmetric_params(const set_t *set)
     FOLLOWS_COUNTS(name, dahl_##name##_step_counts, name, dahl)
 DAHL_FRAMES_DIRECTED_MODELS(DIRECTED)
 
-/* After a reversal the curve ends at the Fc of the new direction, with the presliding length of that direction. */
+/* The curve ends at the Fc of its direction, with the presliding length of that direction. */
 static inline long double asymmetric_exact(exact_t *exact, move_t move)
 {
     const dahl_asymmetric_params_t params = asymmetric_params(exact->set);
-    const long double larger = fmaxf(params.Fc_forward, params.Fc_backward);
-    reference_t *r = &exact->curve;
-    int direction = (move.counts > 0) - (move.counts < 0);
-    if (direction != 0 && direction != r->direction) {
-        const long double Fc = direction < 0 ? params.Fc_backward : params.Fc_forward;
-        reference_anchor(r, reference_w(r));
-        r->direction = direction;
-        r->end = Fc / larger;
-        r->a = params.sigma0 / Fc * params.theta_per_count;
-    }
-    return reference_move(r, move.counts);
+    const long double Fc = move.counts < 0 ? params.Fc_backward : params.Fc_forward;
+    exact->curve.end = Fc / fmaxf(params.Fc_forward, params.Fc_backward);
+    exact->curve.a = params.sigma0 / Fc * params.theta_per_count;
+    return reference_move(&exact->curve, move.counts);
 }
 
 static inline long double asymmetric_loss(const stroke_t *x)
@@ -288,7 +287,7 @@ static inline long double loaded_exact(exact_t *exact, move_t move)
 {
     const uint32_t load = load_in_range(move);
     if (load > exact->load) {
-        reference_anchor(&exact->curve, reference_w(&exact->curve) * exact->load / load);
+        exact->curve.w *= (long double)exact->load / load;
     }
     exact->load = load;
     return reference_move(&exact->curve, move.counts) * (load * 0x1p-30L);
@@ -309,23 +308,14 @@ static inline float clamped_step(const any_plan_t *plan, any_state_t *state, con
     return dahl_clamped_step(&plan->dahl, &state->dahl, angle_of(set, move), move.load_q30);
 }
 
-static inline void clamped_begin(exact_t *exact, const set_t *set)
-{
-    angle_begin(exact, set);
-    exact->curve.end = 0;
-}
-
 /* The curve is that of F/Fc. It ends at the load c, with the presliding length c/a; a falling load clamps F. */
 static inline long double clamped_exact(exact_t *exact, move_t move)
 {
-    const long double c = load_in_range(move) * 0x1p-30L, a = (long double)exact->set->p.sigma0 / exact->set->p.Fc;
-    reference_t *r = &exact->curve;
-    if (c != r->end) {
-        reference_anchor(r, fmaxl(-c, fminl(c, r->end == 0 ? r->w_reversal : reference_w(r))));
-        r->end = c;
-        r->a = c == 0 ? 0 : a / c;
-    }
-    return c == 0 ? 0 : reference_move(r, (long double)angle_of(exact->set, move));
+    const long double c = load_in_range(move) * 0x1p-30L;
+    exact->curve.w = fmaxl(-c, fminl(c, exact->curve.w));
+    exact->curve.end = c;
+    exact->curve.a = c == 0 ? 0 : reference_by_angle(&exact->set->p).a / c;
+    return reference_move(&exact->curve, (long double)angle_of(exact->set, move));
 }
 
 /* --- elasto-plastic ------------------------------------------------------------------------------------------------ */
@@ -335,42 +325,14 @@ static inline dahl_err_t breakaway_prepare(any_plan_t *plan, const set_t *set)
     return dahl_elastoplastic_prepare(&plan->elastoplastic, &set->p, set->more);
 }
 
-/* Elastic: w changes linearly since the last event. Plastic: the gap shrinks with the rate kappa = 1/(1 - b). */
-static inline long double elastoplastic_w(const exact_t *exact)
-{
-    const reference_t *r = &exact->curve;
-    if (exact->plastic == 0) {
-        return r->w_reversal + exact->counts * r->a;
-    }
-    return r->w_reversal - (exact->plastic - r->w_reversal) * expm1l(-r->travel / (1 - (long double)exact->set->more));
-}
-
-static inline void elastoplastic_event(exact_t *exact, long double w, int plastic)
-{
-    reference_anchor(&exact->curve, w);
-    exact->counts = 0;
-    exact->plastic = plastic;
-}
-
+/* Up to the breakaway b, w changes linearly. Beyond it, the gap to Fc shrinks with the rate 1/(1 - b). */
 static inline long double elastoplastic_exact(exact_t *exact, move_t move)
 {
-    const int s = (move.counts > 0) - (move.counts < 0);
-    const long double b = exact->set->more, now = elastoplastic_w(exact), to_breakaway = b - s * now;
-    long double travel = fabsl((long double)move.counts) * exact->curve.a;
-    if (s == 0) {
-        return now;
-    }
-    if (exact->plastic != s && to_breakaway <= 0) { /* it slides again from beyond the breakaway */
-        elastoplastic_event(exact, now, s);
-    } else if (exact->plastic != s && travel > to_breakaway) {
-        elastoplastic_event(exact, s * b, s);
-        travel -= to_breakaway;
-    } else if (exact->plastic == -s) {
-        elastoplastic_event(exact, now, 0);
-    }
-    exact->counts += exact->plastic == 0 ? move.counts : 0;
-    exact->curve.travel += travel;
-    return elastoplastic_w(exact);
+    const long double b = exact->set->more, s = move.counts < 0 ? -1 : 1, travel = s * move.counts * exact->curve.a;
+    const long double elastic = fminl(travel, fmaxl(0, b - s * exact->curve.w));
+    exact->curve.w += s * elastic;
+    exact->curve.w -= (s - exact->curve.w) * expm1l(-(travel - elastic) / (1 - b));
+    return exact->curve.w;
 }
 
 static inline long double elastoplastic_loss(const stroke_t *x)
@@ -385,20 +347,20 @@ static inline long double elastoplastic_loss(const stroke_t *x)
 #define MIX_ERROR_Q30 DAHL_PARALLEL_ERROR_Q30(2)
 
 static const model_t models[] = {
-    {"counts", dahl_model_prepare, dahl_model_step, dahl_model_q30, counts_begin, counts_exact, dahl_loss, DAHL_ULP_COUNTS,
+    {"counts", dahl_model_prepare, dahl_model_step, dahl_model_q30, counts_exact, dahl_loss, DAHL_ULP_COUNTS,
      DAHL_ERROR_Q30, .more = MORE_IS_UNUSED},
-    {"angle", angle_prepare, angle_step, NULL, angle_begin, angle_exact, dahl_loss, DAHL_ULP_ANGLE, 0, .by_angle = 1},
-    {"slip", slip_prepare, slip_step, slip_q30, slip_begin, slip_exact, NULL, DAHL_ULP_PARTS, DAHL_SLIP_ERROR_Q30, .is_split = 1,
+    {"angle", angle_prepare, angle_step, NULL, angle_exact, dahl_loss, DAHL_ULP_ANGLE, 0, .by_angle = 1},
+    {"slip", slip_prepare, slip_step, slip_q30, slip_exact, NULL, DAHL_ULP_PARTS, DAHL_SLIP_ERROR_Q30, .is_split = 1,
      .more = MORE_IS_ELEMENTS},
-    {"mix", mix_prepare, mix_step, mix_q30, mix_begin, mix_exact, NULL, DAHL_ULP_PARTS, MIX_ERROR_Q30,
+    {"mix", mix_prepare, mix_step, mix_q30, mix_exact, NULL, DAHL_ULP_PARTS, MIX_ERROR_Q30,
      .more = MORE_IS_ELEMENTS},
-    {"asymmetric", asymmetric_prepare, asymmetric_step, asymmetric_q30, counts_begin, asymmetric_exact, asymmetric_loss,
+    {"asymmetric", asymmetric_prepare, asymmetric_step, asymmetric_q30, asymmetric_exact, asymmetric_loss,
      DAHL_ULP_PARTS, DAHL_ASYMMETRIC_ERROR_Q30, .more = MORE_IS_RATIO},
-    {"loaded", dahl_model_prepare, loaded_step, loaded_q30, counts_begin, loaded_exact, loaded_loss, DAHL_ULP_PARTS,
+    {"loaded", dahl_model_prepare, loaded_step, loaded_q30, loaded_exact, loaded_loss, DAHL_ULP_PARTS,
      DAHL_LOADED_ERROR_Q30, .has_load = 1},
-    {"clamped", angle_prepare, clamped_step, NULL, clamped_begin, clamped_exact, clamped_loss, DAHL_ULP_ANGLE, 0, .by_angle = 1,
+    {"clamped", angle_prepare, clamped_step, NULL, clamped_exact, clamped_loss, DAHL_ULP_ANGLE, 0, .by_angle = 1,
      .has_load = 2},
-    {"elastoplastic", breakaway_prepare, elastoplastic_step, elastoplastic_q30, counts_begin, elastoplastic_exact,
+    {"elastoplastic", breakaway_prepare, elastoplastic_step, elastoplastic_q30, elastoplastic_exact,
      elastoplastic_loss, DAHL_ULP_PARTS, DAHL_ELASTOPLASTIC_ERROR_Q30, .more = MORE_IS_BREAKAWAY},
 };
 enum { MODELS = sizeof models / sizeof models[0] };
@@ -429,12 +391,6 @@ static inline float more_for(const model_t *model, float elements, float ratio, 
     return model->more == MORE_IS_BREAKAWAY ? breakaway : model->more == MORE_IS_RATIO ? ratio : elements;
 }
 
-/* The plan by which dahl_torque() and dahl_set_torque() store a torque. */
-static inline const dahl_plan_t *storing_plan(const model_t *model, const any_plan_t *plan)
-{
-    return model->more == MORE_IS_BREAKAWAY ? &plan->elastoplastic.plastic : &plan->dahl;
-}
-
 /* The torque that a ratio of 1 means: Fc, the larger Fc, or the sum of all Fc. */
 static inline long double whole_of(const model_t *model, const set_t *set)
 {
@@ -459,7 +415,10 @@ static inline void exact_begin(exact_t *exact, const model_t *model, const set_t
 {
     memset(exact, 0, sizeof *exact);
     exact->set = set;
-    model->begin(exact, set);
+    exact->curve = model->by_angle ? reference_by_angle(&set->p) : reference_by_counts(&set->p);
+    if (model->more == MORE_IS_ELEMENTS) {
+        exact->slip.params = slip_params(set);
+    }
 }
 
 #endif

@@ -62,6 +62,7 @@ static void check_log(const model_t *model, void (*log)(const any_plan_t *, any_
     memset(&by_log, 0, sizeof by_log);
     memset(&by_tick, 0, sizeof by_tick);
     TEST_ASSERT_EQUAL_INT(DAHL_OK, model->prepare(&plan, &set));
+    memset(F, 0xFF, sizeof F); /* NaN */
     log(&plan, &by_log);
     for (int t = 0; t < TICKS; t++) {
         const move_t move = {dcounts[t], load[t]};
@@ -87,11 +88,13 @@ static void test_work_and_tables_have_the_bits_of_single_ticks(void)
     static float by_speed[TICKS];
     const dahl_params_t params = params_for(1e-3, 0.5f);
     const dahl_plan_t plan = plan_for(&params);
-    const dahl_velocity_params_t table = {.segment_bits = 4, .torque = {0.1f, -0.2f, 0.3f}};
+    const dahl_velocity_params_t table = {.segment_bits = 4, .torque = {0.1f, -0.2f, [DAHL_VELOCITY_SEGMENTS - 1] = 0.4f}};
     dahl_velocity_plan_t over_speed;
     dahl_state_t by_log = {0}, by_tick = {0};
     dahl_work_t work = {{0}, {0}}, work_by_tick = {{0}, {0}};
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_velocity_prepare(&over_speed, &table));
+    memset(F, 0xFF, sizeof F); /* NaN */
+    memset(by_speed, 0xFF, sizeof by_speed);
     dahl_batch_work_counts(&plan, &by_log, &work, dcounts, F, TICKS);
     dahl_batch_velocity(&over_speed, dcounts, by_speed, TICKS);
     for (int t = 0; t < TICKS; t++) {

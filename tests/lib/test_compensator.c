@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* dahl_compensator.h call by call: checks of the parameters, play, rejection, fades, limits, and any bits as a state. */
+/* dahl_compensator.h: checks of the parameters, plans against their formulas in double, ticks of random motions against a
+ * model, and any bits as a state. */
 #include <math.h>
 #include <stddef.h>
 #include <stdlib.h>
@@ -9,11 +10,25 @@
 #include "../random.h"
 #include "dahl_compensator.h"
 
+#ifndef TEST_TICKS
+#define TEST_TICKS 100000
+#endif
+#define PLANS (TEST_TICKS < 20000 ? 500 : 20000)
+
 #define ONE_Q30 (1 << 30)
+#define FROM_Q20 0x1p-20
+#define FROM_Q30 0x1p-30
+
+static uint64_t seed;
+
+void setUp(void)
+{
+    seed = 1;
+}
 
 static const dahl_compensator_params_t valid = {
     .friction = {100.0f, 0.5f, 3.8349519e-4f},
-    .law = DAHL_COMPENSATOR_MEASURED,
+    .law = DAHL_COMPENSATOR_REFERENCE,
     .Fc_low = 0.5f,
     .length_long = 0.005f,
     .gain = 1.0f,
@@ -32,28 +47,46 @@ static dahl_compensator_plan_t plan_of(const dahl_compensator_params_t *params)
     return plan;
 }
 
-static int32_t random_i32(uint64_t *seed)
+static dahl_adaptation_plan_t adaptation_plan_of(const dahl_compensator_params_t *params, float inertia)
 {
-    return (int32_t)random_u32(seed) >> (random_u32(seed) & 31u);
+    dahl_adaptation_plan_t plan;
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_adaptation_prepare(&plan, params, inertia));
+    return plan;
 }
 
-/* --- prepare ---------------------------------------------------------------------------------------------------------- */
+/* Any size, either sign. */
+static int32_t random_i32(void)
+{
+    const int32_t any = (int32_t)random_u32(&seed);
+    return any >> (random_u32(&seed) & 31u);
+}
 
-typedef struct {
-    size_t member; /* of a float */
-    float value;
-    dahl_compensator_err_t code;
-} float_case_t;
+/* The logarithm is uniform. */
+static double random_between(double least, double most)
+{
+    return least * pow(most / least, random_u32(&seed) * 0x1p-32);
+}
+
+static double clamp(double x, double most)
+{
+    return fmax(-most, fmin(most, x));
+}
+
+/* --- parameters ------------------------------------------------------------------------------------------------------- */
 
 #define AT(member) offsetof(dahl_compensator_params_t, member)
 
-static void test_wrong_floats_are_refused_with_a_code(void)
+static void test_parameters_are_refused_with_the_code_of_their_bound(void)
 {
-    static const float_case_t cases[] = {
+    static const struct {
+        size_t member; /* of a float */
+        float value;
+        dahl_compensator_err_t code;
+    } cases[] = {
         {AT(friction.sigma0), 0.0f, DAHL_COMPENSATOR_PARAM},
         {AT(friction.theta_per_count), 0.0f, DAHL_COMPENSATOR_PARAM},
         {AT(friction.Fc), 0x1p-70f, DAHL_COMPENSATOR_RANGE},
-        {AT(Fc_low), 0.0f, DAHL_COMPENSATOR_PARAM},
+        {AT(Fc_low), -1.0f, DAHL_COMPENSATOR_PARAM},
         {AT(length_long), -1.0f, DAHL_COMPENSATOR_PARAM},
         {AT(gain), -0.5f, DAHL_COMPENSATOR_PARAM},
         {AT(gain), 1.0000001f, DAHL_COMPENSATOR_RANGE},
@@ -67,49 +100,53 @@ static void test_wrong_floats_are_refused_with_a_code(void)
         {AT(pull), NAN, DAHL_COMPENSATOR_PARAM},
         {AT(fade_speed), 0.03f, DAHL_COMPENSATOR_RANGE}, /* jump is 1278 times this speed */
         {AT(fade_speed), 0.04f, DAHL_COMPENSATOR_OK},
+        {AT(fade_speed), -0.0f, DAHL_COMPENSATOR_OK},
         {AT(Fc_low), 0.49999997f, DAHL_COMPENSATOR_GAIN},
         {AT(friction.Fc), 0.50000006f, DAHL_COMPENSATOR_GAIN},
+        {AT(length_long), 0.0050000004f, DAHL_COMPENSATOR_OK}, /* the next float: Fc/length_long may round up */
         {AT(length_long), 0.005000001f, DAHL_COMPENSATOR_SLOPE},
         {AT(friction.sigma0), 100.00002f, DAHL_COMPENSATOR_SLOPE},
-        {AT(gain), 0.0f, DAHL_COMPENSATOR_OK},
         {AT(length_long), 0.004999999f, DAHL_COMPENSATOR_OK},
+        {AT(gain), 0.0f, DAHL_COMPENSATOR_OK},
     };
     for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
         dahl_compensator_params_t params = valid;
         dahl_compensator_plan_t plan = {.gain_q16 = 77}, before = plan;
         memcpy((char *)&params + cases[k].member, &cases[k].value, sizeof(float));
-        TEST_ASSERT_EQUAL_INT_MESSAGE(cases[k].code, dahl_compensator_prepare(&plan, &params), "case");
+        TEST_ASSERT_EQUAL_INT(cases[k].code, dahl_compensator_prepare(&plan, &params));
         TEST_ASSERT_TRUE((cases[k].code == DAHL_COMPENSATOR_OK) == (memcmp(&plan, &before, sizeof plan) != 0));
     }
 }
 
-static void test_bounds_in_float_make_an_element_that_passes(void)
-{
-    uint64_t seed = 6;
-    for (int k = 0; k < 2000; k++) {
-        dahl_compensator_params_t params = valid;
-        dahl_compensator_plan_t plan;
-        params.Fc_low = params.friction.Fc = params.limit = 0.1f + (float)random_u32(&seed) * 0x1p-32f;
-        params.length_long = 0.001f + (float)random_u32(&seed) * 0x1p-36f;
-        params.friction.sigma0 = params.Fc_low / params.length_long;
-        TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_compensator_prepare(&plan, &params));
-        params.length_long *= 1.000001f;
-        TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_SLOPE, dahl_compensator_prepare(&plan, &params));
-    }
-}
-
-static void test_wrong_counts_are_refused_with_a_code(void)
+static void test_counts_and_laws_are_refused_with_the_code_of_their_bound(void)
 {
     static const struct {
         uint32_t noise, play, jump;
+        int law;
+        float Fc_low; /* 0 skips both bounds, which the reference law alone may */
         dahl_compensator_err_t code;
-    } cases[] = {{1, 1, 9, DAHL_COMPENSATOR_PLAY}, {0, 0, 9, DAHL_COMPENSATOR_PLAY},  {5, 9, 9, DAHL_COMPENSATOR_PLAY},
-                 {0, 1, 9, DAHL_COMPENSATOR_OK},   {5, 10, 9, DAHL_COMPENSATOR_OK},   {1, 2, 0, DAHL_COMPENSATOR_PARAM},
-                 {0, 1u << 25, 9, DAHL_COMPENSATOR_RANGE}, {UINT32_MAX, 4, 9, DAHL_COMPENSATOR_RANGE},
-                 {0, 1, UINT32_MAX, DAHL_COMPENSATOR_RANGE}};
+    } cases[] = {
+        {1, 1, 9, DAHL_COMPENSATOR_MEASURED, 0.5f, DAHL_COMPENSATOR_PLAY},
+        {0, 0, 9, DAHL_COMPENSATOR_MEASURED, 0.5f, DAHL_COMPENSATOR_PLAY},
+        {5, 9, 9, DAHL_COMPENSATOR_MEASURED, 0.5f, DAHL_COMPENSATOR_PLAY},
+        {5, 10, 9, DAHL_COMPENSATOR_MEASURED, 0.5f, DAHL_COMPENSATOR_OK},
+        {0, 1, 0, DAHL_COMPENSATOR_MEASURED, 0.5f, DAHL_COMPENSATOR_PARAM},
+        {0, DAHL_COMPENSATOR_PLAY_MAX, 9, DAHL_COMPENSATOR_MEASURED, 0.5f, DAHL_COMPENSATOR_OK},
+        {0, DAHL_COMPENSATOR_PLAY_MAX + 1, 9, DAHL_COMPENSATOR_MEASURED, 0.5f, DAHL_COMPENSATOR_RANGE},
+        {UINT32_MAX, 4, 9, DAHL_COMPENSATOR_MEASURED, 0.5f, DAHL_COMPENSATOR_RANGE},
+        {0, 1, DAHL_COMPENSATOR_JUMP_MAX, DAHL_COMPENSATOR_MEASURED, 0.5f, DAHL_COMPENSATOR_OK},
+        {0, 1, DAHL_COMPENSATOR_JUMP_MAX + 1, DAHL_COMPENSATOR_MEASURED, 0.5f, DAHL_COMPENSATOR_RANGE},
+        {0, 1, 9, DAHL_COMPENSATOR_MEASURED, 0.0f, DAHL_COMPENSATOR_PARAM},
+        {0, 1, 9, DAHL_COMPENSATOR_REFERENCE, 0.0f, DAHL_COMPENSATOR_OK},
+        {0, 1, 9, DAHL_COMPENSATOR_REFERENCE, 0.4f, DAHL_COMPENSATOR_GAIN},
+        {0, 1, 9, 3, 0.5f, DAHL_COMPENSATOR_PARAM},
+    };
     for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
         dahl_compensator_params_t params = valid;
         dahl_compensator_plan_t plan;
+        params.law = (dahl_compensator_law_t)cases[k].law;
+        params.Fc_low = cases[k].Fc_low;
+        params.length_long *= cases[k].Fc_low > 0 ? 1 : 0;
         params.noise = cases[k].noise;
         params.play = cases[k].play;
         params.jump = cases[k].jump;
@@ -117,313 +154,271 @@ static void test_wrong_counts_are_refused_with_a_code(void)
     }
 }
 
-/* Of 0.01 to 10^7 counts of a tick at fade_speed. The header promises a little less than 1024 times these counts. */
-static void test_the_longest_jump_follows_the_fade_speed(void)
+/* --- plans ------------------------------------------------------------------------------------------------------------ */
+
+/* The value is rounded down, and saturates. It may lose a unit more, or 2^-30 of itself. */
+static void check_fixed(double exact, double least, double most, double fixed)
 {
-    uint64_t seed = 10;
-    for (int k = 0; k < 2000; k++) {
-        dahl_compensator_params_t params = valid;
-        dahl_compensator_plan_t plan;
-        const double counts = 0.01 * exp(random_u32(&seed) * 0x1p-32 * log(1e9));
-        const double factor = DAHL_COMPENSATOR_JUMP_SPEEDS / (counts > DAHL_COMPENSATOR_FINE_COUNTS ? 2.0 : 1.0);
-        params.fade_speed = (float)(counts * (double)params.friction.theta_per_count / 1e-3);
-        params.jump = (uint32_t)fmin(DAHL_COMPENSATOR_JUMP_MAX - 1, fmax(1, floor(factor * counts * 0.999)));
-        TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_compensator_prepare(&plan, &params));
-        params.jump = (uint32_t)fmin(DAHL_COMPENSATOR_JUMP_MAX + 1, ceil(1100 * counts));
-        TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_RANGE, dahl_compensator_prepare(&plan, &params));
-    }
+    const double wanted = fmax(least, fmin(most, exact));
+    TEST_ASSERT_DOUBLE_WITHIN(1 + wanted * 0x1p-30, wanted, fixed);
 }
 
-static void test_the_reference_law_needs_no_bounds_but_keeps_given_ones(void)
+/* The longest power of two of ticks within a time, at most 2^most. */
+static int doublings(double seconds, double period, int most)
+{
+    const int shift = (int)floor(log2(seconds / period));
+    return shift < 0 ? 0 : shift > most ? most : shift;
+}
+
+static double fade_step(double period, double seconds)
+{
+    return seconds > 0 ? period / seconds * ONE_Q30 : ONE_Q30;
+}
+
+/* Random parameters: 0 switches a term off in one of eight cases. */
+static dahl_compensator_params_t random_params(void)
 {
     dahl_compensator_params_t params = valid;
-    dahl_compensator_plan_t plan;
-    params.law = DAHL_COMPENSATOR_REFERENCE;
     params.Fc_low = params.length_long = 0.0f;
-    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_compensator_prepare(&plan, &params));
-    params.Fc_low = 0.4f;
-    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_GAIN, dahl_compensator_prepare(&plan, &params));
-    params = valid;
-    params.law = (dahl_compensator_law_t)3;
-    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_PARAM, dahl_compensator_prepare(&plan, &params));
+    params.friction.Fc = (float)random_between(1e-3, 1e3);
+    params.friction.theta_per_count = (float)ldexp(6.2831853, -12 - (int)(random_u32(&seed) % 19));
+    params.friction.sigma0 = params.friction.Fc * (float)random_between(1, 1e3);
+    params.period = (float)random_between(2e-6, 2e-2);
+    params.gain = (float)(random_u32(&seed) % 1001) / 1000.0f;
+    params.limit = (float)random_between(1e-12, 1e9);
+    params.slew = (float)random_between(1e-12, 1e12);
+    float *const optional[] = {&params.rise, &params.fall, &params.fade_speed, &params.pull};
+    static const double most[] = {1e7, 1e7, 1e4, 1e7};
+    for (size_t k = 0; k < sizeof optional / sizeof optional[0]; k++) {
+        *optional[k] = random_u32(&seed) % 8 == 0 ? 0.0f : (float)random_between(1e-5, most[k]);
+    }
+    params.jump = (uint32_t)random_between(1, 1e9);
+    return params;
 }
 
-static void test_extreme_parameters_give_a_plan_at_its_limits(void)
+/* A unit of few bits is rounded up, so that a fine encoder does not fade late. */
+static void check_speed_unit(const dahl_compensator_plan_t *plan, double counts_to_fade)
 {
-    dahl_compensator_params_t params = valid;
-    params.slew = params.limit = 0x1p-60f;
-    params.rise = 0x1p40f;
-    params.pull = 0x1p40f;
-    dahl_compensator_plan_t plan = plan_of(&params);
-    TEST_ASSERT_EQUAL_UINT32(1, plan.slew_q30);
-    TEST_ASSERT_EQUAL_UINT32(1, plan.rise_q30);
-    TEST_ASSERT_EQUAL_INT32(0, plan.limit_q30);
-    TEST_ASSERT_EQUAL_UINT32(1, plan.pull_shift);
-    params.slew = params.limit = 0x1p63f;
-    params.pull = 0x1p-60f;
-    params.period = 0x1p-20f;
-    plan = plan_of(&params);
-    TEST_ASSERT_EQUAL_UINT32(UINT32_MAX, plan.slew_q30);
-    TEST_ASSERT_EQUAL_INT32(INT32_MAX, plan.limit_q30);
-    TEST_ASSERT_EQUAL_UINT32(30, plan.pull_shift);
-    TEST_ASSERT_EQUAL_UINT32(12, plan.speed_shift); /* longest mean: 2^12 ticks of a microsecond */
+    const double unit = 1 / (counts_to_fade * FROM_Q20);
+    check_fixed(counts_to_fade > 0 ? unit : 0, 0, ONE_Q30, plan->speed_unit);
+    TEST_ASSERT_TRUE(counts_to_fade <= DAHL_COMPENSATOR_FINE_COUNTS || plan->speed_unit >= unit);
 }
 
-/* --- move ------------------------------------------------------------------------------------------------------------- */
-
-static void test_the_play_follows_the_counts_within_its_width(void)
+/* The corner of a pull is at part/(2 pi) of the tick rate. Return the factor between the wanted and the planned one. */
+static double corner_factor(const dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params)
 {
-    uint64_t seed = 3;
-    for (uint32_t play = 1; play < 40; play++) {
+    const double wanted = 6.283185307179586 * (double)params->pull * (double)params->period, got = ldexp(1, -plan->pull_shift);
+    return fmax(wanted / got, got / wanted);
+}
+
+/* The header promises factors of 1000 and 500; a jump above 1100 times these counts is always refused. */
+static int is_jump_short(double jump, double counts_to_fade)
+{
+    const double factor = DAHL_COMPENSATOR_JUMP_SPEEDS / (counts_to_fade > DAHL_COMPENSATOR_FINE_COUNTS ? 2.0 : 1.0);
+    return counts_to_fade <= 0 || jump < factor * counts_to_fade * 0.999;
+}
+
+static int is_jump_too_long(double jump, double counts_to_fade)
+{
+    return counts_to_fade > 0 && jump > 1100 * counts_to_fade;
+}
+
+static void test_a_plan_has_the_values_of_its_parameters(void)
+{
+    int accepted = 0;
+    for (int k = 0; k < PLANS; k++) {
+        const dahl_compensator_params_t p = random_params();
+        const double Fc = (double)p.friction.Fc, period = (double)p.period;
+        const double counts_to_fade = (double)p.fade_speed * period / (double)p.friction.theta_per_count;
+        dahl_compensator_plan_t plan;
+        const int is_accepted = dahl_compensator_prepare(&plan, &p) == DAHL_COMPENSATOR_OK;
+        TEST_ASSERT_TRUE(is_accepted ? !is_jump_too_long(p.jump, counts_to_fade) : !is_jump_short(p.jump, counts_to_fade));
+        if (!is_accepted) {
+            continue;
+        }
+        accepted++;
+        TEST_ASSERT_EQUAL_UINT32((uint32_t)((double)p.gain * 65536), plan.gain_q16);
+        check_fixed((double)p.limit / Fc * ONE_Q30, 0, INT32_MAX, plan.limit_q30);
+        check_fixed((double)p.slew * period / Fc * ONE_Q30, 1, UINT32_MAX, plan.slew_q30);
+        check_fixed(fade_step(period, (double)p.rise), 1, ONE_Q30, plan.rise_q30);
+        check_fixed(fade_step(period, (double)p.fall), 1, ONE_Q30, plan.fall_q30);
+        check_speed_unit(&plan, counts_to_fade);
+        TEST_ASSERT_EQUAL_INT(doublings((double)0.012f, period, 12), plan.speed_shift);
+        TEST_ASSERT_EQUAL_UINT32((1u << plan.speed_shift) - 1, plan.speed_mask);
+        TEST_ASSERT_TRUE(p.pull > 0 ? 1 <= plan.pull_shift && plan.pull_shift <= 30 : plan.pull_shift == 0);
+        const int is_between = plan.pull_shift > 1 && plan.pull_shift < 30;
+        TEST_ASSERT_TRUE(!is_between || corner_factor(&plan, &p) < 1.4143);
+        TEST_ASSERT_TRUE(plan.slew_q30 >= 1 && plan.rise_q30 >= 1 && plan.fall_q30 >= 1);
+        TEST_ASSERT_TRUE(plan.jump == p.jump && plan.play == (int32_t)p.play && plan.law == (uint8_t)p.law);
+    }
+    TEST_ASSERT_GREATER_THAN_INT(PLANS / 10, accepted);
+}
+
+static void test_an_adaptation_plan_has_the_values_of_its_parameters(void)
+{
+    for (int k = 0; k < PLANS; k++) {
+        const dahl_compensator_params_t p = random_params();
+        const double inertia = (double)(float)random_between(1e-12, 1e12), period = (double)p.period;
+        const double per_Fc = inertia / (double)p.friction.Fc;
+        const dahl_adaptation_plan_t plan = adaptation_plan_of(&p, (float)inertia);
+        const double unit = (double)p.friction.theta_per_count / period / FROM_Q20;
+        TEST_ASSERT_EQUAL_INT(doublings(1, period, 15), plan.bin_shift);
+        TEST_ASSERT_EQUAL_INT(doublings((double)0.064f, period, 12), plan.speed_shift);
+        check_fixed((double)0.06f / period, 0, UINT32_MAX, plan.settle_ticks);
+        check_fixed(30 / period, 0, UINT32_MAX, plan.window_ticks);
+        check_fixed(unit, 0, ONE_Q30, plan.speed_unit);
+        const double longest = (double)plan.speed_unit * plan.speed_counts;
+        TEST_ASSERT_TRUE(longest <= ONE_Q30 && (plan.speed_unit == 0 || longest > ONE_Q30 / 2 - 1));
+        check_fixed(per_Fc / ldexp(period, plan.bin_shift) * 65536, 0, 1 << 22, plan.inertia_q16);
+        check_fixed((double)0.1f * ldexp(period, plan.speed_shift) / per_Fc / FROM_Q20, 0, ONE_Q30, plan.gap_q20);
+    }
+}
+
+/* --- ticks ------------------------------------------------------------------------------------------------------------ */
+
+/* Speed and play as the header defines them. */
+typedef struct {
+    int64_t position, speed_q20, bad_ticks, rejected;
+    double fade, torque_q30;
+} model_t;
+
+static int32_t model_move(model_t *model, const dahl_compensator_plan_t *plan, int32_t dcounts, int is_good)
+{
+    if (!is_good || llabs((int64_t)dcounts) > plan->jump) {
+        model->bad_ticks++;
+        model->rejected++;
+        model->fade -= model->bad_ticks < DAHL_COMPENSATOR_BAD_TICKS ? 0 : plan->fall_q30 * FROM_Q30;
+        model->fade = fmax(0, model->fade);
+        return 0;
+    }
+    const int64_t position = model->position + dcounts;
+    model->position = position < 0 ? 0 : position > plan->play ? plan->play : position;
+    const int64_t move = position - model->position;
+    model->speed_q20 += (move * plan->speed_unit - model->speed_q20) / ((int64_t)1 << plan->speed_shift);
+    model->fade = fmin(1, model->fade + plan->rise_q30 * FROM_Q30);
+    model->bad_ticks = 0;
+    return (int32_t)move;
+}
+
+static void check_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, model_t *model, int32_t dcounts)
+{
+    const int is_good = random_u32(&seed) % 64 > model->bad_ticks % 16;
+    const int32_t move = model_move(model, plan, dcounts, is_good);
+    TEST_ASSERT_EQUAL_INT32(move, dahl_compensator_move(plan, compensator, dcounts, is_good));
+    TEST_ASSERT_EQUAL_INT32(move, compensator->move);
+    TEST_ASSERT_EQUAL_INT32(model->position, compensator->play_position);
+    TEST_ASSERT_EQUAL_INT32(model->speed_q20, compensator->speed_q20);
+    TEST_ASSERT_EQUAL_UINT32(model->bad_ticks, compensator->bad_ticks);
+    TEST_ASSERT_EQUAL_UINT32(model->rejected, compensator->rejected);
+    TEST_ASSERT_DOUBLE_WITHIN(1e-9, model->fade, compensator->fade_q30 * FROM_Q30);
+}
+
+static void check_torque(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, model_t *model, int32_t ratio)
+{
+    const double speed_fade = fmax(0, fmin(1, 2 - fabs((double)model->speed_q20 * FROM_Q20)));
+    const double wanted = ratio * (plan->gain_q16 * 0x1p-16) * model->fade * speed_fade, slew = plan->slew_q30;
+    const int32_t torque = dahl_compensator_torque(plan, compensator, ratio);
+    TEST_ASSERT_DOUBLE_WITHIN(fabs(2.3 * 0x1p-15 * ratio) + 1, wanted, compensator->wanted_q30);
+    TEST_ASSERT_TRUE(fabs(wanted) < fabs((double)ratio) || ratio == INT32_MIN || compensator->wanted_q30 == ratio);
+    TEST_ASSERT_DOUBLE_WITHIN(0x1p-15, speed_fade, compensator->speed_fade_q15 * 0x1p-15);
+    model->torque_q30 += clamp(compensator->wanted_q30 - model->torque_q30, slew);
+    model->torque_q30 = clamp(model->torque_q30, plan->limit_q30);
+    TEST_ASSERT_EQUAL_INT32((int32_t)model->torque_q30, torque);
+    TEST_ASSERT_TRUE(compensator->torque_q30 == torque && compensator->ratio_q30 == ratio);
+}
+
+/* Motions of a few counts with jumps of any size, next to the longest ones too. */
+static int32_t random_counts(const dahl_compensator_plan_t *plan, int t)
+{
+    const uint32_t kind = random_u32(&seed) % 32;
+    const int32_t jump = (int32_t)plan->jump + (int32_t)(random_u32(&seed) % 3) - 1;
+    const int32_t slide = t / 200 % 3 == 0 ? 0 : t / 200 % 3 == 1 ? 3 : -40;
+    return kind == 0 ? random_i32() : kind == 1 ? jump : kind == 2 ? -jump : slide + (int32_t)(random_u32(&seed) % 13) - 6;
+}
+
+static void test_ticks_of_random_motions_follow_the_model(void)
+{
+    for (int k = 0; k < 200; k++) {
         dahl_compensator_params_t params = valid;
+        params.gain = k % 4 == 0 ? 1.0f : (float)(k % 101) / 100.0f;
+        params.noise = (uint32_t)k % 20;
+        params.play = 2 * params.noise + (uint32_t)(k % 3) + (k % 20 == 0);
+        params.jump = 60 + (uint32_t)k;
+        params.limit = k % 3 == 0 ? 100.0f : (float)random_between(0.1, 1);
+        params.slew = k % 2 == 0 ? 1e6f : (float)random_between(1, 1000);
+        params.rise = k % 5 == 0 ? 0.0f : (float)random_between(1e-3, 0.1);
+        params.fall = k % 7 == 0 ? 0.0f : (float)random_between(1e-3, 0.01);
+        params.fade_speed = k % 3 == 0 ? 0.0f : 2.0f + (float)(k % 11);
+        params.period = k % 10 == 9 ? 4e-6f : 1e-3f; /* the longest mean */
+        params.fade_speed *= 1e-3f / params.period;
+        const dahl_compensator_plan_t plan = plan_of(&params);
         dahl_compensator_t compensator = {0};
-        int64_t counts = 0, followed = 0;
-        params.noise = play / 2;
-        params.play = play;
-        const dahl_compensator_plan_t plan = plan_of(&params);
-        for (int t = 0; t < 2000; t++) {
-            int32_t dcounts = (int32_t)(random_u32(&seed) % 201) - 100;
-            int32_t move = dahl_compensator_move(&plan, &compensator, dcounts, 1);
-            counts += dcounts;
-            followed += move;
-            const int64_t position = counts - followed;
-            TEST_ASSERT_TRUE(0 <= position && position <= play);
-            TEST_ASSERT_TRUE((int64_t)move * dcounts >= 0);
-            TEST_ASSERT_TRUE(move == 0 || position == (move > 0 ? play : 0)); /* it leaves at an end */
+        model_t model = {0};
+        for (int t = 0; t < 1000; t++) {
+            check_move(&plan, &compensator, &model, random_counts(&plan, t));
+            check_torque(&plan, &compensator, &model, random_i32());
         }
-    }
-}
-
-static void test_bad_readings_hold_then_fade(void)
-{
-    dahl_compensator_params_t params = valid;
-    params.fall = 0.010f; /* 10 ticks */
-    params.rise = 0.100f;
-    const dahl_compensator_plan_t plan = plan_of(&params);
-    dahl_compensator_t compensator = {0};
-    for (int t = 1; t <= 100; t++) {
-        TEST_ASSERT_EQUAL_INT32(t == 1 ? 8 : 10, dahl_compensator_move(&plan, &compensator, 10, 1));
-        TEST_ASSERT_DOUBLE_WITHIN(1e-6, t / 100.0, compensator.fade_q30 * 0x1p-30);
-    }
-    for (int t = 1; t <= 15; t++) { /* jumps, and readings that the caller rejects */
-        const int32_t jump = t % 3 == 0 ? 101 : t % 3 == 1 ? INT32_MIN : 0;
-        const double fade = t < 3 ? 1 : fmax(0, 1 - (t - 2) / 10.0);
-        TEST_ASSERT_EQUAL_INT32(0, dahl_compensator_move(&plan, &compensator, jump, jump != 0));
-        TEST_ASSERT_DOUBLE_WITHIN(1e-6, fade, compensator.fade_q30 * 0x1p-30);
-        TEST_ASSERT_EQUAL_UINT32((uint32_t)t, compensator.rejected);
-    }
-    TEST_ASSERT_EQUAL_INT32(-98, dahl_compensator_move(&plan, &compensator, -100, 1));
-    TEST_ASSERT_EQUAL_UINT32(0, compensator.bad_ticks);
-}
-
-/* --- torque ----------------------------------------------------------------------------------------------------------- */
-
-static double expected_torque(const dahl_compensator_params_t *params, double ratio, double fade, double speed)
-{
-    const double over = params->fade_speed > 0 ? fabs(speed) / params->fade_speed : 0;
-    return ratio * params->gain * fade * fmax(0, fmin(1, 2 - over));
-}
-
-static void test_each_factor_scales_the_torque(void)
-{
-    uint64_t seed = 5;
-    for (int k = 0; k < 20000; k++) {
-        dahl_compensator_params_t params = valid;
-        params.gain = (float)(random_u32(&seed) % 1001) / 1000.0f;
-        params.limit = 0.1f + (float)(random_u32(&seed) % 1000) / 1000.0f;
-        params.fade_speed = k % 2 == 0 ? 0.0f : 2.0f;
-        const dahl_compensator_plan_t plan = plan_of(&params);
-        const double speed = random_u32(&seed) % 10000 / 1000.0 - 5, fade = random_u32(&seed) * 0x1p-32;
-        dahl_compensator_t compensator = {.fade_q30 = (uint32_t)(fade * ONE_Q30)};
-        compensator.speed_q20 = k % 2 == 0 ? 0 : (int32_t)(speed / 2.0 * (1 << 20));
-        const int32_t ratio = random_i32(&seed);
-        const int32_t torque = dahl_compensator_torque(&plan, &compensator, ratio);
-        const double exact = expected_torque(&params, ratio * 0x1p-30, fade, speed);
-        const double limit = (double)params.limit / (double)params.friction.Fc;
-        TEST_ASSERT_DOUBLE_WITHIN(4 * 0x1p-15, exact, compensator.wanted_q30 * 0x1p-30);
-        TEST_ASSERT_DOUBLE_WITHIN(4 * 0x1p-15, fmax(-limit, fmin(limit, exact)), torque * 0x1p-30);
-    }
-}
-
-static void test_full_gain_returns_the_ratio(void)
-{
-    uint64_t seed = 2;
-    dahl_compensator_params_t params = valid;
-    params.limit = 100.0f;
-    const dahl_compensator_plan_t plan = plan_of(&params);
-    for (int k = 0; k < 1000; k++) {
-        dahl_compensator_t compensator = {.fade_q30 = ONE_Q30};
-        const int32_t ratio = k == 0 ? ONE_Q30 : random_i32(&seed);
-        TEST_ASSERT_EQUAL_INT32(ratio == INT32_MIN ? -INT32_MAX : ratio, dahl_compensator_torque(&plan, &compensator, ratio));
-    }
-}
-
-static void test_the_mean_of_the_speed_follows_the_moves(void)
-{
-    dahl_compensator_params_t params = valid;
-    dahl_compensator_t compensator = {0};
-    params.fade_speed = 3.0f;
-    const dahl_compensator_plan_t plan = plan_of(&params);
-    for (int t = 1; t <= 300; t++) {
-        const int32_t dcounts = t <= 100 ? 10 : t <= 200 ? -100 : 0;
-        const double speed = dcounts * (double)params.friction.theta_per_count * 1e3;
-        (void)dahl_compensator_move(&plan, &compensator, dcounts, 1);
-        if (t % 100 == 0) {
-            TEST_ASSERT_DOUBLE_WITHIN(0.01, speed / 3, compensator.speed_q20 * 0x1p-20);
-        }
-    }
-}
-
-/* The sum of rounded changes must not depend on the direction, also with the longest mean: 2^11 ticks of 4 us. */
-static void test_opposite_motions_have_opposite_speeds(void)
-{
-    uint64_t seed = 1;
-    dahl_compensator_params_t params = valid;
-    params.period = 4e-6f;
-    params.fade_speed = 4.0f;
-    params.play = 8;
-    params.jump = 40;
-    const dahl_compensator_plan_t plan = plan_of(&params);
-    dahl_compensator_t forward = {.fade_q30 = ONE_Q30}, backward = {.fade_q30 = ONE_Q30, .play_position = 8};
-    TEST_ASSERT_EQUAL_UINT32(11, plan.speed_shift);
-    for (int t = 0; t < 400000; t++) { /* to 6 rad/s and back to rest */
-        const double speed = t < 300000 ? t * 2e-5 : 0;
-        const int32_t dcounts = random_u32(&seed) * 0x1p-32 < speed * 4e-6 / (double)valid.friction.theta_per_count;
-        TEST_ASSERT_EQUAL_INT32(dahl_compensator_move(&plan, &forward, dcounts, 1),
-                                -dahl_compensator_move(&plan, &backward, -dcounts, 1));
-        TEST_ASSERT_EQUAL_INT32(forward.speed_q20, -backward.speed_q20);
-        const int32_t torque = dahl_compensator_torque(&plan, &forward, ONE_Q30);
-        TEST_ASSERT_INT32_WITHIN(1, torque, -dahl_compensator_torque(&plan, &backward, -ONE_Q30));
-    }
-    TEST_ASSERT_INT32_WITHIN(1 << 11, 0, forward.speed_q20);
-}
-
-/* The torque after 200 ticks at a speed, for an encoder with this many bits, fade_speed 100 rad/s and 1 kHz. */
-static int32_t torque_at_speed(int bits, float speed)
-{
-    dahl_compensator_params_t params = valid;
-    dahl_compensator_t compensator = {0};
-    params.friction.theta_per_count = ldexpf(6.2831853f, -bits);
-    params.fade_speed = 100.0f;
-    params.jump = (uint32_t)(0.3f / params.friction.theta_per_count);
-    const dahl_compensator_plan_t plan = plan_of(&params);
-    const int32_t dcounts = (int32_t)(speed * params.period / params.friction.theta_per_count);
-    for (int t = 0; t < 200; t++) {
-        (void)dahl_compensator_move(&plan, &compensator, dcounts, 1);
-    }
-    return dahl_compensator_torque(&plan, &compensator, ONE_Q30);
-}
-
-static void test_a_fine_encoder_does_not_fade_late(void)
-{
-    for (int bits = 14; bits <= 30; bits++) {
-        TEST_ASSERT_EQUAL_INT32(0, torque_at_speed(bits, 210.0f));
-        TEST_ASSERT_TRUE(bits > 22 || torque_at_speed(bits, 90.0f) == ONE_Q30);
     }
 }
 
 /* --- any bits --------------------------------------------------------------------------------------------------------- */
 
-static void randomize(void *memory, size_t bytes, uint64_t *seed)
+static void randomize(void *memory, size_t bytes)
 {
     for (size_t k = 0; k < bytes; k++) {
-        ((unsigned char *)memory)[k] = (unsigned char)random_u32(seed);
+        ((unsigned char *)memory)[k] = (unsigned char)random_u32(&seed);
     }
-}
-
-/* Of a bristle: at most 1 Fc of either sign. */
-static int64_t random_state_w(uint64_t *seed)
-{
-    const uint64_t bits = (uint64_t)random_u32(seed) << 32 | random_u32(seed);
-    return (int64_t)(bits >> 1) - (INT64_C(1) << 62);
 }
 
 static void test_any_state_keeps_the_limit(void)
 {
-    uint64_t seed = 9;
-    dahl_adaptation_plan_t adaptation_plan;
     dahl_compensator_params_t params = valid;
-    params.law = DAHL_COMPENSATOR_REFERENCE;
     params.limit = 0.3f;
     params.slew = 3.0f;
     const dahl_compensator_plan_t plan = plan_of(&params), zeros = {0};
-    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_adaptation_prepare(&adaptation_plan, &params, 0.002f));
+    const dahl_adaptation_plan_t adaptation_plan = adaptation_plan_of(&params, 0.002f);
     for (int k = 0; k < 20000; k++) {
         dahl_compensator_t compensator;
         dahl_adaptation_t adaptation;
-        randomize(&compensator, sizeof compensator, &seed);
-        randomize(&adaptation, sizeof adaptation, &seed);
+        randomize(&compensator, sizeof compensator);
+        randomize(&adaptation, sizeof adaptation);
         for (int t = 0; t < 4; t++) {
-            (void)dahl_compensator_move(&plan, &compensator, random_i32(&seed), (int)(random_u32(&seed) % 8));
-            TEST_ASSERT_TRUE(labs(dahl_compensator_torque(&plan, &compensator, random_i32(&seed))) <= plan.limit_q30);
-            dahl_adaptation_step(&adaptation_plan, &adaptation, &compensator, random_i32(&seed));
-            const int32_t ratio = random_i32(&seed), scaled = dahl_adaptation_apply(&adaptation, ratio);
-            const double factor = 1 + fmax(-0.5, fmin(0.5, adaptation.Fc_change_q16 * 0x1p-16));
-            TEST_ASSERT_DOUBLE_WITHIN(1e-6, fmax(-2, fmin(2, ratio * 0x1p-30 * factor)), scaled * 0x1p-30);
+            (void)dahl_compensator_move(&plan, &compensator, random_i32(), (int)(random_u32(&seed) % 8));
+            TEST_ASSERT_TRUE(labs(dahl_compensator_torque(&plan, &compensator, random_i32())) <= plan.limit_q30);
+            dahl_adaptation_step(&adaptation_plan, &adaptation, &compensator, random_i32());
+            const int32_t ratio = random_i32(), scaled = dahl_adaptation_apply(&adaptation, ratio);
+            const double factor = 1 + clamp(adaptation.Fc_change_q16 * 0x1p-16, 0.5);
+            TEST_ASSERT_DOUBLE_WITHIN(1e-6, clamp(ratio * FROM_Q30 * factor, 2), scaled * FROM_Q30);
         }
-        TEST_ASSERT_EQUAL_INT32(0, dahl_compensator_torque(&zeros, &compensator, random_i32(&seed)));
+        TEST_ASSERT_EQUAL_INT32(0, dahl_compensator_torque(&zeros, &compensator, random_i32()));
     }
+}
+
+static void test_counts_of_rejections_do_not_wrap(void)
+{
+    const dahl_compensator_plan_t plan = plan_of(&valid);
+    dahl_compensator_t compensator = {.bad_ticks = UINT32_MAX, .rejected = UINT32_MAX};
+    (void)dahl_compensator_move(&plan, &compensator, 1, 0);
+    TEST_ASSERT_TRUE(compensator.bad_ticks == UINT32_MAX && compensator.rejected == UINT32_MAX);
 }
 
 /* Between all states, also beyond +-1 Fc. A step of the pull is 2^-30 Fc. */
 static void test_a_pull_closes_its_part_of_the_gap(void)
 {
-    uint64_t seed = 4;
     dahl_compensator_params_t params = valid;
-    params.law = DAHL_COMPENSATOR_REFERENCE;
     params.pull = 0.3f;
     const dahl_compensator_plan_t plan = plan_of(&params), without = plan_of(&valid);
     for (int k = 0; k < 1000; k++) {
         dahl_state_t state, measured;
-        randomize(&state, sizeof state, &seed);
-        randomize(&measured, sizeof measured, &seed);
+        randomize(&state, sizeof state);
+        randomize(&measured, sizeof measured);
         const int64_t before = state.w;
         dahl_compensator_pull(&without, &state, &measured);
         TEST_ASSERT_TRUE(before == state.w);
         dahl_compensator_pull(&plan, &state, &measured);
         const double gap = (double)measured.w - (double)before, moved = (double)state.w - (double)before;
         TEST_ASSERT_DOUBLE_WITHIN(0x1p33, gap / 512, moved); /* 0.31 Hz at 1 kHz */
-    }
-}
-
-/* The frequency at which y += p (x - y) halves the power: cos w = 1 - p^2/(2 - 2 p). */
-static double corner_hertz(const dahl_compensator_plan_t *plan, double period)
-{
-    const double part = 1.0 / (double)(1 << plan->pull_shift);
-    return acos(1 - part * part / (2 - 2 * part)) / (6.283185307179586 * period);
-}
-
-static void test_the_corner_of_a_pull_is_near_the_wanted_one(void)
-{
-    dahl_compensator_params_t params = valid;
-    params.law = DAHL_COMPENSATOR_REFERENCE;
-    params.period = 0x1p-10f;
-    for (double times_period = 1e-4; times_period < 0.17; times_period *= 1.01) {
-        params.pull = (float)(times_period / (double)params.period);
-        const dahl_compensator_plan_t plan = plan_of(&params);
-        const double ratio = corner_hertz(&plan, (double)params.period) / (double)params.pull;
-        const double factor = times_period < 0.014 ? 1.5 : 2.1;
-        TEST_ASSERT_TRUE(1 / factor < ratio && ratio < factor);
-    }
-}
-
-/* A gap below 2^(pull_shift - 30) Fc stays. */
-static void test_a_pull_reaches_the_measured_state(void)
-{
-    uint64_t seed = 8;
-    dahl_compensator_params_t params = valid;
-    params.law = DAHL_COMPENSATOR_REFERENCE;
-    params.pull = 10.0f;
-    const dahl_compensator_plan_t plan = plan_of(&params);
-    TEST_ASSERT_EQUAL_UINT32(4, plan.pull_shift);
-    for (int k = 0; k < 1000; k++) {
-        dahl_state_t state = {random_state_w(&seed)}, measured = {random_state_w(&seed)};
-        for (int t = 0; t < 500; t++) {
-            const int64_t before = state.w;
-            dahl_compensator_pull(&plan, &state, &measured);
-            TEST_ASSERT_TRUE(llabs(state.w - measured.w) <= llabs(before - measured.w) + (INT64_C(1) << 32));
-        }
-        TEST_ASSERT_TRUE(llabs(state.w - measured.w) <= INT64_C(1) << (32 + 4));
+        TEST_ASSERT_TRUE((uint32_t)state.w == (uint32_t)before);
     }
 }
 
@@ -433,18 +428,12 @@ static void test_the_adaptation_refuses_the_measured_law_and_bad_values(void)
 {
     dahl_adaptation_plan_t plan;
     dahl_compensator_params_t params = valid;
+    params.law = DAHL_COMPENSATOR_MEASURED;
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_WRONG_LAW, dahl_adaptation_prepare(&plan, &params, 0.002f));
     params.law = DAHL_COMPENSATOR_REFERENCE;
-    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_adaptation_prepare(&plan, &params, 0.002f));
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_PARAM, dahl_adaptation_prepare(&plan, &params, 0.0f));
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_PARAM, dahl_adaptation_prepare(&plan, &params, NAN));
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_RANGE, dahl_adaptation_prepare(&plan, &params, 0x1p-70f));
-    params.period = 1e-9f;
-    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_adaptation_prepare(&plan, &params, 0x1p63f));
-    TEST_ASSERT_EQUAL_UINT32(15, plan.bin_shift);
-    TEST_ASSERT_EQUAL_INT32(0, plan.gap_q20);
-    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_adaptation_prepare(&plan, &params, 0x1p-63f));
-    TEST_ASSERT_EQUAL_INT32(1 << 30, plan.gap_q20);
     params.period = 0.021f;
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_RANGE, dahl_adaptation_prepare(&plan, &params, 0.002f));
 }
@@ -475,13 +464,10 @@ static int direction_at(const slides_t *slides, int t)
 
 static double change_after(const slides_t *slides, int ticks)
 {
-    dahl_compensator_params_t params = valid;
-    dahl_adaptation_plan_t plan;
+    const dahl_adaptation_plan_t plan = adaptation_plan_of(&valid, (float)INERTIA);
     dahl_adaptation_t adaptation = {0};
     dahl_compensator_t compensator = {0};
     double angle = 0;
-    params.law = DAHL_COMPENSATOR_REFERENCE;
-    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_adaptation_prepare(&plan, &params, (float)INERTIA));
     for (int t = 0; t < ticks; t++) {
         const int direction = direction_at(slides, t), sign = direction < 0 ? -1 : 1;
         const double acceleration = (slides->to - slides->from) / (double)SLIDE * 1e3;

@@ -1,7 +1,10 @@
 /* SPDX-License-Identifier: MIT */
-/* Cases at which other implementations fail, and the ends of input that no random motion meets. */
-#include "motions.h"
+/* Cases at which other implementations fail, a plan at the end of its format, and the constants of dahl.h. */
+#include "dahl_parts.h"
 #include "plans.h"
+
+#define TEXT_OF(x) #x
+#define VERSION_OF(major, minor, patch) TEXT_OF(major) "." TEXT_OF(minor) "." TEXT_OF(patch)
 
 #ifndef TEST_FINEST_BITS
 #define TEST_FINEST_BITS 24
@@ -24,21 +27,6 @@ static void test_tiny_motion_keeps_its_relative_accuracy(void)
     }
 }
 
-/* If the gap is widest, travel u moves w by 2 u, and the least move is one unit of 2^-62. */
-static void test_the_least_angle_that_moves_the_state(void)
-{
-    dahl_params_t p = {1.0f, 1.0f, 0.0f};
-    dahl_plan_t plan = plan_for(&p);
-    const int64_t one = (int64_t)1 << 62;
-    dahl_state_t low = {-one}, high = {one};
-    (void)dahl_step(&plan, &low, 0x1.fep-64f);
-    (void)dahl_step(&plan, &high, -0x1.fep-64f);
-    TEST_ASSERT_TRUE(low.w == -one && high.w == one);
-    (void)dahl_step(&plan, &low, 0x1.01p-63f);
-    (void)dahl_step(&plan, &high, -0x1.01p-63f);
-    TEST_ASSERT_TRUE(low.w == 1 - one && high.w == one - 1);
-}
-
 /* A float state stalls short of Fc on encoders of 20 bits and more. */
 static void test_slow_motion_on_a_fine_encoder_reaches_Fc(void)
 {
@@ -55,16 +43,34 @@ static void test_slow_motion_on_a_fine_encoder_reaches_Fc(void)
     }
 }
 
-static void test_subnormal_angles_do_not_move_the_stiffest_bristle(void)
+/* The last bits of this travel are all ones: a unit more would carry into each entry of the plan. */
+static void test_a_travel_whose_last_bits_are_ones(void)
 {
-    dahl_params_t p = {0x1p63f, DAHL_TORQUE_MIN, 0.0f};
+    dahl_params_t p = {0x1.51d492p-3f, 0x1.37d6eep+0f, 0x1.dffdaap-1f};
     dahl_plan_t plan = plan_for(&p);
-    dahl_state_t state = {4711};
-    for (float d = 0x1.fffffcp-127f; d > 0; d /= 2) {
-        (void)dahl_step(&plan, &state, d);
-        (void)dahl_step(&plan, &state, -d);
-        TEST_ASSERT_TRUE(state.w == 4711);
+    TEST_ASSERT_EQUAL_HEX32(0x1e857baeu, plan.g[1].hi);
+    TEST_ASSERT_EQUAL_HEX32(0x94cc33d1u, plan.g[1].lo);
+}
+
+/* A limit that rounds up to 2^31, because it slips after 1 - 2^-46 counts; and a sum of Fc of more than 32 bits, all ones. */
+static void test_slip_elements_at_the_ends_of_their_format(void)
+{
+    static const dahl_slip_params_t cases[] = {{1, 0x1.000002p0f, {0x1.000002p0f}, {0x1.000004p0f}},
+                                               {2, 0.5f, {1.0f, 0x1p-24f}, {0x1.fffffep0f, 0x1.fffffep-24f}}};
+    static const float Fc[] = {0x1.000004p0f, 2.0f};
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        dahl_slip_plan_t plan;
+        dahl_slip_state_t state = {{0}};
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_slip_prepare(&plan, &cases[i]));
+        TEST_ASSERT_TRUE(dahl_slip_step_counts(&plan, &state, 1000) == Fc[i]);
+        TEST_ASSERT_TRUE(i == 1 || fabsf(dahl_slip_step_counts(&plan, &state, -1)) <= 0x1p-29f);
+        TEST_ASSERT_TRUE(dahl_slip_step_counts(&plan, &state, -1000) == -Fc[i]);
     }
-    (void)dahl_step(&plan, &state, 0x1p-126f);
-    TEST_ASSERT_TRUE(state.w > 4711);
+}
+
+static void test_version_and_limits_are_those_of_the_header(void)
+{
+    TEST_ASSERT_EQUAL_STRING(DAHL_VERSION, VERSION_OF(DAHL_VERSION_MAJOR, DAHL_VERSION_MINOR, DAHL_VERSION_PATCH));
+    TEST_ASSERT_TRUE((double)DAHL_TORQUE_MIN == 0x1p-64 && (double)DAHL_TORQUE_MAX == 0x1p64);
+    TEST_ASSERT_TRUE(DAHL_TRAVEL_MIN == 0x1p-30 && DAHL_TRAVEL_MAX == 0x1p20);
 }

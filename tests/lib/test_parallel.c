@@ -135,18 +135,6 @@ static void test_the_sum_of_a_hundred_parts_does_not_overflow(void)
     TEST_ASSERT_EQUAL_INT32(-(1 << 30), dahl_parallel_step_counts_q30(parts, shares, 100, 0));
 }
 
-static void test_small_torques_keep_their_relative_accuracy(void)
-{
-    begin();
-    add(1e-3, 2.739f);
-    add(1e-3, 2.739f);
-    for (int bits = 28; bits < 61; bits++) {
-        mix.state[0].w = mix.state[1].w = (int64_t)3 << bits;
-        long double F = mix.sum * ldexpl(3, bits - 62);
-        TEST_ASSERT_TRUE(fabsl(step(0) - F) <= 1e-6L * F);
-    }
-}
-
 /* Also if they stand first and the element after them has a smaller exponent. Shares of zeros give 0. */
 static void test_plans_of_zeros_do_not_change_the_sum(void)
 {

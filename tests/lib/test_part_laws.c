@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* The laws of the fuzzer of parts, checked with random input: the contract of each model from rest, return-point memory, no
- * creep below breakaway, the fast sum, the integral of the work, and the inverse. */
+ * creep below breakaway, the integral of the work, the inverse, tips, and loads of 1. */
 #include <unity.h>
 
 #define LAW(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)

@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: MIT */
-/* Laws that hold within the rounding of the state: energy, opposite motion, longer moves. The bounds are those of dahl_parts.h;
- * plans, states and moves are random. */
+/* Laws that hold within the rounding of the state: energy, opposite motion, longer moves, the inverse. The bounds are those of
+ * dahl_parts.h; plans, states and moves are random. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <unity.h>
 
 #define HOLDS(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "laws.h"
+#include "plans.h"
 
 #ifndef TEST_TICKS
 #define TEST_TICKS 200000
@@ -170,4 +171,43 @@ static void test_a_longer_move_falls_short_by_its_rounding_at_most(void)
         printf("%s: a longer move ends up to %.2Le of Fc short\n", models[i].name, most);
         TEST_ASSERT_TRUE_MESSAGE(most <= (long double)DAHL_MONOTONE_ERROR, models[i].name);
     }
+}
+
+static float step_from_rest(const dahl_plan_t *plan, int32_t dcounts)
+{
+    dahl_state_t state = {0};
+    return dahl_step_counts(plan, &state, dcounts);
+}
+
+/* A shorter move may reach F within the rounding only. Return how much shorter it is. */
+static int32_t check_shorter(const dahl_plan_t *plan, const dahl_params_t *p, float F, int32_t found, int32_t counts)
+{
+    const float reached = step_from_rest(plan, counts);
+    if (reached < F) {
+        return 0;
+    }
+    TEST_ASSERT_TRUE(((long double)reached - F) / p->Fc <= (long double)DAHL_INVERSE_ERROR + 0.51L * ulp_of(reached) / p->Fc);
+    return found - counts;
+}
+
+/* From rest to Fc less a few floats, where rounding reorders the moves. The gap to Fc is at least 2^-25, as in the header. */
+static void test_a_shorter_move_reaches_the_torque_within_rounding_only(void)
+{
+    const dahl_params_t p = params_for(1e-5, 1.0f);
+    const dahl_plan_t plan = plan_for(&p);
+    const dahl_state_t rest = {0};
+    int32_t most = 0;
+    for (int floats = 0; floats < 8; floats++) {
+        const float F = p.Fc - (float)floats * 0x1p-24f;
+        const long double gap = fmaxl(1 - (long double)F, 0x1p-25L), earlier = DAHL_INVERSE_ERROR / (1e-5L * gap);
+        int32_t found = 0;
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_counts_to_torque(&plan, &rest, F, &found));
+        for (int32_t i = 1; i <= (TEST_TICKS / 50); i++) {
+            const int32_t next = check_shorter(&plan, &p, F, found, found - i);
+            const int32_t any = check_shorter(&plan, &p, F, found, (int32_t)(motion_random(&m) % (uint32_t)found));
+            most = next > most ? next : most;
+            TEST_ASSERT_TRUE(next <= 1 + earlier && any <= 1 + earlier);
+        }
+    }
+    TEST_ASSERT_TRUE(most > 300);
 }

@@ -2,8 +2,9 @@
 /* Any bits are a safe state, and so are plans of zeros. All elements move in random order, with several plans, on one memory
  * whose bits are spoiled now and then. test_step_laws.c sets torques and changes plans; test_part_laws.c has work and
  * inverse. */
-#include "plans.h"
+#include "../random.h"
 #include "models.h"
+#include "plans.h"
 
 #ifndef TEST_TICKS
 #define TEST_TICKS 200000
@@ -22,13 +23,10 @@ static element_t element; /* each call prepares them again, because small cores 
 static any_state_t state;
 static uint64_t seed;
 
-/* splitmix64 */
 static uint64_t random64(void)
 {
-    uint64_t z = seed += 0x9e3779b97f4a7c15u;
-    z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ z >> 27) * 0x94d049bb133111ebu;
-    return z ^ z >> 31;
+    const uint64_t high = random_u32(&seed);
+    return high << 32 | random_u32(&seed);
 }
 
 static uint32_t random_below(uint32_t n)
@@ -46,13 +44,6 @@ static uint32_t random_load(void)
 {
     uint32_t any = (uint32_t)random64(), kind = random_below(8);
     return kind == 0 ? 0 : kind < 3 ? ONE_Q30 : any >> random_below(4);
-}
-
-static float float_of(uint32_t bits)
-{
-    float x;
-    memcpy(&x, &bits, sizeof x);
-    return x;
 }
 
 static void prepare(element_t *e, const model_t *model)
@@ -122,6 +113,12 @@ static void check_clamped_first(const element_t *e, any_state_t before, move_t m
     HOLDS(memcmp(&before, &state, sizeof state) == 0, "a call clamps the state first");
 }
 
+static int is_in_range(int64_t w)
+{
+    const int64_t end = ((int64_t)1 << 62) + ((int64_t)1 << 31);
+    return -end <= w && w < end;
+}
+
 static void step_any_element(void)
 {
     const element_t *e = &element;
@@ -129,6 +126,7 @@ static void step_any_element(void)
     const move_t move = {random_counts(), random_load()}, rest = {0, move.load_q30};
     const any_state_t before = state;
     any_state_t at_rest = state;
+    HOLDS(dahl_state_ok(&before.dahl) == is_in_range(before.dahl.w), "dahl_state_ok() is the range to the bit");
     const float F0 = e->model->step(&e->plan, &at_rest, &e->set, rest), F = e->model->step(&e->plan, &state, &e->set, move);
     check_limits(e, move, F0);
     check_limits(e, move, F);
@@ -150,40 +148,6 @@ static void test_calls_in_any_order_are_safe_on_any_bits(void)
         } else {
             step_any_element();
         }
-    }
-}
-
-/* The recipe of dahl.h: store the torque and set it again. An elasto-plastic element uses the plan of its plastic range. */
-static void test_a_torque_survives_a_power_cycle(void)
-{
-    seed = 2;
-    for (int i = 0; i < 2000; i++) {
-        const int is_plastic = i % 2;
-        prepare(&element, is_plastic ? model_with(MORE_IS_BREAKAWAY) : &models[0]);
-        const dahl_plan_t *plan = storing_plan(element.model, &element.plan);
-        const move_t there = {random_counts(), 0}, and_back = {random_counts(), 0}, rest = {0, 0};
-        any_state_t bearing = {{0}}, again;
-        (void)element.model->step(&element.plan, &bearing, &element.set, there);
-        const float F = element.model->step(&element.plan, &bearing, &element.set, and_back);
-        const float stored = dahl_torque(plan, &bearing.dahl);
-        again.dahl.w = (int64_t)random64();
-        dahl_set_torque(plan, &again.dahl, stored);
-        HOLDS(stored == F && element.model->step(&element.plan, &again, &element.set, rest) == F, "the torque is restored");
-        dahl_set_torque(plan, &again.dahl, float_of((uint32_t)random64()));
-        HOLDS(fabsf(dahl_torque(plan, &again.dahl)) <= element.set.p.Fc, "a bad stored value gives at most Fc");
-    }
-}
-
-static void test_state_ok_is_the_range_to_the_bit(void)
-{
-    const int64_t end = ((int64_t)1 << 62) + ((int64_t)1 << 31);
-    const struct {
-        int64_t w;
-        int ok;
-    } cases[] = {{0, 1}, {end - 1, 1}, {end, 0}, {-end, 1}, {-end - 1, 0}, {INT64_MAX, 0}, {INT64_MIN, 0}};
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        const dahl_state_t bearing = {cases[i].w};
-        TEST_ASSERT_EQUAL_INT(cases[i].ok, dahl_state_ok(&bearing));
     }
 }
 
@@ -210,4 +174,36 @@ static void test_plans_of_zeros_are_safe_on_any_bits(void)
             TEST_ASSERT_TRUE_MESSAGE(model->step_q30 == NULL || model->step_q30(&zeros, &bits, move) == 0, model->name);
         }
     }
+}
+
+static void test_a_plan_of_zeros_keeps_no_torque(void)
+{
+    static const dahl_plan_t zeros;
+    static const dahl_velocity_plan_t no_table;
+    const dahl_params_t params = params_for(1e-3, 1.0f);
+    const dahl_plan_t plan = plan_for(&params);
+    const dahl_plan_t *const changes[][2] = {{&zeros, &plan}, {&plan, &zeros}, {&zeros, &zeros}};
+    for (size_t i = 0; i < sizeof changes / sizeof changes[0]; i++) {
+        dahl_state_t bristle = {i % 2 ? INT64_MAX : INT64_MIN};
+        dahl_change_plan(changes[i][0], changes[i][1], &bristle);
+        TEST_ASSERT_TRUE(bristle.w == 0);
+        dahl_set_torque(&zeros, &bristle, 0.25f);
+        TEST_ASSERT_TRUE(dahl_torque(&zeros, &bristle) == 0.0f && dahl_tip_torque(&zeros, 1000) == 0.0f);
+    }
+    TEST_ASSERT_TRUE(dahl_velocity_torque(&no_table, 1000) == 0.0f && dahl_velocity_torque(&no_table, INT32_MIN) == 0.0f);
+}
+
+/* NaN and subnormal angles keep the state, an infinite angle saturates, a load of 0 clears any state. */
+static void test_the_clamped_model_keeps_its_limits_for_any_input(void)
+{
+    dahl_params_t p = params_for(0.01, 2.0f), soft = {0x1p-64f, 0x1p63f, 0.0f};
+    dahl_plan_t plan = plan_for(&p), soft_plan = plan_for(&soft);
+    dahl_state_t bristle = {0}, little = {1};
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &bristle, INFINITY, ONE_Q30 / 2) == 1.0f);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &bristle, -INFINITY, ONE_Q30 / 2) == -1.0f);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &bristle, NAN, ONE_Q30 / 2) == -1.0f);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &bristle, 1e-45f, ONE_Q30 / 2) == -1.0f);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &bristle, INFINITY, 0) == 0.0f);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&soft_plan, &bristle, -INFINITY, ONE_Q30) == -soft.Fc);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &little, 0.0f, 0) == 0.0f && little.w == 0);
 }

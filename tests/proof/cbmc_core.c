@@ -60,52 +60,6 @@ void check_update_by_angle(int64_t w, dahl_scaled_t g)
     __CPROVER_assert(is_state(backward) && backward <= w, "backward, in range");
 }
 
-/* No travel keeps each bit. A state at an end stays there. */
-void check_still(int64_t w, dahl_q64_t g)
-{
-    const int64_t near = ((int64_t)1 << 62) - ((int64_t)1 << 31);
-    dahl_q64_t none = {0, 0};
-    __CPROVER_assert(dahl_forward((uint64_t)w, none) == (uint64_t)w, "no travel forward");
-    __CPROVER_assert(dahl_backward((uint64_t)w, none) == (uint64_t)w, "no travel backward");
-    __CPROVER_assume(is_state(w));
-    if (w >= near) {
-        __CPROVER_assert((int32_t)dahl_q30((uint64_t)w) == 1 << 30, "shown as +1");
-        __CPROVER_assert(dahl_forward((uint64_t)w, g) == (uint64_t)w, "stays at +1");
-    }
-    if (w < -near) {
-        __CPROVER_assert((int32_t)dahl_q30((uint64_t)w) == -(1 << 30), "shown as -1");
-        __CPROVER_assert(dahl_backward((uint64_t)w, g) == (uint64_t)w, "stays at -1");
-    }
-}
-
-/* The largest travel leads to the end, or to one unit of Q30 before it if the state was a tie. */
-void check_whole_travel(int64_t w, uint32_t last)
-{
-    dahl_q64_t all = {UINT32_MAX, UINT32_MAX - (last & 1u)};
-    __CPROVER_assume(is_state(w));
-    product_is_known((1u << 30) - dahl_q30((uint64_t)w));
-    product_is_known((1u << 30) + dahl_q30((uint64_t)w));
-    int32_t up = (int32_t)dahl_q30(dahl_forward((uint64_t)w, all)), down = (int32_t)dahl_q30(dahl_backward((uint64_t)w, all));
-    __CPROVER_assert(up == 1 << 30 || (up == (1 << 30) - 1 && (uint32_t)w == 0x80000000u), "at +1");
-    __CPROVER_assert(down == -(1 << 30) || (down == 1 - (1 << 30) && (uint32_t)w == 0x7fffffffu), "at -1");
-}
-
-/* Backward mirrors forward: exactly in ~w, and except for ties in -w. */
-void check_mirror(uint64_t w, dahl_q64_t g)
-{
-    __CPROVER_assume(is_state((int64_t)w));
-    __CPROVER_assert(dahl_forward(~w, g) == ~dahl_backward(w, g), "in w + 1/2");
-    __CPROVER_assert((uint32_t)w == 0x80000000u || dahl_forward(0u - w, g) == 0u - dahl_backward(w, g), "in w");
-}
-
-/* A longer travel does not move the state less, for any gap. */
-void check_monotone(uint32_t z, dahl_q64_t g, dahl_q64_t h)
-{
-    __CPROVER_assume(z <= 0x80000000u && (g.hi < h.hi || (g.hi == h.hi && g.lo <= h.lo)));
-    product_grows(z, g, h);
-    __CPROVER_assert(dahl_mul_fraction(z, g.hi, g.lo) <= dahl_mul_fraction(z, h.hi, h.lo), "not shorter");
-}
-
 void check_step_large(int32_t dcounts)
 {
     begin();

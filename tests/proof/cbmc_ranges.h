@@ -25,53 +25,19 @@ static int is_plan(const dahl_plan_t *plan)
         && (plan->Fc_mantissa & 255u) == 0 && -95 <= plan->Fc_exponent && plan->Fc_exponent <= 32;
 }
 
-/* The facts that the proofs use of a product r = a b of two words, because decision procedures are slow at multiplication: a <=
- * 2^32 - 1 gives r <= 2^32 b - b, and a >= 2^31 gives r >= 2^31 b; the same with a and b exchanged. */
-#define IS_LIKE_PRODUCT(r, a, b)                                                                                            \
-    ((r) <= (a) * 0x100000000 - (a) && (r) <= (b) * 0x100000000 - (b) && ((b) < 0x80000000 || (r) >= (a) * 0x80000000) &&   \
-     ((a) < 0x80000000 || (r) >= (b) * 0x80000000))
-
-/* These replace dahl_mul and dahl_mulhi. */
+/* These replace dahl_mul and dahl_mulhi, because decision procedures are slow at multiplication. The proofs use two facts of a
+ * product r = a b of two words: a <= 2^32 - 1 gives r <= 2^32 b - b, and a >= 2^31 gives r >= 2^31 b. */
 uint64_t any_product(uint32_t factor_a, uint32_t factor_b)
 {
     uint64_t a = factor_a, b = factor_b, r;
-    __CPROVER_assume(IS_LIKE_PRODUCT(r, a, b));
+    __CPROVER_assume(r <= a * 0x100000000 - a && (a < 0x80000000 || r >= b * 0x80000000));
+    __CPROVER_assume(r <= b * 0x100000000 - b && (b < 0x80000000 || r >= a * 0x80000000));
     return r;
 }
 
 uint32_t any_upper_half(uint32_t a, uint32_t b)
 {
     return (uint32_t)(any_product(a, b) >> 32);
-}
-
-/* Equal factors have equal products. */
-uint64_t __CPROVER_uninterpreted_product(uint32_t a, uint32_t b);
-
-uint64_t same_product(uint32_t factor_a, uint32_t factor_b)
-{
-    uint64_t a = factor_a, b = factor_b, r = __CPROVER_uninterpreted_product(factor_a, factor_b);
-    __CPROVER_assume(IS_LIKE_PRODUCT(r, a, b));
-    return r;
-}
-
-uint32_t same_upper_half(uint32_t a, uint32_t b)
-{
-    return (uint32_t)(same_product(a, b) >> 32);
-}
-
-/* For g <= h: a larger word gives a product that is larger by at least a. */
-static void product_grows(uint32_t a, dahl_q64_t g, dahl_q64_t h)
-{
-    __CPROVER_assume(g.hi >= h.hi || same_product(a, g.hi) + a <= same_product(a, h.hi));
-    __CPROVER_assume(g.lo >= h.lo || same_product(a, g.lo) + a <= same_product(a, h.lo));
-}
-
-/* a (2^32 - 1) and a (2^32 - 2). */
-static void product_is_known(uint32_t a)
-{
-    uint64_t top = (uint64_t)a << 32;
-    __CPROVER_assume(same_product(a, UINT32_MAX) == top - a);
-    __CPROVER_assume(same_product(a, UINT32_MAX - 1u) == top - 2u * (uint64_t)a);
 }
 
 /* Replaces dahl_forward and dahl_backward, which check_update proves. */

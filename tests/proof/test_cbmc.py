@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from _pytest.mark.structures import ParameterSet
 from conftest import ROOT, need
-from sources import INCLUDES, NODE, as_one
+from sources import INCLUDES, as_one
 
 HERE = Path(__file__).parent
 # Not --conversion-check: the sources rely on the conversion to signed modulo 2^32, which C99 leaves
@@ -34,7 +34,6 @@ CHECKS = [
     "--unwinding-assertions",
 ]
 PRODUCTS = {"dahl_mul": "any_product", "dahl_mulhi": "any_upper_half"}
-SAME = {"dahl_mul": "same_product", "dahl_mulhi": "same_upper_half"}
 UPDATES = PRODUCTS | {"dahl_forward": "any_forward", "dahl_backward": "any_backward"}
 UPDATES_BY_ANGLE = PRODUCTS | {
     "dahl_forward_by_angle": "any_forward_by_angle",
@@ -64,10 +63,6 @@ CORE = [
     Proof("check_normalise", 65),
     Proof("check_update", instead=PRODUCTS),
     Proof("check_update_by_angle", instead=PRODUCTS),
-    Proof("check_still", instead=SAME),
-    Proof("check_whole_travel", instead=SAME),
-    Proof("check_mirror", instead=SAME),
-    Proof("check_monotone", instead=SAME),
     Proof("check_step_large", 34, UPDATES),
     Proof("check_step_counts_q30", 3, MOVES),
     Proof("check_step_counts", 5, MOVES),
@@ -83,11 +78,6 @@ PROOFS = [
     *(replace(proof, flags=("-U__GNUC__",)) for proof in CORE),
     Proof("check_encoder_move", 33, {"dahl_shortest_move": "any_way"}, "cbmc_encoder.c"),
     Proof("check_encoder_way", 33, {"dahl_shortest_move": "any_way"}, "cbmc_encoder.c"),
-    *(
-        Proof(f"check_{message}", 33, harness="cbmc_frames.c", long=True)
-        for message in ("encoder", "torque", "status", "param_write", "param_reply", "reset")
-    ),
-    Proof("check_crc", 33, harness="cbmc_frames.c"),
     Proof("check_text_feed", harness="cbmc_text.c"),
     Proof("check_slcan_take", 66, harness="cbmc_slcan.c", long=True),
     Proof("check_slcan_write", 30, harness="cbmc_slcan.c", long=True),
@@ -103,7 +93,6 @@ def run(command: list[str], allowed: tuple[int, ...] = (0,)) -> str:
 def compiled(proof: Proof, bin_folder: Path, folder: Path) -> str:
     whole, ready = str(folder / "whole.goto"), str(folder / "ready.goto")
     as_one(folder)
-    as_one(folder, NODE, "node_library.c")
     includes = [f"-I{path}" for path in (folder, HERE, ROOT)]
     command = [str(bin_folder / "goto-cc"), "-std=c99", *proof.flags, *includes, *INCLUDES]
     command.append(str(HERE / proof.harness))
@@ -145,6 +134,5 @@ def test_every_check_is_run() -> None:
     for harness in HERE.glob("cbmc_*.c"):
         text = harness.read_text()
         names = re.findall(r"^void (check_\w+)\(", text, re.MULTILINE)
-        names += [f"check_{name}" for name in re.findall(r"^CHECK\((\w+),", text, re.MULTILINE)]
         assert names
         assert {(harness.name, name) for name in names} <= asked

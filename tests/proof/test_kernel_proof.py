@@ -7,7 +7,6 @@ import functools
 import math
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import dahl
@@ -69,41 +68,6 @@ def test_certificate_for_every_a(pieces: list[cert.Piece]) -> None:
     print(f"{len(pieces)} pieces, worst {worst.name}: {worst.error}")
     assert -LIMIT <= worst.error.a
     assert worst.error.b <= LIMIT
-
-
-def random_errors(samples: int) -> Iterator[tuple[float, float, float]]:
-    """v, the relative error of g, and its uncertainty by the cuts to Q64 and Q62.
-
-    From rest with sigma0 = Fc, dahl_step leaves g in the state.
-    """
-    random = np.random.default_rng(1)
-    for _ in range(samples):
-        sigma0, Fc, mantissa = (1 + random.random(3)).astype(np.float32)
-        if random.random() < 0.5:  # all cuts are largest if both mantissas are close to 1
-            sigma0 = np.float32(cert.mp.ln2 * Fc * (1 + random.random() / 2**12))
-            mantissa = np.float32(1 + random.random() / 2**12)
-        exponent = int(random.choice([random.integers(-20, 6), random.integers(-4, 0)]))
-        angle = np.float32(math.ldexp(mantissa, exponent))
-        bearing = dahl.Friction(dahl.Plan(float(sigma0), float(Fc)))
-        bearing.step(float(angle))
-        u = cert.mpf(float(sigma0)) / cert.mpf(float(Fc)) * cert.mpf(float(angle))
-        g = -cert.mp.expm1(-u)
-        error = (cert.mpf(bearing.state.w) / 2**62 - g) / g
-        yield float(u / cert.mp.ln2), float(error), float(8 / g / 2**64)
-
-
-@pytest.mark.usefixtures("library")
-def test_certificate_is_of_this_kernel(pieces: list[cert.Piece]) -> None:
-    """Errors for random a and angles are within the certified ranges and nearly fill them."""
-    lowest = highest = 0.0
-    ranges = [(float(p.low), float(p.high), float(p.error.a), float(p.error.b)) for p in pieces]
-    for v, error, rounding in random_errors(3000):
-        here = [(least, most) for low, high, least, most in ranges if low <= v <= high]
-        assert min(least for least, _ in here) - rounding <= error
-        assert error <= max(most for _, most in here) + rounding
-        lowest, highest = min(lowest, error), max(highest, error)
-    assert lowest < 0.55 * min(piece.error.a for piece in pieces)
-    assert highest > 0.8 * max(piece.error.b for piece in pieces)
 
 
 def slopes(folder: Path, macro: str, most: float) -> list[tuple[float, float]]:

@@ -1,12 +1,21 @@
 # SPDX-License-Identifier: MIT
 # Run COMMAND. It must succeed and print the lines of the file EXPECTED. If ONLY is given, the lines are those that begin with one
-# of its words.
+# of its words; if EVERY is 3, every third of them.
 execute_process(COMMAND ${COMMAND} OUTPUT_VARIABLE printed RESULT_VARIABLE status)
 if(ONLY)
     string(REPLACE ";" "|" words "${ONLY}")
     file(STRINGS ${EXPECTED} lines REGEX "^(${words}) ")
 else()
     file(STRINGS ${EXPECTED} lines)
+endif()
+if(EVERY)
+    list(LENGTH lines last)
+    math(EXPR last "${last} - 1")
+    foreach(line RANGE 0 ${last} ${EVERY})
+        list(GET lines ${line} chosen)
+        list(APPEND every ${chosen})
+    endforeach()
+    set(lines ${every})
 endif()
 list(JOIN lines "\n" expected)
 if(NOT status EQUAL 0)

@@ -6,6 +6,8 @@
 #include <string.h>
 #include <unity.h>
 
+#include "../random.h"
+
 int32_t plain_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 float plain_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 int32_t plain_work_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
@@ -28,17 +30,10 @@ void setUp(void)
     seed = 1;
 }
 
-void tearDown(void)
-{
-}
-
-/* splitmix64 */
 static uint64_t random64(void)
 {
-    uint64_t z = seed += 0x9e3779b97f4a7c15u;
-    z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ z >> 27) * 0x94d049bb133111ebu;
-    return z ^ z >> 31;
+    const uint64_t high = random_u32(&seed);
+    return high << 32 | random_u32(&seed);
 }
 
 static uint32_t random_word(void)
@@ -75,32 +70,16 @@ static dahl_plan_t random_plan(void)
     return plan;
 }
 
-/* -2^62 .. 2^62, a tie, within a few units of an end, up to 2^31 beyond it, beyond that, or any 64 bits. */
+/* -2^62 .. 2^62, a tie, a small torque, within a few units of an end or of the range, beyond an end, or any 64 bits. */
 static int64_t random_w(void)
 {
-    uint64_t bits = random64();
-    int64_t one = (int64_t)1 << 62, w = (int64_t)(random64() >> 1) - one;
-    switch (bits & 7u) {
-    case 0:
-        return (int64_t)(((uint64_t)w & ~(uint64_t)UINT32_MAX) | 0x80000000u);
-    case 1:
-        w = one + (int64_t)(bits >> 8 & 7u) - 3;
-        break;
-    case 2:
-        w = one + (int64_t)(bits >> 33);
-        break;
-    case 3:
-        w = (int64_t)(random64() >> 1 >> (bits >> 8 & 63u)); /* small torques */
-        w = w > one ? w >> 1 : w;
-        break;
-    case 4:
-        w = one + ((int64_t)1 << 31) + (int64_t)(bits >> 8 & 7u) - 3;
-        break;
-    case 5:
-        return (int64_t)random64();
-    default:
-        return w;
-    }
+    const int64_t one = (int64_t)1 << 62, past = (int64_t)1 << 31, any = (int64_t)(random64() >> 1) - one;
+    const uint64_t bits = random64();
+    const int64_t near = (int64_t)(bits >> 8 & 7u) - 3;
+    const int64_t tie = (int64_t)(((uint64_t)any & ~(uint64_t)UINT32_MAX) | 0x80000000u);
+    const int64_t kinds[] = {any, any, tie, any >> (bits >> 8 & 63u), one + near, one + past + near, one + (int64_t)(bits >> 33),
+                             (int64_t)(random64() | 1u)};
+    const int64_t w = kinds[bits & 7u];
     return bits & 8u ? w : -w;
 }
 

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Messages of compilers: an unused result warns, a core that lacks something does not build, and a
-core with an int of 16 bits builds without a warning.
-"""
+"""Messages of compilers: an unused result warns, and a core that lacks something does not build."""
 
 from __future__ import annotations
 
@@ -14,8 +12,6 @@ from conftest import ROOT, need, with_compilers
 from sources import as_one
 
 LIB = ROOT / "lib"
-SOURCES = sorted((*(LIB / "arith").glob("*.c"), *(LIB / "model").glob("*.c")))
-STRICT = ["-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Wsign-conversion", "-Werror"]
 
 
 def compiled(command: list[str], source: Path, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -95,19 +91,3 @@ def test_an_int_of_8_bits_does_not_build(tmp_path: Path) -> None:
     command = ["avr-gcc", "-mmcu=atmega2560", "-std=c99", "-mint8"]
     done = compiled(command, as_one(tmp_path), tmp_path)
     assert done.returncode != 0 and "int of 16 bits or more" in done.stderr
-
-
-# --- an int of 16 bits ---------------------------------------------------------------------------
-
-NARROW = {
-    "msp430": ["clang", "--target=msp430", "-ffreestanding", "-std=c99", "-O2"],
-    "avr": ["avr-gcc", "-mmcu=atmega2560", "-std=c99", "-O2"],
-}
-
-
-@pytest.mark.checks
-@pytest.mark.parametrize("core", NARROW)
-def test_an_int_of_16_bits_builds_without_a_warning(core: str, tmp_path: Path) -> None:
-    for source in SOURCES:
-        done = compiled([*NARROW[core], *STRICT], source, tmp_path)
-        assert done.returncode == 0, done.stderr
