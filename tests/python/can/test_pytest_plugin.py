@@ -10,6 +10,7 @@ import subprocess
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import dahl.node  # noqa: F401  # pytester forgets what it imports, and dahl.Node would be two classes
@@ -419,12 +420,16 @@ async def test_several_at_once(dahl_async_bus, dahl_node, dahl_make_node):
 
 def test_the_nearest_mark_or_fixture_configures_the_node(outcome):
     done = outcome("""
-import dahl, pytest
+import dahl, math, pytest
 
 pytestmark = pytest.mark.dahl(number=4)
 
 def test_node(dahl_bus, dahl_node):
     assert dahl_node.number == 4
+
+def test_default(dahl_plan, dahl_node_settings):
+    assert dahl_plan == dahl.Plan(100, 0.5, 2 * math.pi / 16384)
+    assert dahl_node_settings == {"timeout": 10}
 
 class TestNearest:
     pytestmark = pytest.mark.dahl(plan=dahl.Plan(1, 2, 3))
@@ -440,13 +445,20 @@ class TestOwnFixture:
     def test_plan(self, dahl_node):
         assert dahl_node.friction == dahl.Plan(3, 2, 1)
 """)
-    assert (done.code, done.last[:8]) == (0, "3 passed"), done.said
+    assert (done.code, done.last[:8]) == (0, "4 passed"), done.said
 
 
 def test_each_test_that_uses_the_bus_has_the_mark(outcome):
     text = "def test_bus(dahl_bus): pass\ndef test_none(): pass\n"
     done = outcome(text, "--strict-markers", "-m", "dahl")
     assert (done.code, done.last[:23]) == (0, "1 passed, 1 deselected "), done.said
+
+
+def test_each_option_has_a_help():
+    options: dict[str, str] = {}
+    group = SimpleNamespace(addoption=lambda name, **how: options.update({name: how["help"]}))
+    pytest_plugin.pytest_addoption(SimpleNamespace(getgroup=lambda *_: group))
+    assert len(options) == 4 and all(options.values())
 
 
 # --- errors ---------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ options, and completion in a shell.
 
 from __future__ import annotations
 
+import math
 import re
 import shlex
 import subprocess
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from dahl import cli, paths
 from dahl.binding import models
 from identify_tools import complaint
 
@@ -68,6 +70,17 @@ NEEDED = {  # required options
     **{"record": ["-ox"], "plot": ["x"], "report": ["x"]},
 }
 EVERY = [(verb, names) for verb, options in OPTIONS.items() for names in options]
+DEFAULTS: dict[str, dict[str, Any]] = {  # all that are not None, False or empty
+    "demo": {"output": paths.OUTPUT / "demo"},
+    "identify": {"jobs": -1, "within": 2, "output": paths.OUTPUT / "identify"},
+    "excite": {"noise": 0.05, "within": 1, "rate": 1000, "speed": math.inf, "name": "excite"}
+    | {"output": paths.OUTPUT / "identify"},
+    "plan": {"model": "dahl"},
+    "fmu": {"model": "dahl", "fmi": 2},
+    "monitor": {"window": 4000},
+    "dbc": {"nodes": 1},
+    "complete": {"shell": "bash"},
+}
 
 
 def refusal_of(dahl, verb: str, *words: str) -> str:
@@ -119,6 +132,25 @@ def test_an_option_accepts_its_range_and_nothing_beyond(dahl, verb, names):
         assert names.split("/")[-1] in line and value[:100] in line
         for limit in takes if isinstance(takes, tuple) else ():
             assert (f"{limit:g}" if isinstance(limit, float) else str(limit)) in line
+
+
+@pytest.mark.parametrize("verb", OPTIONS)
+def test_options_have_their_defaults_and_a_help(verb):
+    args = vars(cli.build_parser().parse_args([verb, *NEEDED.get(verb, [])]))
+    given = {word.partition("=")[0].strip("-").replace("-", "_") for word in NEEDED.get(verb, [])}
+    given |= {"command", "command_parser", "parser", "run", "run_path"}
+    given |= {"output"} if "ox" in given else set()
+    defaults = {key: value for key, value in args.items() if value and key not in given}
+    assert defaults == DEFAULTS.get(verb, {})
+    assert [one.dest for one in args["command_parser"]._actions if not one.help] == []
+
+
+def test_the_help_names_the_folder_in_which_outputs_are(dahl, monkeypatch):
+    """It is build/ in a checkout, another one of an installed package."""
+    assert "dahl plot build/demo\n" in dahl("plot", "--help").stdout
+    monkeypatch.setattr(paths, "INSTALLED", True)
+    monkeypatch.setattr(paths, "OUTPUT", Path("elsewhere"))
+    assert "dahl plot elsewhere/demo\n" in dahl("plot", "--help").stdout
 
 
 MISSING = [(verb, word) for verb, words in NEEDED.items() for word in words]

@@ -199,6 +199,7 @@ WRONG_INPUT = {  # exit code 2
         plot run.log => run.log ... --scene
         plot run.log --scene nowhere => nowhere
         report . => summary.json
+        report whole => whole/loop.png: Is a directory
         report table.csv => table.csv:
         """,
     "bus": """
@@ -257,6 +258,8 @@ def folder(dahl) -> Path:
         Path(name).write_text(text, encoding="utf-8", errors="surrogateescape")
     write_log(Path("shaft.csv"))
     Path("loop.h").symlink_to("loop.h")
+    Path("whole/loop.png").mkdir(parents=True)
+    Path("whole/summary.json").write_text('{"scene_file": "x.ini"}')
     return Path.cwd()
 
 
