@@ -98,14 +98,6 @@ def test_a_log_in_chunks_of_any_size_has_the_bits_of_the_whole(name, cuts):
     assert np.concatenate(torques).tobytes() == run_chunk(at_once, name, slice(None)).tobytes()
 
 
-@pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64])
-def test_moves_and_loads_of_any_type_give_the_same(kind):
-    """The range of half precision ends below that of the int32 that moves are compared with."""
-    moves, loads = np.array([1000, 1000, 0], kind), np.array([1.0, 0.5, 1.5], kind)
-    torques = dahl.Loaded(dahl.Plan(100, 0.5, 1e-3)).run_counts(moves, loads)
-    assert torques.tolist() == [0.5, 0.25, 0.25]
-
-
 # --- models that become a Friction ----------------------------------------------------------------
 
 

@@ -5,6 +5,7 @@ options, and completion in a shell.
 
 from __future__ import annotations
 
+import ast
 import math
 import re
 import shlex
@@ -170,6 +171,37 @@ def test_an_unknown_command_or_option_is_named(words, told, dahl):
     assert code == 2 and told in line and "--help" in line
 
 
+# --- options in texts -----------------------------------------------------------------------------
+
+OPTION = re.compile(r"(?<![\w-])--[a-z][\w-]*")
+OF_OTHERS = {"--help", "--version", "--preset", "--build", "--pdeathsig"}  # of CMake and setpriv
+
+
+def names_of(verb: str) -> set[str]:
+    return {name for names in OPTIONS[verb] for name in names.split("/")}
+
+
+def test_each_option_that_a_message_names_exists(root, dahl_loop):
+    asked = subprocess.run([dahl_loop, "--help"], capture_output=True, text=True, check=True)
+    plugin = (root / "tools/dahl/can/pytest_plugin.py").read_text()
+    known = OF_OTHERS.union(OPTION.findall(asked.stdout), *map(names_of, OPTIONS))
+    known |= {*re.findall(r"addoption\(\s*\"(--[\w-]+)\"", plugin)}
+    for path in (root / "tools/dahl").rglob("*.py"):
+        nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        texts = [one.value for one in nodes if isinstance(one, ast.Constant)]
+        named = {name for text in texts if isinstance(text, str) for name in OPTION.findall(text)}
+        assert named <= known, path
+
+
+def test_each_option_on_a_page_is_one_of_its_command(root):
+    pages = [root / "README.md", *(root / "docs").glob("*.md"), *root.glob("examples/**/*.md")]
+    for page in pages:
+        text = page.read_text(encoding="utf-8")
+        for verb, rest in re.findall(r"\bdahl ([a-z]+)((?: +(?!`)[^`\n#|]*)?)", text):
+            if verb in OPTIONS:
+                assert {*OPTION.findall(rest)} <= names_of(verb) | {"--help"}, (page, verb)
+
+
 # --- completion in a shell ------------------------------------------------------------------------
 
 
@@ -188,9 +220,8 @@ def test_bash_completes_commands_options_and_values(dahl, root):
     assert set(completed("")) == {*OPTIONS}
     assert set(completed("-")) == {"-h", "--help", "--version"}
     assert completed("mon") == ["monitor"] and completed("demo", "--sce") == ["--scene"]
-    for verb, options in OPTIONS.items():
-        names = {name for names in options for name in names.split("/")}
-        assert set(completed(verb, "-")) == {*names, "-h", "--help"}
+    for verb in OPTIONS:
+        assert set(completed(verb, "-")) == names_of(verb) | {"-h", "--help"}
     scenes = {path.stem for path in (root / "host_sim" / "scenes").glob("*.ini")}
     assert set(completed("demo", "--scene", "")) == scenes | {"compensation", "park-steer"}
     assert completed("plan", "--model", "asy") == ["asymmetric"]
