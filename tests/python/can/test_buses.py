@@ -52,6 +52,14 @@ def test_a_vcan0_that_is_up_is_chosen_unless_another_bus_is_named(monkeypatch, t
         assert bus.choose(asked)[0] == asked
 
 
+def test_a_kernel_without_can_is_seen(monkeypatch):
+    def refuse(*_: object) -> None:
+        raise OSError(97, "Address family not supported by protocol")
+
+    monkeypatch.setattr(bus.socket, "socket", refuse)
+    assert not bus.has_socketcan()
+
+
 def test_vcan0_is_made_where_that_is_possible(monkeypatch):
     made: list[str] = []
     monkeypatch.setattr(bus, "Path", lambda path: Path("nowhere") / path.lstrip("/"))
@@ -124,6 +132,7 @@ def test_a_recorder_that_was_stopped_records_the_frames_before_its_end(stopped, 
     ],
 )
 def test_the_monitor_shows_how_far_it_was_behind(stopped, words, last, now_s, most_s):
+    logging.getLogger("can").setLevel(logging.NOTSET)
     assert f"behind  {now_s} s, at most {most_s} s" in stopped("monitor", *words, last=last)
     assert not logging.getLogger("can").isEnabledFor(logging.WARNING)  # of split frames
 

@@ -394,6 +394,16 @@ def test_a_demo_does_not_overwrite_its_log(dahl, name):
     assert Path(name).read_text() == "a\n1\n"
 
 
+def test_a_demo_that_recorded_no_tick_is_one_line(dahl, monkeypatch):
+    def record_no_frame(setup, *_: object) -> dict[str, object]:
+        (setup.folder / "run.log").touch()
+        return {"interrupted": False}
+
+    monkeypatch.setattr("dahl.sim.loop.run", record_no_frame)
+    done = dahl("demo", "--scene", "segments", "-o", "out")
+    check(done, 1, "not compared: out/run.log: no frames")
+
+
 @pytest.mark.parametrize("name", ["trace.csv", "run.log"])
 def test_a_full_disk_during_a_demo_is_reported(dahl, name):
     Path(name).symlink_to("/dev/full")
