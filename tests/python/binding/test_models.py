@@ -9,7 +9,10 @@ import subprocess
 import sys
 
 import cantools
+import dahl
+import pytest
 from conftest import ROOT
+from dahl import paths
 from dahl.binding import models
 from dahl.sim.reference import EXACT
 
@@ -30,3 +33,16 @@ def test_the_dbc_the_references_and_the_page_have_each_model_of_the_table(dbc):
     )
     assert done.stdout.count("\n") == 2 + len(table)
     assert done.stdout in (ROOT / "docs" / "loop.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("is_there", [False, True])
+def test_a_missing_header_and_a_row_with_too_few_columns_are_named(monkeypatch, tmp_path, is_there):
+    """Such a row would vanish."""
+    before, _, after = (paths.INCLUDE / models.HEADER).read_text().partition("MODEL(dahl, DAHL, ")
+    header = tmp_path / models.HEADER
+    if is_there:
+        header.write_text(f"{before}MODEL(dahl, {after}")
+    monkeypatch.setattr(paths, "INCLUDE", tmp_path)
+    what = f":{before.count(chr(10)) + 1}: .*columns" if is_there else ": No such file"
+    with pytest.raises(dahl.RunError, match=f"^{header}{what}"):
+        models.table.__wrapped__()
