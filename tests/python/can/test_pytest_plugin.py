@@ -427,7 +427,8 @@ pytestmark = pytest.mark.dahl(number=4)
 def test_node(dahl_bus, dahl_node):
     assert dahl_node.number == 4
 
-def test_default(dahl_plan, dahl_node_settings):
+def test_default(dahl_plan, dahl_node_settings, dahl_bus_settings):
+    assert dahl_bus_settings["interface"] == "virtual" and dahl_bus_settings["channel"]
     assert dahl_plan == dahl.Plan(100, 0.5, 2 * math.pi / 16384)
     assert dahl_node_settings == {"timeout": 10}
 

@@ -309,7 +309,11 @@ WRONG_SHAPES += [
     ("latency_histogram", {}),
     ("faults", {"injected": {}}),
 ]
-WRONG_SHAPES += [("faults", {"injected": {"a": "b"}})]
+WRONG_SHAPES += [
+    ("faults", {"injected": {"a": "b"}, "expected": {}}),
+    ("jitter_us", {"p50": 1, "p99": "2", "max": 3}),
+    ("units", {"sigma0": "N/m", "Fc": 1, "theta_per_count": "m"}),
+]
 WRONG_SHAPES += [("latency_histogram", [pair]) for pair in ([1, -2], [1], [1, "2"], [1, 2])]
 NO_JSON = [b"[" * 100_000, b"\xff\xfe", b'{"scene_file": "x", "n": ' + b"9" * 5000 + b"}"]
 NO_JSON += [b'{"scene_file": "x"', b'{"scene_file": 7}']
