@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """The friction models next to dahl.Friction, and their fast forms.
 
-References are exact fractions, the energy balance, or Friction itself where a model becomes one.
+References are exact fractions, or Friction itself if a model becomes one.
 """
 
 from __future__ import annotations

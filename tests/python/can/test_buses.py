@@ -60,7 +60,7 @@ def test_a_kernel_without_can_is_seen(monkeypatch):
     assert not bus.has_socketcan()
 
 
-def test_vcan0_is_made_where_that_is_possible(monkeypatch):
+def test_vcan0_is_made_if_it_is_absent(monkeypatch):
     made: list[str] = []
     monkeypatch.setattr(bus, "Path", lambda path: Path("nowhere") / path.lstrip("/"))
     monkeypatch.setattr(bus.shutil, "which", lambda name: name)

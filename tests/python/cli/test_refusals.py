@@ -489,6 +489,13 @@ def test_a_missing_system_library_is_named_with_its_packages(
     assert all(fact in line for fact in packages)
 
 
+def test_a_missing_package_of_one_option_is_named_with_its_extra(dahl, folder, monkeypatch):
+    monkeypatch.setitem(sys.modules, "cantools", None)
+    done = dahl("identify", "run.log", "--dbc", "other.dbc", "--angle", "A", "--torque", "T")
+    line = check(done, 1, "dahl identify needs cantools; pip install")
+    assert "'.[can]'" in line
+
+
 def test_too_little_memory_is_one_line(root):
     """A command that needs 8 GiB in a process that may have 2 GiB."""
     code = (
