@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* slcan: the laws of its fuzzer, which reads each line a second time, on random lines. tests/python/can/test_slcan.py exchanges
- * frames with python-can. */
+/* slcan: the laws of its fuzzer, which reads each line a second time, on random lines. */
 #include <unity.h>
 
 #define LAW(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)

@@ -116,7 +116,7 @@ def test_threads_start_for_long_logs_only(monkeypatch):
 MOVES = np.array([1, 0, 3, 2, 7, 120, 5, 0, 9] * 3)
 
 
-@pytest.mark.parametrize("dtype", ["i1", "u2", "i4", ">i4", "i8", "f8"])
+@pytest.mark.parametrize("dtype", ["i1", "u2", "i4", ">i4", "i8", "f2", "f8"])
 @pytest.mark.parametrize("stride", [1, 3, -1])
 def test_arrays_of_any_type_stride_and_alignment_give_the_same(dtype, stride):
     moves = MOVES[::stride]

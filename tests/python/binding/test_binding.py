@@ -8,7 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
 from conftest import built
 from dahl.binding.library import c
 
@@ -52,16 +51,3 @@ def test_the_compiled_module_and_libffi_give_equal_results() -> None:
         assert done.returncode == 0, done.stderr
         outputs.append(done.stdout)
     assert outputs[0] == outputs[1] and len(outputs[0].splitlines()) > 40
-
-
-@pytest.mark.parametrize("value", [2**31, -(2**31) - 1, 2**64, True, 1.5])
-def test_a_quick_call_refuses_what_a_checked_one_refuses(value: object) -> None:
-    import dahl
-
-    bearing = dahl.Friction(dahl.Plan(100, 0.5, 1e-4))
-    with pytest.raises(dahl.Error, match="dcounts = "):
-        bearing.step_counts(value)
-    bearing.change_plan(dahl.Plan(100, 0.5))
-    with pytest.raises(dahl.Error, match="theta_per_count = 0"):
-        bearing.step_counts(1)
-    assert bearing.step_counts.__doc__ and bearing.torque == 0

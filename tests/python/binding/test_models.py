@@ -12,10 +12,9 @@ import cantools
 import dahl
 import pytest
 from conftest import ROOT
+from dahl import paths
 from dahl.binding import models
-from dahl.sim.reference import EXACT, exact_elastoplastic_ratios, travel_per_count
-
-FIRST = (100.0, 0.5, 1e-5)  # sigma0, Fc, theta_per_count
+from dahl.sim.reference import EXACT
 
 
 def test_the_dbc_the_references_and_the_page_have_each_model_of_the_table(dbc):
@@ -36,10 +35,14 @@ def test_the_dbc_the_references_and_the_page_have_each_model_of_the_table(dbc):
     assert done.stdout in (ROOT / "docs" / "loop.md").read_text(encoding="utf-8")
 
 
-def test_the_reference_of_an_element_with_breakaway_follows_small_turns(library):
-    """Beyond the breakaway, after each turn, forward and backward."""
-    moves, b = [4000, -100, 40, 900, -9000, 100, -40, -800], 0.4
-    bearing = dahl.ElastoPlastic(*FIRST, b)
-    exact = exact_elastoplastic_ratios(moves, travel_per_count(*FIRST), b)
-    torque = [bearing.step_counts(move) for move in moves]
-    assert torque == pytest.approx([FIRST[1] * float(ratio) for ratio in exact], abs=1e-8)
+@pytest.mark.parametrize("is_there", [False, True])
+def test_a_missing_header_and_a_row_with_too_few_columns_are_named(monkeypatch, tmp_path, is_there):
+    """Such a row would vanish."""
+    before, _, after = (paths.INCLUDE / models.HEADER).read_text().partition("MODEL(dahl, DAHL, ")
+    header = tmp_path / models.HEADER
+    if is_there:
+        header.write_text(f"{before}MODEL(dahl, {after}")
+    monkeypatch.setattr(paths, "INCLUDE", tmp_path)
+    what = f":{before.count(chr(10)) + 1}: .*columns" if is_there else ": No such file"
+    with pytest.raises(dahl.RunError, match=f"^{header}{what}"):
+        models.table.__wrapped__()

@@ -36,10 +36,12 @@ def bearing() -> dahl.Friction:
     return one
 
 
-def refused(call: Callable[[], object], *words: str) -> None:
+def refused(call: Callable[[], object], first: str, *words: str) -> None:
+    """The message must begin with `first`, and contain the other words."""
     with pytest.raises(dahl.Error) as caught:
         call()
     line = str(caught.value)
+    assert line.startswith(first), line
     assert "\n" not in line and len(line) < 300
     assert [word for word in words if word not in line] == [], line
 
@@ -140,7 +142,7 @@ def test_numbers_of_any_type_are_accepted():
 
 # --- values that do not fit together, and calls ---------------------------------------------------
 
-TRAVEL = ("2^-30 <=", "< 2^20")
+TRAVEL = ("", "travel", "2^-30 <=", "< 2^20")
 SLIPS = [
     (lambda k: k([], [], 1e-3), ("sigma0", "0 elements")),
     (lambda k: k([1.0] * 9, [1.0] * 9, 1e-3), ("sigma0", "9 elements", "8")),
@@ -148,19 +150,19 @@ SLIPS = [
     (lambda k: k([1.0, 1e-9], [1.0, 1e9], 1e-3), ("element 1", "travel", *TRAVEL)),
     (lambda k: k(100.0, [1.0], 1e-3), ("sigma0 = 100.0", "list")),
     (lambda k: k([1.0], np.ma.masked, 1e-3), ("Fc = masked", "list")),
-    (lambda k: k(sigma0=[1.0], fc=1, theta_per_count=1.0), ("fc = 1",)),
+    (lambda k: k(sigma0=[1.0], fc=1, theta_per_count=1.0), ("", "Slip: fc = 1")),
 ]
 REFUSED = [
     *((lambda call=call: call(dahl.Slip), words) for call, words in SLIPS),
     *((lambda call=call: call(dahl.ThroughputSlip), words) for call, words in SLIPS),
     (lambda: dahl.ThroughputSlip([1.0], [1.0], 2**20 * (1 - 1e-12)), TRAVEL),
-    (lambda: dahl.Plan(2, 0.5, 2.0**18), ("1.04858e+06", *TRAVEL, "2,", "0.5", "262144")),
-    (lambda: dahl.Asymmetric(1.0, 1, 1e12, 1e-3), ("sigma0/Fc_backward", *TRAVEL)),
+    (lambda: dahl.Plan(2, 0.5, 2.0**18), ("travel ", "1.04858e+06", *TRAVEL, "0.5", "262144")),
+    (lambda: dahl.Asymmetric(1.0, 1, 1e12, 1e-3), ("travel ", "sigma0/Fc_backward", *TRAVEL)),
     *(
         (lambda b=b: BREAKAWAY(1.0, 1, 1, b), (f"breakaway = {b}", "0 <", "< 1"))
         for b in (0.0, 1.0, -0.5, math.nan)
     ),
-    (lambda: dahl.VelocityTable([1.0] * 15, 0), ("15", "16")),
+    (lambda: dahl.VelocityTable([1.0] * 15, 0), ("torque has 15 ", "16")),
     (lambda: dahl.VelocityTable([1e-50] * 16, 0), ("torque[0] = 1e-50", "2^-64")),
     (lambda: dahl.VelocityTable([1.0, math.nan] + [1.0] * 14, 0), ("torque[1] = nan",)),
     (lambda: dahl.Encoder(2), ("modulus = 2", "3")),
@@ -169,7 +171,7 @@ REFUSED = [
     (lambda: dahl.Parallel(*[dahl.Slip([1], [1], 1)] * 2), ("parts[1]", "twice")),
     (lambda: dahl.Loaded(PLAN, 1), ("fixed_stiffness = 1",)),
     (lambda: dahl.Throughput.run_counts_channels([dahl.Throughput(1, 1, 1)] * 2, [[1, 2, 3]]),
-     ("(1, 3), not (n, 2)",)),
+     ("moves has shape (1, 3), not (n, 2)",)),
     *(
         (lambda c=c, v=v: c(v), ("plan = ", "Plan"))
         for v in (None, (1, 1, 1), dahl.Throughput(1, 1, 1), dahl.Plan)
@@ -192,7 +194,8 @@ REFUSED = [
     (lambda: dahl.Plan(1, 1, 1, 1), ("Plan", "too many")),
     (dahl.Friction, ("Friction", "'plan'")),
     (lambda: bearing().step_counts(counts=3), ("Friction.step_counts", "counts = 3", "dcounts")),
-    (lambda: dahl.Throughput.run_channels(params=[], move=[[]]), ("move = ", "params, moves")),
+    (lambda: dahl.Throughput.run_channels(params=[], move=[[]]),
+     ("Throughput.run_channels: move = ", "params, moves")),
     (lambda: dahl.counts_between(1, 2, turn=4), ("counts_between", "turn = 4", "modulus")),
 ]  # fmt: skip
 
@@ -265,7 +268,7 @@ def test_wrong_moves_are_named_and_nothing_moves():
     channels = [dahl.Throughput(1, 1, 1)]
     run = dahl.Throughput.run_counts_channels
     refused(lambda: run(channels, [[1], [2**31]]), "moves[1, 0] = ")
-    refused(lambda: run(channels * 3, [MASKED, MASKED]), "masked")
+    refused(lambda: run(channels * 3, [MASKED, MASKED]), "moves", "masked")
     whole = np.ma.array([1, 2], mask=False)
     assert list(bearing().run_counts(whole)) == list(bearing().run_counts([1, 2]))
 
@@ -308,11 +311,12 @@ def test_wrong_loads_are_named_and_nothing_moves(fixed):
     gear, still = dahl.Loaded(PLAN, fixed), dahl.Loaded(PLAN, fixed)
     run, step = (gear.run, gear.step) if fixed else (gear.run_counts, gear.step_counts)
     for moves, loads, word in LOADS:
-        refused(lambda m=moves, c=loads: run(m, c), word)
+        refused(lambda m=moves, c=loads: run(m, c), "", word)
     for load in (2.0, -1e-9, math.nan, math.inf):
         refused(lambda load=load: step(1, load), f"load = {load}", "0 <= load < 2")
-    refused(lambda: step(1), "'load'")
+    refused(lambda: step(1), "Loaded.step", "'load'")
     assert gear == still
+    assert step(10**9, 0) == 0 and step(10**9, math.nextafter(2.0, 0.0)) == 1
 
 
 # --- anything else --------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ import pytest
 from dahl import codec
 from dahl.binding import models
 from dahl.codec import EncoderState, Param, ParamWrite, Write
-from model_examples import THETA, keys, made
+from model_examples import THETA, keys, made, numbers, whole
 from strategies import COPIES
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -34,6 +34,11 @@ def test_a_node_answers_with_the_torque_of_its_friction(model):
     given = MODELS[model][1]
     alone = dahl.Friction(given) if isinstance(given, dahl.Plan) else copy.deepcopy(given)
     one, random, count, load = dahl.Node(given), np.random.default_rng(1), 0, ()
+    row = models.table()[model]
+    sums = (sum(numbers(row)[0]), whole(row), THETA)
+    for param, value in zip((Param.SIGMA0, Param.FC, Param.THETA), sums, strict=True):
+        reply = codec.unpack(one.receive(codec.pack(ParamWrite(param))))
+        assert reply.si == pytest.approx(value, rel=1e-3)
     for k, move in enumerate([0, *random.integers(-200, 201, 1000).tolist(), 10**8]):
         if model == "loaded" and k % 7 == 0:
             raw = int(random.integers(0, 2**16 + 1))
@@ -89,6 +94,8 @@ def test_a_setting_beyond_its_limits_or_a_wrong_friction_is_refused():
     for friction, word in NO_FRICTION:
         with pytest.raises(dahl.Error, match=word):
             dahl.Node(friction)
+    for elements in (1, 8):
+        dahl.Node(dahl.Parallel(dahl.Slip([1] * elements, [1] * elements, 1e-3)))
 
 
 @pytest.mark.parametrize("identifier", [2**29, -1, 256.5, None, "256"])

@@ -130,15 +130,15 @@ def test_a_listener_hands_over_frames_by_number_and_each_bus_off(ends, numbers):
     """A node does not receive its own answers, but it does receive other frames of this process."""
     nodes = [dahl.Node(PLAN, number) for number in numbers]
     listener = node.Listener(ends[0], *nodes)
-    own, foreign = (codec.pack(codec.FrictionTorque(5)) for _ in range(2))
+    own, odd, foreign = (codec.pack(codec.FrictionTorque(5), number) for number in (0, 3, 0))
     foreign.is_rx = True
     off = can.Message(arbitration_id=BUS_OFF | 4, is_error_frame=True, dlc=8, data=bytes(8))
-    for message in (codec.pack(EncoderState(0), 3), own, foreign, off):
+    for message in (codec.pack(EncoderState(0), 3), own, odd, foreign, off):
         listener.on_message_received(message)
     listener.stop()
     found = [(one.counts.ok, one.counts.ignored, one.counts.bus_off) for one in nodes]
     assert found == {1: [(0, 2, 1)], 2: [(0, 1, 1), (1, 0, 1)]}[len(numbers)]
-    assert listener.traffic.received == 4
+    assert listener.traffic.received == 5
 
 
 def test_run_and_listener_send_status_in_its_period(ends):

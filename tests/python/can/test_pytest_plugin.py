@@ -10,6 +10,7 @@ import subprocess
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import dahl.node  # noqa: F401  # pytester forgets what it imports, and dahl.Node would be two classes
@@ -327,19 +328,21 @@ def test_bad(dahl_bus, dahl_node):
     spoiled.data[0] ^= 1
     dahl_bus.send(spoiled)
     node.expect_silence(dahl_bus, node=9)
-    dahl_bus.send(codec.pack(codec.ParamWrite(codec.Param.FC, counter=11)))
-    while dahl_node.counts.params == 0:
+    for counter in (11, 12):
+        dahl_bus.send(codec.pack(codec.ParamWrite(codec.Param.FC, counter=counter)))
+    while dahl_node.counts.params < 2:
         pass
     assert dahl_node.counts.ok == 2
 """)
     assert (done.code, done.last[:8]) == (1, "1 failed"), done.said
     rows = re.findall(r"^ +[\d.]+ (->|<-) ([0-9A-F]{3})#(\w+)(.*)", done.said, re.MULTILINE)
     sent = [(identifier, summary) for way, identifier, _, summary in rows if way == "->"]
-    assert [identifier for identifier, _ in sent] == ["100", "7FF", "100", "130"]
+    assert [identifier for identifier, _ in sent] == ["100", "7FF", "100", "130", "130"]
     for place, summary in ((0, "12345"), (1, ""), (2, "CRC"), (3, "FC")):
         assert summary in sent[place][1]
     received = [identifier for way, identifier, _, _ in rows if way == "<-"]
-    assert {"110", "120", "140"} <= set(received) and "7777" not in done.said
+    assert {"110", "120"} <= set(received) and received.count("140") == 2
+    assert "7777" not in done.said
 
 
 def test_the_report_of_a_failed_test_counts_the_frames_that_it_omits(outcome):
@@ -419,12 +422,17 @@ async def test_several_at_once(dahl_async_bus, dahl_node, dahl_make_node):
 
 def test_the_nearest_mark_or_fixture_configures_the_node(outcome):
     done = outcome("""
-import dahl, pytest
+import dahl, math, pytest
 
 pytestmark = pytest.mark.dahl(number=4)
 
 def test_node(dahl_bus, dahl_node):
     assert dahl_node.number == 4
+
+def test_default(dahl_plan, dahl_node_settings, dahl_bus_settings):
+    assert dahl_bus_settings["interface"] == "virtual" and dahl_bus_settings["channel"]
+    assert dahl_plan == dahl.Plan(100, 0.5, 2 * math.pi / 16384)
+    assert dahl_node_settings == {"timeout": 10}
 
 class TestNearest:
     pytestmark = pytest.mark.dahl(plan=dahl.Plan(1, 2, 3))
@@ -440,13 +448,20 @@ class TestOwnFixture:
     def test_plan(self, dahl_node):
         assert dahl_node.friction == dahl.Plan(3, 2, 1)
 """)
-    assert (done.code, done.last[:8]) == (0, "3 passed"), done.said
+    assert (done.code, done.last[:8]) == (0, "4 passed"), done.said
 
 
 def test_each_test_that_uses_the_bus_has_the_mark(outcome):
     text = "def test_bus(dahl_bus): pass\ndef test_none(): pass\n"
     done = outcome(text, "--strict-markers", "-m", "dahl")
     assert (done.code, done.last[:23]) == (0, "1 passed, 1 deselected "), done.said
+
+
+def test_each_option_has_a_help():
+    options: dict[str, str] = {}
+    group = SimpleNamespace(addoption=lambda name, **how: options.update({name: how["help"]}))
+    pytest_plugin.pytest_addoption(SimpleNamespace(getgroup=lambda *_: group))
+    assert len(options) == 4 and all(options.values())
 
 
 # --- errors ---------------------------------------------------------------------------------------

@@ -111,11 +111,10 @@ def shell(command: str, **environment: str) -> subprocess.CompletedProcess:
 
 PLAN = "plan --sigma0 1 --fc 1 --theta-per-count 1 -o -"
 NODE = f"node {PLAN[5:-5]} -i virtual -c x --seconds 0.05"
-PRINTING = ["--help", PLAN, pytest.param(NODE, marks=pytest.mark.checks)]
 
 
 @pytest.mark.parametrize("buffered", ["", pytest.param("1", marks=pytest.mark.checks)])
-@pytest.mark.parametrize("words", PRINTING)
+@pytest.mark.parametrize("words", ["--help", PLAN, NODE])
 def test_a_full_standard_output_is_an_error_and_a_closed_one_is_not(words, buffered):
     """Output is flushed at the end or, unbuffered, at each line."""
     code, said = complaint(shell(f"dahl {words} >/dev/full", PYTHONUNBUFFERED=buffered))

@@ -5,6 +5,8 @@ options, and completion in a shell.
 
 from __future__ import annotations
 
+import ast
+import math
 import re
 import shlex
 import subprocess
@@ -12,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from dahl import cli, paths
 from dahl.binding import models
 from identify_tools import complaint
 
@@ -68,6 +71,17 @@ NEEDED = {  # required options
     **{"record": ["-ox"], "plot": ["x"], "report": ["x"]},
 }
 EVERY = [(verb, names) for verb, options in OPTIONS.items() for names in options]
+DEFAULTS: dict[str, dict[str, Any]] = {  # all that are not None, False or empty
+    "demo": {"output": paths.OUTPUT / "demo"},
+    "identify": {"jobs": -1, "within": 2, "output": paths.OUTPUT / "identify"},
+    "excite": {"noise": 0.05, "within": 1, "rate": 1000, "speed": math.inf, "name": "excite"}
+    | {"output": paths.OUTPUT / "identify"},
+    "plan": {"model": "dahl"},
+    "fmu": {"model": "dahl", "fmi": 2},
+    "monitor": {"window": 4000},
+    "dbc": {"nodes": 1},
+    "complete": {"shell": "bash"},
+}
 
 
 def refusal_of(dahl, verb: str, *words: str) -> str:
@@ -121,6 +135,25 @@ def test_an_option_accepts_its_range_and_nothing_beyond(dahl, verb, names):
             assert (f"{limit:g}" if isinstance(limit, float) else str(limit)) in line
 
 
+@pytest.mark.parametrize("verb", OPTIONS)
+def test_options_have_their_defaults_and_a_help(verb):
+    args = vars(cli.build_parser().parse_args([verb, *NEEDED.get(verb, [])]))
+    given = {word.partition("=")[0].strip("-").replace("-", "_") for word in NEEDED.get(verb, [])}
+    given |= {"command", "command_parser", "parser", "run", "run_path"}
+    given |= {"output"} if "ox" in given else set()
+    defaults = {key: value for key, value in args.items() if value and key not in given}
+    assert defaults == DEFAULTS.get(verb, {})
+    assert [one.dest for one in args["command_parser"]._actions if not one.help] == []
+
+
+def test_the_help_names_the_folder_in_which_outputs_are(dahl, monkeypatch):
+    """It is build/ in a checkout, another one of an installed package."""
+    assert "dahl plot build/demo\n" in dahl("plot", "--help").stdout
+    monkeypatch.setattr(paths, "INSTALLED", True)
+    monkeypatch.setattr(paths, "OUTPUT", Path("elsewhere"))
+    assert "dahl plot elsewhere/demo\n" in dahl("plot", "--help").stdout
+
+
 MISSING = [(verb, word) for verb, words in NEEDED.items() for word in words]
 
 
@@ -136,6 +169,37 @@ def test_a_missing_required_option_is_named(verb, missing, dahl):
 def test_an_unknown_command_or_option_is_named(words, told, dahl):
     code, line = complaint(dahl(*words.split()))
     assert code == 2 and told in line and "--help" in line
+
+
+# --- options in texts -----------------------------------------------------------------------------
+
+OPTION = re.compile(r"(?<![\w-])--[a-z][\w-]*")
+OF_OTHERS = {"--help", "--version", "--preset", "--build", "--pdeathsig"}  # of CMake and setpriv
+
+
+def names_of(verb: str) -> set[str]:
+    return {name for names in OPTIONS[verb] for name in names.split("/")}
+
+
+def test_each_option_that_a_message_names_exists(root, dahl_loop):
+    asked = subprocess.run([dahl_loop, "--help"], capture_output=True, text=True, check=True)
+    plugin = (root / "tools/dahl/can/pytest_plugin.py").read_text()
+    known = OF_OTHERS.union(OPTION.findall(asked.stdout), *map(names_of, OPTIONS))
+    known |= {*re.findall(r"addoption\(\s*\"(--[\w-]+)\"", plugin)}
+    for path in (root / "tools/dahl").rglob("*.py"):
+        nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        texts = [one.value for one in nodes if isinstance(one, ast.Constant)]
+        named = {name for text in texts if isinstance(text, str) for name in OPTION.findall(text)}
+        assert named <= known, path
+
+
+def test_each_option_on_a_page_is_one_of_its_command(root):
+    pages = [root / "README.md", *(root / "docs").glob("*.md"), *root.glob("examples/**/*.md")]
+    for page in pages:
+        text = page.read_text(encoding="utf-8")
+        for verb, rest in re.findall(r"\bdahl ([a-z]+)((?: +(?!`)[^`\n#|]*)?)", text):
+            if verb in OPTIONS:
+                assert {*OPTION.findall(rest)} <= names_of(verb) | {"--help"}, (page, verb)
 
 
 # --- completion in a shell ------------------------------------------------------------------------
@@ -156,9 +220,8 @@ def test_bash_completes_commands_options_and_values(dahl, root):
     assert set(completed("")) == {*OPTIONS}
     assert set(completed("-")) == {"-h", "--help", "--version"}
     assert completed("mon") == ["monitor"] and completed("demo", "--sce") == ["--scene"]
-    for verb, options in OPTIONS.items():
-        names = {name for names in options for name in names.split("/")}
-        assert set(completed(verb, "-")) == {*names, "-h", "--help"}
+    for verb in OPTIONS:
+        assert set(completed(verb, "-")) == names_of(verb) | {"-h", "--help"}
     scenes = {path.stem for path in (root / "host_sim" / "scenes").glob("*.ini")}
     assert set(completed("demo", "--scene", "")) == scenes | {"compensation", "park-steer"}
     assert completed("plan", "--model", "asy") == ["asymmetric"]

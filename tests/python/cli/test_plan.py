@@ -10,10 +10,11 @@ import re
 import subprocess
 from functools import partial
 
+import numpy as np
 import pytest
 from conftest import ROOT, built
 from dahl import __version__
-from dahl.binding import models
+from dahl.binding import models, plan_header
 from identify_tools import caller
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -128,6 +129,15 @@ def test_a_plan_has_the_name_of_its_option_or_file(words, name, plan, tmp_path):
     assert max(map(len, text.splitlines())) <= 96
     plan(*KNOWN, "--name", name, "-o", "x.h")
     assert (tmp_path / "x.h").read_text() == text
+
+
+@pytest.mark.parametrize(("low", "long"), [(0.5, 0.25), (0.1, 0.1), (0.3, 0.3), (2.0**-70, 1e-30)])
+def test_bounds_are_the_nearest_floats_on_the_safe_side(low, long):
+    """Those of an own float are itself. The lower bound is not above its value."""
+    text = plan_header.bounds("rig", low, long, "N m", "rad")
+    found = {name: np.float32(value) for name, value in re.findall(r"RIG_(\w+) (\S+)f ", text)}
+    assert found["FC_LOW"] <= low < np.nextafter(found["FC_LOW"], np.float32(np.inf))
+    assert found["LENGTH_LONG"] >= long > np.nextafter(found["LENGTH_LONG"], np.float32(0))
 
 
 def test_force_overwrites_any_file_and_a_plan_needs_no_force(plan, tmp_path):

@@ -199,6 +199,7 @@ WRONG_INPUT = {  # exit code 2
         plot run.log => run.log ... --scene
         plot run.log --scene nowhere => nowhere
         report . => summary.json
+        report whole => whole/loop.png: Is a directory
         report table.csv => table.csv:
         """,
     "bus": """
@@ -257,6 +258,8 @@ def folder(dahl) -> Path:
         Path(name).write_text(text, encoding="utf-8", errors="surrogateescape")
     write_log(Path("shaft.csv"))
     Path("loop.h").symlink_to("loop.h")
+    Path("whole/loop.png").mkdir(parents=True)
+    Path("whole/summary.json").write_text('{"scene_file": "x.ini"}')
     return Path.cwd()
 
 
@@ -306,7 +309,11 @@ WRONG_SHAPES += [
     ("latency_histogram", {}),
     ("faults", {"injected": {}}),
 ]
-WRONG_SHAPES += [("faults", {"injected": {"a": "b"}})]
+WRONG_SHAPES += [
+    ("faults", {"injected": {"a": "b"}, "expected": {}}),
+    ("jitter_us", {"p50": 1, "p99": "2", "max": 3}),
+    ("units", {"sigma0": "N/m", "Fc": 1, "theta_per_count": "m"}),
+]
 WRONG_SHAPES += [("latency_histogram", [pair]) for pair in ([1, -2], [1], [1, "2"], [1, 2])]
 NO_JSON = [b"[" * 100_000, b"\xff\xfe", b'{"scene_file": "x", "n": ' + b"9" * 5000 + b"}"]
 NO_JSON += [b'{"scene_file": "x"', b'{"scene_file": 7}']
@@ -391,6 +398,16 @@ def test_a_demo_does_not_overwrite_its_log(dahl, name):
     assert Path(name).read_text() == "a\n1\n"
 
 
+def test_a_demo_that_recorded_no_tick_is_one_line(dahl, monkeypatch):
+    def record_no_frame(setup, *_: object) -> dict[str, object]:
+        (setup.folder / "run.log").touch()
+        return {"interrupted": False}
+
+    monkeypatch.setattr("dahl.sim.loop.run", record_no_frame)
+    done = dahl("demo", "--scene", "segments", "-o", "out")
+    check(done, 1, "not compared: out/run.log: no frames")
+
+
 @pytest.mark.parametrize("name", ["trace.csv", "run.log"])
 def test_a_full_disk_during_a_demo_is_reported(dahl, name):
     Path(name).symlink_to("/dev/full")
@@ -470,6 +487,13 @@ def test_a_missing_system_library_is_named_with_its_packages(
     line = check(done, 1, "libnone.so.1")
     packages = ("apt-get install", "libinih1", "libcsv3", "libcjson1")
     assert all(fact in line for fact in packages)
+
+
+def test_a_missing_package_of_one_option_is_named_with_its_extra(dahl, folder, monkeypatch):
+    monkeypatch.setitem(sys.modules, "cantools", None)
+    done = dahl("identify", "run.log", "--dbc", "other.dbc", "--angle", "A", "--torque", "T")
+    line = check(done, 1, "dahl identify needs cantools; pip install")
+    assert "'.[can]'" in line
 
 
 def test_too_little_memory_is_one_line(root):

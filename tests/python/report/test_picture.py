@@ -202,6 +202,8 @@ def test_missing_answers_new_starts_and_restarts_are_marked(library, steady, pic
     for axes in (whole, part):
         looks = {(str(one.get_color()), str(one.get_linestyle())) for one in axes.collections}
         assert len(looks) == len(axes.collections) == 3
+        share_of_panel = axes.get_xaxis_transform()
+        assert all(one.get_transform() == share_of_panel for one in axes.collections)
     for axes, times in ((whole, [0.028, 0.297]), (part, [0.297])):
         strokes = {one.get_label().split()[0]: one.get_segments() for one in axes.collections}
         found = [[stroke[0][0] for stroke in strokes[name]] for name in ("no", "new", "restart,")]
