@@ -56,7 +56,7 @@ def with_timeout(seconds: float) -> can.Message:
 
 FIRST = good(0, 0)
 THIRD_OF_OTHERS = (FIRST, good(9, 60), good(10, 65), good(11))
-SILENT = (FIRST, with_timeout(SHORT_S), State.STALE)  # a State: wait until the node has it
+SILENT = (FIRST, State.STALE)  # a State: shorten the timeout and wait until the node has it
 BACK = (*SILENT, with_timeout(BUSY_S), good(1, 60), good(2, 65))
 PLAYS: dict[str, tuple[can.Message | State, ...]] = {
     "FIRST": (good(7),),
@@ -99,12 +99,11 @@ def play(bus: can.BusABC, one: dahl.Node, beat: can.Message | State) -> list[Fri
     """Send a frame or wait for a state; return the torques that came before the node's next
     ParamReply.
     """
+    torques = []
+    bus.send(with_timeout(SHORT_S) if isinstance(beat, State) else beat)
     while isinstance(beat, State) and one.state != beat:
         time.sleep(SHORT_S)
-    torques = []
-    sent = [] if isinstance(beat, State) else [beat]
-    for message in (*sent, codec.pack(ParamWrite(Param.FC))):
-        bus.send(message)
+    bus.send(codec.pack(ParamWrite(Param.FC)))
     while True:
         answer = bus.recv(BUSY_S)
         assert answer is not None
