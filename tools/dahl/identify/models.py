@@ -257,7 +257,7 @@ def tabulated(moves: np.ndarray, pieces: Pieces, a: float, kind: str, shape: flo
 
 def turning_points(theta: np.ndarray, min_turn: float) -> np.ndarray:
     """Rows at which the motion turns back by more than `min_turn` rad (m)."""
-    moving = np.flatnonzero(np.diff(theta, prepend=theta[:1]))
+    moving = np.append(0, np.flatnonzero(np.diff(theta)) + 1)
     turns = moving[np.flatnonzero(np.diff(np.sign(np.diff(theta[moving])))) + 1]
     kept, direction = [], 0
     low = high = 0  # rows of the lowest and the highest angle since the last turn

@@ -68,14 +68,9 @@ def best_of(fits: Sequence[Fit]) -> Fit:
 
 def fit_all(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[Fit]:
     """Return fits of all hypotheses, from rough values of a [1/rad (1/m)] and delay [samples]."""
-    fits = _dahl_with_all_choices(fitter, a, delay, space)
+    fits = _with_all_choices(fitter, a, delay, space)
     if not fits:
         return fits
-    if fitter.samples.load is not None and "loaded" in space.laws:
-        lags = [lag for lag in ("none", "delay") if lag in space.lags]
-        for angle, lag in product(fitter.samples.angles, lags):
-            h = Hypothesis("loaded", lag, angle)
-            fits += _fit_term_sets(fitter, h, fitter.start(h, a, delay or 1.0), space)
     fits += _other_laws(fitter, fits, space)
     fits = [f for f in fits if np.isfinite(f.value).all() and np.isfinite(f.cost).all()]
     fits = [f for f in fits if f.step < MAX_LINEAR] or fits
@@ -86,15 +81,15 @@ def _with_best_at_optimum(fitter: Fitter, fits: list[Fit]) -> list[Fit]:
     """Fit the best one again until it is at its optimum: a linearised score may be too good."""
     for _ in range(MAX_REFITS):
         best = best_of(fits)
-        if best.step < FAR_STEP:
+        again = _converge(fitter, best)
+        if again is best:
             break
-        other = fitter.fit(best.hypothesis, best.p)
-        others = [f for f in fits if f is not best]
-        fits = [*others, other] if other is not None else others or fits
+        fits = [*(f for f in fits if f is not best), again]
     return fits
 
 
-def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[Fit]:
+def _with_all_choices(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[Fit]:
+    """Dahl's law, also under a load, with each lag, angle and set of terms."""
     starts = {
         "delay": delay or 1.0,
         "delay+filter": delay,
@@ -103,15 +98,15 @@ def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: Search
         "zero-phase filter": 3.0,
         "play": float(np.log(0.2 / a)),
     }
-    lags = [*space.lags]
-    if "delay" in lags and 1 < fitter.samples.logs <= MAX_LOGS_WITH_DELAYS:
-        lags.append("delays")
+    choices = [("dahl", lag) for lag in space.lags]
+    if "delay" in space.lags and 1 < fitter.samples.logs <= MAX_LOGS_WITH_DELAYS:
+        choices.append(("dahl", "delays"))
+    if fitter.samples.load is not None and "loaded" in space.laws:
+        choices += [("loaded", lag) for lag in space.lags if lag in ("none", "delay")]
     fits: list[Fit] = []
-    for angle in fitter.samples.angles:
-        for lag in lags:
-            h = Hypothesis("dahl", lag, angle)
-            if _smooths_counts(h):
-                continue
+    for angle, (law, lag) in product(fitter.samples.angles, choices):
+        h = Hypothesis(law, lag, angle)
+        if not _smooths_counts(h):
             fits += _fit_term_sets(fitter, h, fitter.start(h, a, starts.get(lag, 0.0)), space)
     return fits
 
@@ -141,7 +136,7 @@ def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit
     found: list[Fit] = []
     for lag in sorted({"none", "damping", best.hypothesis.lag} & {*space.lags, "delays"}):
         own = by_lag.get(lag, best)
-        lead = own.p[own.hypothesis.friction.elements :]  # lag of the Dahl fit
+        lead = own.p[own.hypothesis.friction.parameters :]
         for law, p in starts.items():
             h = Hypothesis(law, lag, angle, terms)
             found += _fit_term_sets(fitter, h, np.append(p, lead), space)
@@ -155,7 +150,7 @@ def _law_starts(
     laws = ["slip", "stribeck", "log speed", "asymmetric"]
     if fitter.samples.is_at_rest.mean() > MIN_RESTS:
         laws.append("breakaway")
-    if fitter.strokes[plain.angle] < models.MAX_STROKES:
+    if len(models.strokes(fitter.moves[plain.angle])[0]) < models.MAX_STROKES:
         laws += ["exponent", "bouc-wen", "soft shaft"]
     starts = {law: fitter.start(replace(plain, law=law), a) for law in laws}
     starts |= pair_starts(fitter, plain, a)
