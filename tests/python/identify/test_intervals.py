@@ -1,0 +1,294 @@
+# SPDX-License-Identifier: MIT
+"""What makes an interval wide: plausible hypotheses, lack of fit, simulated logs. Each against
+dense least squares, made-up fits or an effect of known size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from dahl.identify import Log, diagnose, estimate, select, simulate
+from dahl.identify.diagnose import Lack, lack_of_fit
+from dahl.identify.fit import Fit, Fitter, Hypothesis
+from dahl.identify.samples import samples_of
+from identify_tools import (
+    COUNT,
+    FC,
+    SIGMA0,
+    chirp,
+    dahl_torque,
+    log_of,
+    noise_of,
+    turns_of,
+    varying_torque,
+)
+
+pytestmark = pytest.mark.usefixtures("library")
+
+A = SIGMA0 / FC
+PATH = chirp(2400, first=5, last=11)
+SPEED = np.gradient(PATH) / np.abs(np.gradient(PATH)).max()
+RAMP = np.linspace(-0.5, 0.5, 2400)
+QUANTILE = 2.0
+
+
+def fitted(*logs: Log, lag: str = "none", terms: tuple[str, ...] = ("offset",)):
+    samples = samples_of(logs)
+    samples.prepare(A, np.zeros(samples.rows))
+    fitter, h = Fitter(samples), Hypothesis(lag=lag, terms=terms)
+    return fitter, fitter.fit(h, fitter.start(h, A, 1.0))
+
+
+# --- lack of fit ----------------------------------------------------------------------------------
+
+
+def plus(shape: np.ndarray) -> list[Log]:
+    """Return a log with a shape, in parts of Fc, that is added to the friction."""
+    return [log_of(PATH, dahl_torque(PATH) + FC * shape, 0.01)]
+
+
+def parts(sigma0: np.ndarray | float = 1.0, Fc: np.ndarray | float = 1.0) -> list[Log]:  # noqa: N803
+    """Return a log of parameters that vary, in parts of the usual ones."""
+    ones = np.ones(2400)
+    return [log_of(PATH, varying_torque(PATH, SIGMA0 * sigma0 * ones, FC * Fc * ones), 0.01)]
+
+
+def halves(change: Callable[[Log], Log]) -> list[Log]:
+    """Return two logs, of which the second one is changed."""
+    (log,) = plus(0 * PATH)
+    return [log.part(slice(1200)), replace(change(log.part(slice(1200, 2400))), name="b")]
+
+
+def late(log: Log) -> Log:
+    return replace(log, torque=np.interp(np.arange(1200) - 3, np.arange(1200), log.torque))
+
+
+WAVE = np.sin(2 * np.pi * PATH / (32 * COUNT))
+SINCE = np.concatenate([SIGMA0 / FC * np.abs(x - x[0]) for x in np.split(PATH, turns_of(PATH) + 1)])
+PEAK = 0.4 * np.sign(SPEED) * np.exp(-SINCE / 5) * (1 - np.exp(-SINCE))
+SLOW = np.exp(-((SPEED / 0.3) ** 2))
+EFFECTS: dict[str, tuple[list[Log], tuple[bool, bool]]] = {
+    # logs with an effect, and whether sigma0 and Fc are then not claimed
+    "shape since the turn": (plus(PEAK), (True, True)),
+    "low pass or delay": ([log_of(PATH[8:], dahl_torque(PATH)[:-8], 0.01)], (True, True)),
+    "speed": (parts(Fc=1 + 0.3 * SLOW), (True, True)),
+    "viscous": (plus(0.1 * SPEED), (True, True)),
+    "offset drift": (plus(0.2 * RAMP), (False, False)),
+    "drift": (parts(Fc=1 + 0.3 * RAMP), (False, False)),
+    "step": (parts(Fc=1 + 0.2 * np.sign(RAMP)), (False, False)),
+    "direction": (parts(Fc=1 + 0.3 * np.sign(SPEED)), (True, True)),
+    "cubic spring": (plus(0.2 * (PATH / 0.05) ** 3), (False, False)),
+    "angle ripple": (plus(0.06 * np.sin(80 * np.pi * PATH)), (True, True)),
+    "Fc by angle": (parts(Fc=1 + 0.3 * np.abs(PATH / 0.05)), (False, False)),
+    "encoder error each 32": ([log_of(PATH + 2 * COUNT * WAVE, dahl_torque(PATH))], (True, True)),
+    "each log": (halves(lambda log: replace(log, torque=1.2 * log.torque)), (False, False)),
+    "delay of each log": (halves(late), (True, True)),
+    "offset of each log": (
+        halves(lambda log: replace(log, torque=log.torque + 0.1 * FC)),
+        (False, False),
+    ),
+}
+
+
+@cache
+def lacks(effect: str) -> tuple[Fitter, Fit, list[Lack]]:
+    fitter, fit = fitted(*EFFECTS[effect][0])
+    return fitter, fit, lack_of_fit(fitter, fit, QUANTILE)
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_an_effect_has_a_row_that_explains_it(effect):
+    """No other row explains much more."""
+    _, fit, found = lacks(effect)
+    own = next(one for one in found if one.name.startswith(effect))
+    assert own.gain > 0.4 * max(one.gain for one in found), [(x.name, x.gain) for x in found]
+    assert own.withdraws == EFFECTS[effect][1], own
+    further = fit.value * (1 + own.moved) + 0.5 * (fit.value * own.moved)
+    assert (own.low <= further).all() and (further <= own.high).all()
+
+
+def test_nothing_is_found_in_a_log_without_an_effect():
+    fitter, fit = fitted(*plus(0 * PATH))
+    assert [one.name for one in lack_of_fit(fitter, fit, QUANTILE) if one.gain > 0.03] == []
+
+
+@pytest.mark.parametrize(("effect", "part"), [("drift", 0.15), ("step", 0.2), ("each log", 0.1)])
+def test_the_interval_holds_both_ends_of_what_varies(effect, part):
+    _, _, found = lacks(effect)
+    own = next(one for one in found if one.name == effect)
+    middle = FC * (1.1 if effect == "each log" else 1)
+    for end in ((1 - 0.9 * part) * middle, (1 + 0.9 * part) * middle):
+        assert own.low[1] <= end <= own.high[1]
+    assert own.high[1] - own.low[1] < 3 * part * middle
+
+
+def test_a_gain_is_that_of_the_cycles_left_out():
+    fitter, fit, found = lacks("offset drift")
+    own = next(one for one in found if one.name == "offset drift")
+    s, h = fitter.samples, fit.hypothesis
+    base, limits = fitter.columns(h, fit.p, fit.limits, h.terms)
+    t = np.linspace(-0.5, 0.5, s.rows)
+    wide = np.column_stack((base, t, t**2))
+    inside = np.zeros(s.rows, dtype=bool)
+    for fold in s.folds:
+        inside[fold] = True
+    costs, each = [], []
+    for table in (base, wide):
+        weighted, torque = table * np.sqrt(s.used)[:, None], s.torque * np.sqrt(s.used)
+        costs.append(0.0)
+        for fold in s.folds:
+            others = inside.copy()
+            others[fold] = False
+            c = np.linalg.lstsq(weighted[others], torque[others], rcond=None)[0]
+            costs[-1] += np.sum((torque[fold] - weighted[fold] @ c) ** 2)
+            each.append(fitter.parameters(fit.p, limits, c))
+    assert own.gain == pytest.approx(costs[0] / costs[1] - 1, rel=1e-3)
+    spread = np.std(each[len(s.folds) :], axis=0) * np.sqrt(len(s.folds) - 1)
+    moved = np.abs(own.moved) * fit.value
+    assert own.high - own.low == pytest.approx(2 * QUANTILE * spread + moved, rel=0.01)
+
+
+def test_a_periodic_error_of_the_encoder_is_taken_out_of_all_angles():
+    fitter, _, found = lacks("encoder error each 32")
+    own = next(one for one in found if one.name.startswith("encoder error each 32"))
+    better = diagnose.correct_encoder(fitter.samples, own)
+    for name, seen in fitter.samples.angles.items():
+        before, after = (np.std((x - PATH)[100:-100]) for x in (seen, better.angles[name]))
+        assert after < 0.5 * before, name
+
+
+# --- plausible hypotheses -------------------------------------------------------------------------
+
+
+def fit_of(cost: np.ndarray | float, sigma0: float = SIGMA0, Fc: float = FC, **more) -> Fit:  # noqa: N803
+    """Return a fit of one element with this cost of each of 8 cycles."""
+    error = more.pop("error", 1e-3)
+    value = np.array([sigma0, Fc])
+    without = value * (1 + error * np.resize((1, -1), 8)[:, None])
+    c, p = np.array([Fc, 0.0, 0.0]), np.log([sigma0 / Fc])
+    return Fit(Hypothesis(**more), p, c[:1], c[:1], c, cost * np.ones(8), without)
+
+
+EVEN, FEW = np.resize((1, -1), 8), np.arange(8) == 0
+NEAR = [  # cost by cycle above 1, hidden cost, whether it is near 1
+    (0.0, 0.0, True),
+    (0.01, 0.0, False),
+    (0.01, 0.1, True),
+    (0.01 + 0.025 * EVEN, 0.0, True),
+    (0.01 + 0.015 * EVEN, 0.0, False),
+    (-0.1, 0.0, True),
+    (0.01 + 0.1 * FEW, 0.0, False),  # one cycle hides that the others are worse
+    (0.01 + 0.1 * FEW, 0.2, True),
+]
+
+
+@pytest.mark.parametrize(("more", "hidden", "is_near"), NEAR)
+def test_near_is_what_the_scatter_of_cycles_hides(more, hidden, is_near):
+    assert select.is_near(1 + more + np.zeros(8), np.ones(8), hidden) is is_near
+
+
+class Stub:
+    """A fitter that cannot fit again."""
+
+    samples = SimpleNamespace(used=np.full(8, 1e-3))
+
+    def fit(self, *_: object) -> None:
+        return None
+
+
+def test_the_simplest_plausible_fit_is_chosen():
+    best = fit_of(1.0, 110, law="stribeck", error=1e-4)
+    fits = [
+        fit_of(1.01 + 0.03 * EVEN, law="dahl", lag="delay"),
+        fit_of(1.02 + 0.05 * EVEN, 105, law="slip"),
+        best,
+        fit_of(1.3, 120),
+        fit_of(1.01 + 0.05 * EVEN, 130, law="asymmetric", error=0.5),
+    ]
+    seen = select.plausible(Stub(), fits, 0.0)
+    assert seen.best is best and seen.chosen is fits[1]
+    assert {round(fit.value[0]) for fit in seen.fits} == {105, 110, SIGMA0}
+    rounded = select.plausible(Stub(), fits, 1e-9)
+    assert {fit.hypothesis.law for fit in rounded.fits} == {"dahl", "slip"}
+    dear = [fit_of(1.0, law="stribeck"), fit_of(1.001)]  # each parameter costs .2 %
+    assert select.best_of(dear) is dear[1]
+
+
+def test_intervals_hold_all_plausible_fits_and_their_errors():
+    fits = [fit_of(1.0, 90, error=0.01), fit_of(1.0, 100, 0.6, law="slip", error=0.02)]
+    seen = select.Plausible(fits[0], fits[0], fits, fits)
+    low, high = estimate._over_hypotheses(seen, QUANTILE)
+    errors = [fit.error for fit in fits]
+    assert errors[0] == pytest.approx(0.01 * np.sqrt(7) * fits[0].value)
+    assert low == pytest.approx(fits[0].value - QUANTILE * errors[0])
+    assert high == pytest.approx(fits[1].value + QUANTILE * errors[1])
+
+
+@pytest.mark.parametrize(
+    ("law", "lacking", "far"),
+    [("bouc-wen", 0, 0.5), ("bouc-wen", 1, 0.5), ("2 slip", 0, 0.5), ("2 slip", 1, 1.4)],
+)
+def test_a_curve_that_is_not_of_one_element_may_be_of_many(law, lacking, far):
+    plain, best = fit_of(2.0, 80, 0.5), fit_of(1.0, 100, 0.6, law=law)
+    ends = best.value * 0.999, best.value * 1.001
+    seen = select.Plausible(best, best, [best], [best])
+    wide = estimate._beyond_one_element(seen, [plain, fit_of(3.0, 9), best], [0] * lacking, *ends)
+    assert wide[0] == pytest.approx([100 - 20 * far, 0.6 - 0.1 * far])
+    assert wide[1] == pytest.approx([100 + 20 * far, 0.6 + 0.1 * far])
+    seen.fits.append(plain)
+    same = estimate._beyond_one_element(seen, [plain, best], [0] * lacking, *ends)
+    assert np.array_equal(same, ends)
+
+
+# --- simulated logs -------------------------------------------------------------------------------
+
+
+@cache
+def simulated(counts: float, noise: float = 0.01, levels: int = 0) -> tuple[Fitter, Fit]:
+    log = log_of(PATH, dahl_torque(PATH), noise, FC / SIGMA0 / counts)
+    if levels:
+        log = replace(log, torque=np.round(log.torque / FC * levels) * FC / levels)
+    return fitted(log)
+
+
+def test_refits_are_off_by_the_counts_and_the_rounding():
+    spread = {}
+    for counts, levels in ((26, 0), (1.5, 0), (26, 6)):
+        errors = simulate.refit_errors(*simulated(counts, levels=levels))
+        assert errors.shape == (7, 2) and np.array_equal(
+            errors, simulate.refit_errors(*simulated(counts, levels=levels))
+        )
+        spread[counts, levels] = np.sqrt(np.mean(errors**2, axis=0))
+    assert (spread[26, 0] < (0.01, 0.002)).all()
+    assert spread[1.5, 0][0] > 1.4 * spread[26, 0][0] and (spread[26, 6] > 2 * spread[26, 0]).all()
+    assert (spread[1.5, 0] < 0.1).all() and (spread[26, 6] < 0.1).all()
+
+
+def test_a_bump_goes_further_at_each_turn_and_fades_within_two_counts():
+    seen = fitted(*plus(0 * PATH))[0].samples.angles["between counts"]
+    bump = simulate._bump_at_turns(seen, COUNT, A)
+    turns = turns_of(PATH)
+    assert bump[turns] / COUNT == pytest.approx(0.2 * np.sign(PATH[turns]), abs=0.04)
+    away = np.min(np.abs(seen[:, None] - seen[turns]), axis=1)
+    assert (bump[away > 2 * COUNT] == 0).all() and np.count_nonzero(bump) > 3 * len(turns)
+    assert (simulate._bump_at_turns(RAMP, COUNT, A) == 0).all()
+
+
+def test_travel_hidden_at_turns_matters_with_few_counts():
+    fine, coarse = (simulate.hidden_travel(*simulated(counts)) for counts in (26, 3))
+    assert (0 < fine).all() and fine[0] < 0.02 < coarse[0] < 0.3
+
+
+def test_a_coarse_torque_sensor_hides_a_part_of_its_rounding():
+    for levels, noise in ((6, 0.0), (6, 0.5), (0, 0.01)):
+        fitter, fit = simulated(26, noise, levels)
+        step, weight = FC / 6, fitter.samples.used.sum()
+        hidden = 0.3 * step**2 / 12 * weight if (levels, noise) == (6, 0) else 0
+        assert estimate._hidden_by_rounding(fitter.samples, fit) == pytest.approx(hidden)
+    assert simulate.torque_step(np.round(7 * noise_of(1, 999)) / 7) == pytest.approx(1 / 7)
+    assert simulate.torque_step(noise_of(1, 999)) == 0
