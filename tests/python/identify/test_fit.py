@@ -254,8 +254,9 @@ def test_a_fit_has_the_parameters_of_its_columns():
         np.array([3.0, 4.0]),
         np.array([1.0, 2.0]),
         np.array([3.0, 4.0, 0.1, -9.0, 0.0]),
-        np.ones(6),
-        np.ones((6, 2)),
+        np.array([[3.0, 4.0, 0.0, 0.0, 0.0]]),
+        np.ones(1),
     )
     assert fit.slopes == pytest.approx([10 * (3 + 0.1), 100 * (4 - 2 * 0.6)])
     assert fit.value == pytest.approx([fit.slopes.sum(), 7]) and fit.step == 9
+    assert fit.without == pytest.approx(np.array([[430, 7]]))

@@ -168,10 +168,9 @@ def test_a_periodic_error_of_the_encoder_is_taken_out_of_all_angles():
 def fit_of(cost: np.ndarray | float, sigma0: float = SIGMA0, Fc: float = FC, **more) -> Fit:  # noqa: N803
     """Return a fit of one element with this cost of each of 8 cycles."""
     error = more.pop("error", 1e-3)
-    value = np.array([sigma0, Fc])
-    without = value * (1 + error * np.resize((1, -1), 8)[:, None])
     c, p = np.array([Fc, 0.0, 0.0]), np.log([sigma0 / Fc])
-    return Fit(Hypothesis(**more), p, c[:1], c[:1], c, cost * np.ones(8), without)
+    left_out = c * (1 + error * np.resize((1, -1), 8)[:, None])
+    return Fit(Hypothesis(**more), p, c[:1], c[:1], c, left_out, cost * np.ones(8))
 
 
 EVEN, FEW = np.resize((1, -1), 8), np.arange(8) == 0

@@ -85,8 +85,8 @@ class Fit:
     limits: np.ndarray  # N m (N), Fc of each element
     taken_at: np.ndarray  # N m (N), the limits at which derivatives by p were computed
     coefficients: np.ndarray  # of all columns of Fitter.columns()
+    left_out: np.ndarray  # (cycles, k) the coefficients without each cycle
     cost: np.ndarray  # (cycles,) squared residuals of each cycle when it is left out
-    without: np.ndarray  # (cycles, 2) sigma0 and Fc without each cycle
 
     @property
     def total(self) -> float:
@@ -101,6 +101,11 @@ class Fit:
     def value(self) -> np.ndarray:
         """sigma0 and Fc."""
         return parameters_of(self.p, self.taken_at, self.coefficients)
+
+    @property
+    def without(self) -> np.ndarray:
+        """sigma0 and Fc without each cycle: (cycles, 2)."""
+        return parameters_of(self.p, self.taken_at, self.left_out)
 
     @property
     def step(self) -> float:
@@ -170,6 +175,14 @@ def cost_of(gram: np.ndarray, columns: Sequence[int], coefficients: np.ndarray) 
     left: np.ndarray = np.einsum("...i,...ij,...j->...", v, gram[..., c, :][..., c], v)
     cost: np.ndarray = np.maximum(left, 0.0)
     return cost
+
+
+def score(h: Hypothesis, at: Optimum, columns: Sequence[int]) -> Fit:
+    """Fit some columns of a linearised model to all cycles, and score them on cycles left out."""
+    whole = at.grams.sum(axis=0)
+    full, left = solve(whole, columns), solve(whole - at.grams, columns)
+    limits = full[: len(at.limits)]
+    return Fit(h, at.p, limits, at.limits, full, left, cost_of(at.grams, columns, left))
 
 
 class Fitter:
@@ -362,15 +375,6 @@ class Fitter:
             step[-1] = max(step[-1], MIN_LOW_PASS - p[-1])
         return step
 
-    def score(self, h: Hypothesis, at: Optimum, columns: Sequence[int]) -> Fit | None:
-        """The score of some columns on cycles left out; None if the result is no friction."""
-        whole = at.grams.sum(axis=0)
-        full, left = solve(whole, columns), solve(whole - at.grams, columns)
-        without = parameters_of(at.p, at.limits, left)
-        cost = cost_of(at.grams, columns, left)
-        fit = Fit(h, at.p, full[: len(at.limits)], at.limits, full, cost, without)
-        return fit if self._is_friction(fit, at.peaks) else None
-
     def _is_friction(self, fit: Fit, peaks: np.ndarray) -> bool:
         """Whether a fit is physical, and no element is larger than the log can show."""
         m, c = len(fit.limits), fit.coefficients
@@ -392,7 +396,8 @@ class Fitter:
     def fit(self, h: Hypothesis, p: np.ndarray, rounds: int = ROUNDS) -> Fit | None:
         """Fit and score one hypothesis from start values p."""
         at = self.optimum(h, p, rounds)
-        return None if at is None else self.score(h, at, range(at.grams.shape[-1] - 1))
+        fit = score(h, at, range(at.grams.shape[-1] - 1)) if at else None
+        return fit if fit and self._is_friction(fit, at.peaks) else None
 
     def fit_term_sets(
         self, h: Hypothesis, p: np.ndarray, pool: Sequence[str], waves: bool = True
@@ -409,8 +414,8 @@ class Fitter:
         found = []
         for terms in _term_sets(names):
             own = [base + k for term in terms for k, name in enumerate(term_of) if name == term]
-            found.append(self.score(replace(h, terms=terms), at, [*range(base), *own]))
-        return [fit for fit in found if fit is not None]
+            found.append(score(replace(h, terms=terms), at, [*range(base), *own]))
+        return [fit for fit in found if self._is_friction(fit, at.peaks)]
 
     def predicted(self, fit: Fit) -> np.ndarray:
         """The torque of a fit at each sample: (n,) N m (N)."""
