@@ -15,6 +15,7 @@ import pytest
 from dahl.identify import Log, diagnose, estimate, select, simulate
 from dahl.identify.diagnose import Lack, lack_of_fit
 from dahl.identify.fit import Fit, Fitter, Hypothesis
+from dahl.identify.result import Intervals, _against_sigma0
 from dahl.identify.samples import samples_of
 from identify_tools import (
     COUNT,
@@ -220,7 +221,7 @@ def test_the_simplest_plausible_fit_is_chosen():
 
 def test_intervals_hold_all_plausible_fits_and_their_errors():
     fits = [fit_of(1.0, 90, error=0.01), fit_of(1.0, 100, 0.6, law="slip", error=0.02)]
-    seen = select.Plausible(fits[0], fits[0], fits, fits)
+    seen = select.Plausible(fits[0], fits[0], fits)
     low, high = estimate._over_hypotheses(seen, QUANTILE)
     errors = [fit.error for fit in fits]
     assert errors[0] == pytest.approx(0.01 * np.sqrt(7) * fits[0].value)
@@ -235,13 +236,56 @@ def test_intervals_hold_all_plausible_fits_and_their_errors():
 def test_a_curve_that_is_not_of_one_element_may_be_of_many(law, lacking, far):
     plain, best = fit_of(2.0, 80, 0.5), fit_of(1.0, 100, 0.6, law=law)
     ends = best.value * 0.999, best.value * 1.001
-    seen = select.Plausible(best, best, [best], [best])
+    seen = select.Plausible(best, best, [best])
     wide = estimate._beyond_one_element(seen, [plain, fit_of(3.0, 9), best], [0] * lacking, *ends)
     assert wide[0] == pytest.approx([100 - 20 * far, 0.6 - 0.1 * far])
     assert wide[1] == pytest.approx([100 + 20 * far, 0.6 + 0.1 * far])
     seen.fits.append(plain)
     same = estimate._beyond_one_element(seen, [plain, best], [0] * lacking, *ends)
     assert np.array_equal(same, ends)
+
+
+def test_torque_and_angle_may_be_read_half_a_row_apart():
+    fitter, fit = fitted(*plus(0 * PATH))
+    far = [fit_of(1e9, law="slip"), fit_of(1e9, lag="delay")]
+    found = select._with_skew(fitter, [*far, fit], select.penalised_cost(fit), 1.0)
+    assert [one.hypothesis for one in found] == [
+        replace(fit.hypothesis, skew=x) for x in (-0.5, 0.5)
+    ]
+    early, late = (one.value[0] for one in found)
+    assert early < fit.value[0] < late or late < fit.value[0] < early
+    assert select._with_skew(fitter, [fit], 0.5 * fit.cost, 0.0) == []
+
+
+def fit_with(law: str, lag: str, shape: float = 1.0) -> Fit:
+    return replace(fit_of(1.0, law=law, lag=lag), p=np.array([0, shape]))
+
+
+OBJECTIONS = [  # plausible fits, the chosen one first, and how many objections sigma0 has
+    ([("dahl", "delay")], 0),
+    ([("exponent", "none")], 0),
+    ([("exponent", "delay")], 1),  # both round the loop
+    ([("exponent", "delay"), ("stribeck", "play")], 1),
+    ([("exponent", "delay"), ("dahl", "delay")], 0),
+    ([("exponent", "delay"), ("exponent", "none")], 0),
+    ([("bouc-wen", "none", 0.81)], 0),
+    ([("dahl", "none"), ("bouc-wen", "none", 0.79)], 1),  # steepest at rest
+    ([("breakaway", "none")], 1),
+    ([("breakaway", "delay"), ("bouc-wen", "delay", 0.5)], 3),
+]
+
+
+@pytest.mark.parametrize(("fits", "wanted"), OBJECTIONS)
+def test_laws_and_lags_that_leave_no_slope_at_rest(fits, wanted):
+    fits = [fit_with(*one) for one in fits]
+    i = Intervals(*[np.ones(2)] * 3, {})
+    seen = SimpleNamespace(
+        intervals=i, hypothesis=fits[0].hypothesis, plausible=SimpleNamespace(fits=fits)
+    )
+    found = list(_against_sigma0(seen, i))
+    assert [against for against, _ in found] == [(True, False)] * wanted
+    seen.intervals = replace(i)  # presliding is hidden
+    assert len(list(_against_sigma0(seen, i))) == wanted + 1
 
 
 # --- simulated logs -------------------------------------------------------------------------------

@@ -215,14 +215,12 @@ class Fitter:
             angle = self.samples.angles[h.angle]
             width = float(np.exp(p[-1]))
             moves = self.samples.moves(models.behind_play(angle, self.samples.pieces, width))
-        found = self.friction(h, p, moves, self.samples.pieces)
+        found = self._without_lag(h, p, moves)
         return [self._apply_lag(h, p, self.samples.delayed(x, h.skew)) for x in found]
 
-    def friction(
-        self, h: Hypothesis, p: np.ndarray, moves: np.ndarray, pieces: models.Pieces
-    ) -> list[np.ndarray]:
-        """F/Fc of each element on these moves, without a lag."""
-        law, s = h.friction, self.samples
+    def _without_lag(self, h: Hypothesis, p: np.ndarray, moves: np.ndarray) -> list[np.ndarray]:
+        """F/Fc of each element on these moves."""
+        law, s, pieces = h.friction, self.samples, self.samples.pieces
         a = np.exp(np.clip(p[: law.elements], -50, 50))
         shape = self._shape(h, p)
         if law.kinds == ("limits",):

@@ -28,7 +28,6 @@ MAX_SKEWED = 3  # hypotheses that are fitted with a skew
 MAX_LOGS_WITH_DELAYS = 4  # logs that may each have a delay of their own
 FAR_STEP = 0.1  # of ln a: a plausible subset whose linearisation went further is fitted again
 MAX_REFITS = 8  # until the best one is at its optimum
-MAX_COST_RATIO = 1.5  # to the best cost of its law and lag; costlier sets of terms are dropped
 MIN_RESTS = 0.05  # of the samples; a sine is as slow as a rest in 1 %
 OTHER_ANGLES = 5  # laws that are fitted again with the other angles
 
@@ -117,13 +116,12 @@ def _smooths_counts(h: Hypothesis) -> bool:
 
 
 def _fit_term_sets(fitter: Fitter, h: Hypothesis, p: np.ndarray, space: SearchSpace) -> list[Fit]:
-    """Return all sets of terms that come near the best one of this law and lag."""
+    """Return fits of this law and lag with each set of terms, or with those of the user."""
     if space.terms is not None:
         one = fitter.fit(replace(h, terms=space.pool), p)
         return [one] if one is not None else []
     pool = [name for name in space.pool if fitter.samples.timed or name in ("offset", "spring")]
-    fits = sorted(fitter.fit_term_sets(h, p, pool, space.shapes), key=lambda f: f.total)
-    return [f for k, f in enumerate(fits) if k < 3 or f.total < MAX_COST_RATIO * fits[0].total]
+    return fitter.fit_term_sets(h, p, pool, space.shapes)
 
 
 def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit]:
@@ -180,12 +178,11 @@ def _with_other_angles(fitter: Fitter, fits: list[Fit], angle: str) -> list[Fit]
 
 @dataclass
 class Plausible:
-    """Hypotheses that the log cannot distinguish. `near` also has those that are not needed."""
+    """Hypotheses that the log cannot distinguish."""
 
     chosen: Fit  # the simplest
     best: Fit  # by the score
     fits: list[Fit]
-    near: list[Fit]
 
 
 def plausible(fitter: Fitter, fits: list[Fit], hidden: float) -> Plausible:
@@ -208,7 +205,7 @@ def plausible(fitter: Fitter, fits: list[Fit], hidden: float) -> Plausible:
     kept += _with_skew(fitter, kept, limit, free)
     if hidden:  # more parameters than the chosen one only fit the rounding
         kept = [f for f in kept if f.hypothesis.size <= chosen.hypothesis.size + 1]
-    return Plausible(chosen, best, kept, near)
+    return Plausible(chosen, best, kept)
 
 
 def model_error(fitter: Fitter, best: Fit) -> float:
@@ -219,13 +216,12 @@ def model_error(fitter: Fitter, best: Fit) -> float:
 def is_near(cost: np.ndarray, best: np.ndarray, hidden: float = 0.0) -> bool:
     """Whether a cost by cycle is within PLAUSIBLE_ERRORS of the best one.
 
-    Both the sum and the mean logarithm must be near. In the logarithm no single cycle dominates.
+    The mean logarithm is compared, so that no single cycle dominates. A sum that is higher by
+    `hidden` is near, too.
     """
-    more, error = excess(cost, best)
     tiny = 1e-12 * float(best.sum()) + 1e-300
     ratio, spread = excess(np.log(cost + tiny), np.log(best + tiny))
-    near_ratio = ratio <= PLAUSIBLE_ERRORS * spread or more <= hidden
-    return more <= PLAUSIBLE_ERRORS * error + hidden and near_ratio
+    return ratio <= PLAUSIBLE_ERRORS * spread or float((cost - best).sum()) <= hidden
 
 
 def _converge(fitter: Fitter, fit: Fit) -> Fit:
@@ -255,19 +251,3 @@ def _with_skew(fitter: Fitter, kept: list[Fit], limit: np.ndarray, free: float) 
             if other is not None and is_near(penalised_cost(other), limit, free):
                 found.append(other)
     return found
-
-
-def reach(fit: Fit, near: list[Fit]) -> np.ndarray:
-    """Standard errors of sigma0 and Fc that a hypothesis adds to the interval.
-
-    If the cycles do not ask for what it has beyond a special case, its standard errors are at most
-    1.5 times those of the special case. Its value counts in any case.
-    """
-    error = fit.error
-    for other in near:
-        smaller = other.hypothesis.size < fit.hypothesis.size
-        if smaller and fit.hypothesis.contains(other.hypothesis):
-            more, spread = excess(other.cost, fit.cost)
-            if more <= spread:
-                error = np.minimum(error, 1.5 * other.error)
-    return error
