@@ -23,12 +23,10 @@ from identify_tools import (
     chirp,
     dahl_torque,
     log_of,
-    noise_of,
     seen,
     shaft,
     sine,
     synthetic,
-    varying_torque,
     width,
 )
 from scipy.signal import lfilter
@@ -69,10 +67,6 @@ def never_slips() -> Log:
     return log_of(theta, SIGMA0 * theta, 0.01, 0.0)
 
 
-def noise_alone() -> Log:
-    return Log("x", sine(1, rows=1500, cycles=8), noise_of(1, 1500), np.arange(1500) * 1e-3)
-
-
 def few(cycles: float) -> Log:
     return synthetic(int(cycles), 0.01, rows=900 + 100 * int(cycles), cycles=cycles)
 
@@ -97,8 +91,6 @@ CASES: dict[str, tuple[Callable[[], list[Log]], tuple[bool | None, bool | None],
     "nothing wrong": (lambda: [shaft()], (YES, YES), "sigma0 = "),
     "noise of 20 %": (lambda: [shaft(5, 0.2)], (EITHER, YES), "Fc = "),
     "noise of 300 %": (lambda: [shaft(5, 3.0)], (NO, NO), "explains"),
-    "noise alone": (lambda: [noise_alone()], (NO, NO), "explains"),
-    "two cycles": (lambda: [few(2.3)], (NO, NO), "2 cycles"),
     "five cycles": (lambda: [few(5.2)], (NO, NO), "5 cycles"),
     "three and four": (lambda: [few(3.6), few(4.6)], (EITHER, YES), "Fc = "),
     "1.5 counts": (lambda: [coarse(1.5)], (EITHER, YES), "Fc = "),
@@ -107,7 +99,7 @@ CASES: dict[str, tuple[Callable[[], list[Log]], tuple[bool | None, bool | None],
     "fading peak": (lambda: [fading_peak()], (NO, NO), "shape since the turn"),
     "Fc by angle": (lambda: [by_angle()], (EITHER, EITHER), "Fc by angle"),
     "never slips": (lambda: [never_slips()], (EITHER, NO), "Fc is not identifiable"),
-    "two of one": (lambda: [machine(1), machine(2)], (YES, YES), ""),
+    "two machines": (lambda: [machine(1), machine(2, 1.3)], (EITHER, EITHER), ""),
     "sensor turned in one": (lambda: [machine(1), machine(2, side=-1)], (EITHER, EITHER), ""),
     "sensor turned in both": (lambda: [machine(k, side=-1) for k in (1, 2)], (YES, YES), ""),
     "other delays": (lambda: [machine(1), machine(2, late=4)], (YES, YES), ""),
@@ -176,14 +168,6 @@ def test_a_periodic_error_of_the_encoder_is_taken_out_of_the_angle():
     result = identify([log], Options(terms=("offset",), delay=False))
     assert result.sigma0.value == pytest.approx(SIGMA0, rel=0.05)
     assert not any("each 32 counts" in reason for reason in result.reasons)
-
-
-@pytest.mark.parametrize(("sigma0", "Fc"), [(1.3, 1.0), (1.0, 1.06)])
-def test_logs_of_two_machines(sigma0, Fc):  # noqa: N803
-    result = identify([machine(1), machine(2, sigma0, Fc), machine(3), machine(4, sigma0, Fc)])
-    for parameter, one, part in ((result.sigma0, SIGMA0, sigma0), (result.Fc, FC, Fc)):
-        holds = parameter.low <= 1.01 * one and 0.99 * part * one <= parameter.high
-        assert holds or not parameter.claimed, result.verdict
 
 
 def test_swapped_columns_are_named():
@@ -269,16 +253,6 @@ def test_ten_times_the_rows_give_the_same():
             assert low <= truth <= high
         near = 1.5 * (width(less, name) + width(more, name)) * truth
         assert less[name] == pytest.approx(more[name], abs=near)
-
-
-def test_a_long_log_of_many_strokes_is_used_from_end_to_end():
-    """Fc grows over the log by a fifth; the result is that of its middle."""
-    theta = sine(4, rows=24_000, cycles=300)
-    rising = varying_torque(theta, np.full(24_000, SIGMA0), FC * np.linspace(0.9, 1.1, 24_000))
-    result = identify([log_of(theta, rising)], Options(terms=("offset",)))
-    table = result.to_dataframe()
-    assert table["time"].min() < 1 and table["time"].max() > 23 and len(table) <= 8000
-    assert result.Fc.value == pytest.approx(FC, rel=0.01)
 
 
 def test_a_spring_that_stiffens_is_a_cubic_term():
@@ -390,10 +364,3 @@ def test_a_motion_of_equal_strokes_is_named(motion, words):
     alike = [note for note in found["notes"] if "all strokes have" in note]
     assert all(word in note for note in alike for word in words)
     assert bool(alike) == bool(words)
-
-
-def test_rows_between_readings_of_the_torque_are_no_outliers():
-    log = synthetic(2, part=0.02, rows=4000, cycles=15.3)
-    held = replace(log, torque=np.repeat(log.torque[::4], 4))
-    kept = report.numbers(identify([held], Options(terms=())))
-    assert kept["sum_of_weights"] <= 1000 and kept["rows_weighing_less"] == 0

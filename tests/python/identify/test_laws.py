@@ -221,7 +221,7 @@ def test_a_peak_after_rests_hides_the_slope_at_rest_only() -> None:
     result = identify([hostile_logs.KINDS["adhesion after rests"](1)])
     assert result.compensator_bounds is None and "claimed" in result.against_bounds
     assert result.hypothesis.law == "breakaway" and result.claimed == (False, True)
-    assert result.Fc.low <= hostile_logs.FC <= result.Fc.high
+    assert result.Fc.low <= FC <= result.Fc.high
 
 
 def three_elements() -> Log:
