@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from dahl.identify import select
 from dahl.identify.fit import Fit, Fitter, Hypothesis, cost_of, excess, jackknife, solve
 from dahl.identify.samples import samples_of
 from dahl.identify.start import coarse_start, pair_starts, slip_start
@@ -282,3 +283,46 @@ def test_a_fit_has_the_parameters_of_its_columns():
     assert fit.slopes == pytest.approx([10 * (3 + 0.1), 100 * (4 - 2 * 0.6)])
     assert fit.value == pytest.approx([fit.slopes.sum(), 7]) and fit.step == 9
     assert fit.without == pytest.approx(np.array([[430, 7]]))
+
+
+# --- the hypotheses that are fitted ---------------------------------------------------------------
+
+
+def tried(space: select.SearchSpace, theta: np.ndarray = PATH, **more: object) -> dict[str, set]:
+    """Return the laws, lags, angles and terms of all fits, and the pairs of lag and angle."""
+    log = replace(log_of(theta, dahl_torque(theta)), **more)
+    samples = samples_of([log])
+    samples.prepare(A, np.zeros(samples.rows))
+    found = [fit.hypothesis for fit in select.fit_all(Fitter(samples), A, 0.0, space)]
+    own = {name: {getattr(h, name) for h in found} for name in ("law", "lag", "angle")}
+    own["terms"] = {term for h in found for term in h.terms}
+    return own | {"pairs": {(h.lag, h.angle) for h in found}}
+
+
+CURVES = {"exponent", "bouc-wen", "soft shaft"}
+
+
+def test_all_laws_lags_angles_and_terms_are_tried():
+    found = tried(select.SearchSpace())
+    assert found["law"] >= {"dahl", "slip", "log speed", "asymmetric", "mixed"} | CURVES
+    assert "breakaway" not in found["law"] and "loaded" not in found["law"]
+    assert found["lag"] == set(LAGS)
+    assert found["angle"] == {"between counts", "sharp turns", "as read"}
+    assert found["terms"] == {"offset", "spring", "viscous", "inertia", "cubic", "waves"}
+    filtered = {angle for lag, angle in found["pairs"] if "filter" in lag or lag == "low pass"}
+    assert "as read" not in filtered
+    rests = 0.05 * np.clip(1.3 * np.sin(np.arange(1500) / 30), -1, 1)
+    load = 1 + 0.1 * np.sin(np.arange(1500) / 99)
+    assert {"breakaway", "loaded"} <= tried(select.SearchSpace(), rests, load=load)["law"]
+
+
+def test_fewer_hypotheses_if_cycles_times_or_a_user_allow_no_more():
+    few = tried(select.few_cycles(select.SearchSpace()), PATH[:500])
+    assert few["lag"] == {"none", "damping"} and "spring" in few["terms"]
+    assert "dahl" in few["law"] and not few["law"] & (CURVES | {"stribeck", "asymmetric"})
+    assert not few["terms"] & {"cubic", "waves"}
+    untimed = tried(select.SearchSpace(lags=("none",), laws=("dahl", "slip")), time=None)
+    assert untimed["lag"] == {"none"} and untimed["law"] == {"dahl", "slip"}
+    assert untimed["terms"] == {"offset", "spring", "cubic", "waves"}
+    asked = select.SearchSpace(("spring",), ("none",), ("dahl",), wanted="slip")
+    assert tried(asked)["terms"] == {"spring"} and tried(asked)["law"] == {"dahl", "slip"}

@@ -342,6 +342,28 @@ def test_a_bump_goes_further_at_each_turn_and_fades_within_two_counts():
     assert (simulate._bump_at_turns(RAMP, COUNT, A) == 0).all()
 
 
+def test_a_log_shows_a_part_of_a_change():
+    """With the standard error that the noise of the cycles leaves."""
+    wave, errors = np.sin(60 * PATH + 20 * RAMP), []
+    for noise in (0.01, 0.05):
+        fitter, fit = fitted(log_of(PATH, dahl_torque(PATH), noise))
+        fitter.samples.torque += 0.7 * 0.02 * wave
+        seen, error = simulate._amplitude(fitter, fit, 0.02 * wave)
+        assert seen == pytest.approx(0.7, abs=4 * error)
+        errors.append(error)
+    assert 0 < 2 * errors[0] < errors[1] < 0.05
+
+
+def test_a_coarse_sensor_is_simulated_with_its_step():
+    fitter, fit = simulated(26, levels=6)
+    exact = fitter.predicted(fit)
+    made = simulate._measure(fitter, fit, exact, np.random.default_rng(1))
+    levels = np.unique(made.round(9))
+    assert np.diff(levels) == pytest.approx(np.full(len(levels) - 1, FC / 6))
+    assert 0.2 * FC / 6 < np.std(made - exact) < 0.6 * FC / 6
+    assert simulate._measure(*simulated(26), exact, np.random.default_rng(1)) is exact
+
+
 def test_travel_hidden_at_turns_matters_with_few_counts():
     fine, coarse = (simulate.hidden_travel(*simulated(counts)) for counts in (26, 3))
     assert (0 < fine).all() and fine[0] < 0.02 < coarse[0] < 0.3

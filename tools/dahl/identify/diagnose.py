@@ -57,25 +57,20 @@ class Lack:
     coefficients: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
-@dataclass
 class Context:
     """Quantities that the rows are made of."""
 
-    fitter: Fitter
-    fit: Fit
-    base: np.ndarray  # columns of the hypothesis
-
-    def __post_init__(self) -> None:
-        h, m = self.fit.hypothesis, len(self.fit.limits)
-        self.samples: Samples = self.fitter.samples
-        self.friction = self.base[:, :m] @ self.fit.limits  # N m
-        self.Fc = float(self.fit.limits.sum())
+    def __init__(self, fitter: Fitter, fit: Fit) -> None:
+        h, m = fit.hypothesis, len(fit.limits)
+        self.fitter, self.fit, self.samples = fitter, fit, fitter.samples
+        self.base, _ = fitter.columns(h, fit.p, fit.limits, h.terms)
+        self.friction = self.base[:, :m] @ fit.limits  # N m
+        self.Fc = float(fit.limits.sum())
         self.w = self.friction / self.Fc
         self.by_a = self.base[:, m : 2 * m].sum(axis=1)  # change with ln a of all elements
-        self.a = float(np.sum(np.exp(self.fit.p[:m]) * self.fit.limits) / self.Fc)
-        self.moves = self.fitter.moves[h.angle]
-        self.angle = self.samples.angles[h.angle]
-        self.delay = float(self.fit.p[-1]) if h.lag in ("delay", "delay+filter") else 0.0
+        self.a = float(np.sum(np.exp(fit.p[:m]) * fit.limits) / self.Fc)
+        self.moves, self.angle = fitter.moves[h.angle], fitter.samples.angles[h.angle]
+        self.delay = float(fit.p[-1]) if h.lag in ("delay", "delay+filter") else 0.0
 
 
 def lack_of_fit(
@@ -86,13 +81,13 @@ def lack_of_fit(
     Rows named in `corrected` were taken out of the angle before. They are listed with what is not
     known of them.
     """
-    h = fit.hypothesis
-    base, _ = fitter.columns(h, fit.p, fit.limits, h.terms)
-    rows = table(Context(fitter, fit, base))
-    columns = np.column_stack((base, *(row.columns for row in rows)))
+    x, h = Context(fitter, fit), fit.hypothesis
+    rows = table(x)
+    columns = np.column_stack((x.base, *(row.columns for row in rows)))
     at = Optimum(fit.p, fitter.samples.grams(columns), fit.limits, np.ones(len(fit.limits)))
-    own = range(base.shape[1])
-    before, first, found = score(h, at, own), base.shape[1], []
+    first, found = x.base.shape[1], []
+    own = range(first)
+    before = score(h, at, own)
     for row in rows:
         last = first + row.columns.shape[1]
         after = score(h, at, [*own, *range(first, last)])

@@ -42,10 +42,6 @@ class SearchSpace:
     wanted: str = ""  # a law that is fitted in any case
     shapes: bool = True  # whether a torque may depend on the angle by more than a spring
 
-    @property
-    def pool(self) -> tuple[str, ...]:
-        return TERMS if self.terms is None else self.terms
-
 
 def few_cycles(space: SearchSpace) -> SearchSpace:
     """The hypotheses that a few cycles can distinguish; more would predict other logs worse."""
@@ -118,9 +114,9 @@ def _smooths_counts(h: Hypothesis) -> bool:
 def _fit_term_sets(fitter: Fitter, h: Hypothesis, p: np.ndarray, space: SearchSpace) -> list[Fit]:
     """Return fits of this law and lag with each set of terms, or with those of the user."""
     if space.terms is not None:
-        one = fitter.fit(replace(h, terms=space.pool), p)
+        one = fitter.fit(replace(h, terms=space.terms), p)
         return [one] if one is not None else []
-    pool = [name for name in space.pool if fitter.samples.timed or name in ("offset", "spring")]
+    pool = [name for name in TERMS if fitter.samples.timed or name in ("offset", "spring")]
     return fitter.fit_term_sets(h, p, pool, space.shapes)
 
 

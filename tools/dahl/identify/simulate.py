@@ -30,15 +30,15 @@ def torque_step(torque: np.ndarray) -> float:
 
 
 def refit_errors(fitter: Fitter, fit: Fit) -> np.ndarray:
-    """Return the relative errors of refits of simulated logs: (draws, 2), without the worst one."""
+    """Return the sizes of the relative errors of refits of simulated logs, without the largest.
+
+    Shape (refits, 2), in ascending order.
+    """
     random = np.random.default_rng(0)
     refits = [_refit(fitter, fit, k, random) for k in range(DRAWS)]
-    errors = np.array([one.value / fit.value - 1 for one in refits if one is not None])
-    errors = errors.reshape(-1, 2)
-    if len(errors) < 4:
-        return errors
-    by_size = np.argsort(np.abs(errors), axis=0)
-    return np.take_along_axis(errors, by_size, axis=0)[:-1]
+    errors = np.array([np.abs(one.value / fit.value - 1) for one in refits if one is not None])
+    errors = np.sort(errors.reshape(-1, 2), axis=0)
+    return errors[:-1] if len(errors) >= 4 else errors
 
 
 def _refit(fitter: Fitter, fit: Fit, draw: int, random: np.random.Generator) -> Fit | None:
