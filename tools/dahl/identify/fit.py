@@ -394,8 +394,10 @@ class Fitter:
     def fit(self, h: Hypothesis, p: np.ndarray, rounds: int = ROUNDS) -> Fit | None:
         """Fit and score one hypothesis from start values p."""
         at = self.optimum(h, p, rounds)
-        fit = score(h, at, range(at.grams.shape[-1] - 1)) if at else None
-        return fit if fit and self._is_friction(fit, at.peaks) else None
+        if at is None:
+            return None
+        fit = score(h, at, range(at.grams.shape[-1] - 1))
+        return fit if self._is_friction(fit, at.peaks) else None
 
     def fit_term_sets(
         self, h: Hypothesis, p: np.ndarray, pool: Sequence[str], waves: bool = True
