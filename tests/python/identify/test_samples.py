@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dahl.identify import angle, models
-from dahl.identify.samples import samples_of
+from dahl.identify.samples import block_for, samples_of
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -194,4 +194,13 @@ def test_a_long_log_becomes_few_samples(rows, cycles):
         assert samples.torque == pytest.approx(means)
     assert samples.time[0] < 0.1 and samples.time[-1] > 0.99 * (rows - 1) * 1e-3
     marked = replace(log, weight=np.arange(rows) % 4 / 3)
-    assert samples_of([marked]).block == 1
+    spiked = replace(log, torque=log.torque + FC * (np.arange(rows) % 100 == 0))
+    assert samples_of([marked]).block == samples_of([spiked]).block == 1
+
+
+def test_a_block_is_short_against_presliding():
+    """A twentieth of the rows of the first presliding length after a turn."""
+    log = shaft(rows=24_000, cycles=9)
+    rows = np.arccos(1 - 1 / A / 0.05) / (2 * np.pi) * 24_000 / 9
+    assert block_for([log], 50, A) == pytest.approx(rows / 20, abs=2)
+    assert block_for([log], 4, A) == 4 and block_for([log], 50, 100 * A) == 1
