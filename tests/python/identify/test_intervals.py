@@ -223,12 +223,37 @@ def test_the_simplest_plausible_fit_is_chosen():
 
 def test_intervals_hold_all_plausible_fits_and_their_errors():
     fits = [fit_of(1.0, 90, error=0.01), fit_of(1.0, 100, 0.6, law="slip", error=0.02)]
-    seen = select.Plausible(fits[0], fits[0], fits)
+    seen = select.Plausible(fits[0], fits[0], fits, fits)
     low, high = estimate._over_hypotheses(seen, QUANTILE)
     errors = [fit.error for fit in fits]
     assert errors[0] == pytest.approx(0.01 * np.sqrt(7) * fits[0].value)
     assert low == pytest.approx(fits[0].value - QUANTILE * errors[0])
     assert high == pytest.approx(fits[1].value + QUANTILE * errors[1])
+
+
+SPECIAL = [  # cost above that of a Stribeck law, law and lag of another fit; the part of the error
+    (0.0, {}, 0.15),
+    (0.01 * EVEN, {}, 0.15),  # as good within the scatter
+    (0.01, {}, 1.0),  # the cycles ask for more
+    (0.0, {"law": "slip"}, 1.0),  # no special case
+    (0.0, {"law": "breakaway"}, 1.0),
+    (0.0, {"lag": "delay"}, 1.0),
+    (0.0, {"terms": ("offset", "spring")}, 1.0),
+    (0.0, {"angle": "as read"}, 1.0),
+    (0.0, {"error": 0.02}, 0.3),
+]
+
+
+@pytest.mark.parametrize(("more", "other", "part"), SPECIAL)
+def test_errors_are_limited_by_those_of_a_special_case(more, other, part):
+    rich = fit_of(1.0, law="stribeck", error=0.1)
+    special = fit_of(1.0 + more, **({"error": 0.01} | other))
+    assert select.reach(rich, [special, rich]) == pytest.approx(part * rich.error, rel=1e-6)
+    assert select.reach(special, [special, rich]) == pytest.approx(special.error)
+    is_special = part < 1 or more == 0.01
+    assert rich.hypothesis.contains(special.hypothesis) is is_special
+    is_dominated = is_special and special.total <= rich.total * (1 + 1e-12)
+    assert select._is_dominated(rich, [special, rich]) is is_dominated
 
 
 @pytest.mark.parametrize(
@@ -238,7 +263,7 @@ def test_intervals_hold_all_plausible_fits_and_their_errors():
 def test_a_curve_that_is_not_of_one_element_may_be_of_many(law, lacking, far):
     plain, best = fit_of(2.0, 80, 0.5), fit_of(1.0, 100, 0.6, law=law)
     ends = best.value * 0.999, best.value * 1.001
-    seen = select.Plausible(best, best, [best])
+    seen = select.Plausible(best, best, [best], [best])
     wide = estimate._beyond_one_element(seen, [plain, fit_of(3.0, 9), best], [0] * lacking, *ends)
     assert wide[0] == pytest.approx([100 - 20 * far, 0.6 - 0.1 * far])
     assert wide[1] == pytest.approx([100 + 20 * far, 0.6 + 0.1 * far])

@@ -178,8 +178,9 @@ def _hidden_by_rounding(samples: Samples, best: Fit) -> float:
 
 def _over_hypotheses(seen: Plausible, quantile: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the least and largest sigma0 and Fc over all plausible hypotheses and their errors."""
-    low = np.min([f.value - quantile * f.error for f in seen.fits], axis=0)
-    high = np.max([f.value + quantile * f.error for f in seen.fits], axis=0)
+    reach = [quantile * select.reach(f, seen.near) for f in seen.fits]
+    low = np.min([f.value - r for f, r in zip(seen.fits, reach, strict=True)], axis=0)
+    high = np.max([f.value + r for f, r in zip(seen.fits, reach, strict=True)], axis=0)
     return low, high
 
 

@@ -174,11 +174,12 @@ def _with_other_angles(fitter: Fitter, fits: list[Fit], angle: str) -> list[Fit]
 
 @dataclass
 class Plausible:
-    """Hypotheses that the log cannot distinguish."""
+    """Hypotheses that the log cannot distinguish. `near` also has those that are not needed."""
 
     chosen: Fit  # the simplest
     best: Fit  # by the score
     fits: list[Fit]
+    near: list[Fit]
 
 
 def plausible(fitter: Fitter, fits: list[Fit], hidden: float) -> Plausible:
@@ -201,7 +202,7 @@ def plausible(fitter: Fitter, fits: list[Fit], hidden: float) -> Plausible:
     kept += _with_skew(fitter, kept, limit, free)
     if hidden:  # more parameters than the chosen one only fit the rounding
         kept = [f for f in kept if f.hypothesis.size <= chosen.hypothesis.size + 1]
-    return Plausible(chosen, best, kept)
+    return Plausible(chosen, best, kept, near)
 
 
 def model_error(fitter: Fitter, best: Fit) -> float:
@@ -212,12 +213,13 @@ def model_error(fitter: Fitter, best: Fit) -> float:
 def is_near(cost: np.ndarray, best: np.ndarray, hidden: float = 0.0) -> bool:
     """Whether a cost by cycle is within PLAUSIBLE_ERRORS of the best one.
 
-    The mean logarithm is compared, so that no single cycle dominates. A sum that is higher by
-    `hidden` is near, too.
+    Both the sum and the mean logarithm must be near. In the logarithm no single cycle dominates.
     """
+    more, error = excess(cost, best)
     tiny = 1e-12 * float(best.sum()) + 1e-300
     ratio, spread = excess(np.log(cost + tiny), np.log(best + tiny))
-    return ratio <= PLAUSIBLE_ERRORS * spread or float((cost - best).sum()) <= hidden
+    near_ratio = ratio <= PLAUSIBLE_ERRORS * spread or more <= hidden
+    return more <= PLAUSIBLE_ERRORS * error + hidden and near_ratio
 
 
 def _converge(fitter: Fitter, fit: Fit) -> Fit:
@@ -247,3 +249,19 @@ def _with_skew(fitter: Fitter, kept: list[Fit], limit: np.ndarray, free: float) 
             if other is not None and is_near(penalised_cost(other), limit, free):
                 found.append(other)
     return found
+
+
+def reach(fit: Fit, near: list[Fit]) -> np.ndarray:
+    """Standard errors of sigma0 and Fc that a hypothesis adds to the interval.
+
+    If the cycles do not ask for what it has beyond a special case, its standard errors are at most
+    1.5 times those of the special case. Its value counts in any case.
+    """
+    error = fit.error
+    for other in near:
+        smaller = other.hypothesis.size < fit.hypothesis.size
+        if smaller and fit.hypothesis.contains(other.hypothesis):
+            more, spread = excess(other.cost, fit.cost)
+            if more <= spread:
+                error = np.minimum(error, 1.5 * other.error)
+    return error
