@@ -203,4 +203,4 @@ def test_a_block_is_short_against_presliding():
     log = shaft(rows=24_000, cycles=9)
     rows = np.arccos(1 - 1 / A / 0.05) / (2 * np.pi) * 24_000 / 9
     assert block_for([log], 50, A) == pytest.approx(rows / 20, abs=2)
-    assert block_for([log], 4, A) == 4 and block_for([log], 50, 100 * A) == 1
+    assert block_for([log], 4, A) == 4 and block_for([log], 50, 100 * A) <= 3
