@@ -13,11 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from dahl.io.log import Log
+from identify_tools import COUNT, FC, SIGMA0, springs
 from scipy.signal import filtfilt, lfilter
 
-SIGMA0, FC = 100.0, 0.5  # N m/rad, N m
 LENGTH = FC / SIGMA0  # rad, of presliding
-COUNT = 2 * np.pi / 2**14  # rad
 ROWS, STEP = 4000, 1e-3  # s
 LEAD = 300  # rows before the log
 
@@ -74,14 +73,6 @@ def dahl(theta: np.ndarray, sigma0: float = SIGMA0, Fc: np.ndarray | float = FC)
     for move, limit in zip(np.diff(theta, prepend=theta[0]).tolist(), limits, strict=True):
         end = limit if move > 0 else -limit
         force += (end - force) * -np.expm1(-sigma0 * abs(move) / limit)
-        torque.append(force)
-    return np.array(torque)
-
-
-def slip(theta: np.ndarray, sigma0: float, Fc: float) -> np.ndarray:  # noqa: N803
-    force, torque = 0.0, []
-    for move in np.diff(theta, prepend=theta[0]).tolist():
-        force = min(max(force + sigma0 * move, -Fc), Fc)
         torque.append(force)
     return np.array(torque)
 
@@ -185,7 +176,7 @@ def eight_elements(rig: Rig) -> Log:
     limits = np.full(8, FC / 8)
     stiffness = limits / np.geomspace(0.3, 3.0, 8)
     stiffness *= SIGMA0 / stiffness.sum()
-    return rig.log(sum(slip(rig.theta, k, f) for k, f in zip(stiffness, limits, strict=True)))
+    return rig.log(springs(rig.theta, *zip(stiffness, limits, strict=True)))
 
 
 def lever_spring_with_play(rig: Rig) -> Log:

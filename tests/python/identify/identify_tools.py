@@ -43,6 +43,15 @@ def dahl_torque(theta: np.ndarray, sigma0: float = SIGMA0, Fc: float = FC):  # n
     return Fc * ratio
 
 
+def behind_play(theta: np.ndarray, width: float) -> np.ndarray:
+    """The angle behind a play, row by row."""
+    position, behind = theta[0], []
+    for ahead in theta.tolist():
+        position = min(max(position, ahead - width / 2), ahead + width / 2)
+        behind.append(position)
+    return np.array(behind)
+
+
 def varying_torque(
     theta: np.ndarray,
     sigma0: np.ndarray,

@@ -45,20 +45,12 @@ class Motion:
 
 
 def general(theta: np.ndarray, exponent: float) -> np.ndarray:
-    """Dahl's model of 1968: dw/du = |1 - s w|^exponent, by Runge and Kutta's fourth order."""
-    w, drawn = 0.0, []
-
-    def slope(gap: float) -> float:  # of the gap 1 - s w, which closes
-        return -(max(gap, 0.0) ** exponent)
-
+    """Dahl's model of 1968, dw/du = |1 - s w|^exponent, in closed form."""
+    w, left, drawn = 0.0, 1 - exponent, []
     for move in np.diff(theta, prepend=theta[0]).tolist():
         side, u = math.copysign(1.0, move), SIGMA0 / FC * abs(move)
-        gap = 1 - side * w
-        k1 = slope(gap)
-        k2 = slope(gap + u / 2 * k1)
-        k3 = slope(gap + u / 2 * k2)
-        k4 = slope(gap + u * k3)
-        w = side * (1 - max(gap + u / 6 * (k1 + 2 * k2 + 2 * k3 + k4), 0.0))
+        gap = max(1 - side * w, 1e-12)
+        w = side * (1 - max(gap**left - left * u, 0.0) ** (1 / left))
         drawn.append(FC * w)
     return np.array(drawn)
 

@@ -21,6 +21,7 @@ from hypothesis.extra.numpy import arrays
 from identify_tools import (
     FC,
     SIGMA0,
+    behind_play,
     chirp,
     dahl_torque,
     log_of,
@@ -109,14 +110,8 @@ def test_laws_whose_limit_changes_against_row_by_row(theta, seed):
 @given(PATHS, st.floats(1e-4, 0.02))
 def test_play_against_row_by_row(theta, width):
     pieces = [slice(0, len(theta) // 2), slice(len(theta) // 2, len(theta))]
-    behind = []
-    for rows in pieces:
-        position = theta[rows.start]
-        for ahead in theta[rows]:
-            position = min(max(position, ahead - width / 2), ahead + width / 2)
-            behind.append(position)
-    found = models.behind_play(theta, pieces, width)
-    assert found == pytest.approx(np.array(behind), abs=1e-9)
+    behind = np.concatenate([behind_play(theta[rows], width) for rows in pieces])
+    assert models.behind_play(theta, pieces, width) == pytest.approx(behind, abs=1e-9)
 
 
 # --- one law, one log -----------------------------------------------------------------------------
@@ -226,7 +221,7 @@ def test_a_peak_after_rests_hides_the_slope_at_rest_only() -> None:
     result = identify([hostile_logs.KINDS["adhesion after rests"](1)])
     assert result.compensator_bounds is None and "claimed" in result.against_bounds
     assert result.hypothesis.law == "breakaway" and result.claimed == (False, True)
-    assert result.Fc.low <= hostile_logs.FC <= result.Fc.high
+    assert result.Fc.low <= FC <= result.Fc.high
 
 
 def three_elements() -> Log:

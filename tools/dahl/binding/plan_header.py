@@ -150,7 +150,8 @@ def bounds(name: str, Fc_low: float, length_long: float, torque: str, angle: str
 def _rounded(value: float, towards: float) -> float:
     """Return the nearest float, or the next one if it is on the wrong side of the value."""
     near = np.float32(value)
-    is_wrong = near > value if towards == 0 else near < value
+    above = float(near) - value  # in double: a float32 compares with a number in float32
+    is_wrong = above > 0 if towards == 0 else above < 0
     return float(np.nextafter(near, np.float32(towards)) if is_wrong else near)
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dahl.identify import models
-from dahl.identify.fit import Fit, Fitter, cost_of, excess, jackknife, solve
+from dahl.identify.fit import Fit, Fitter, Optimum, excess, jackknife, score
 from dahl.identify.samples import MIN_TURN_LENGTHS, Samples
 
 SURE = 2.0  # standard errors of the gain on cycles left out
@@ -57,25 +57,20 @@ class Lack:
     coefficients: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
-@dataclass
 class Context:
     """Quantities that the rows are made of."""
 
-    fitter: Fitter
-    fit: Fit
-    base: np.ndarray  # columns of the hypothesis
-
-    def __post_init__(self) -> None:
-        h, m = self.fit.hypothesis, len(self.fit.limits)
-        self.samples: Samples = self.fitter.samples
-        self.friction = self.base[:, :m] @ self.fit.limits  # N m
-        self.Fc = float(self.fit.limits.sum())
+    def __init__(self, fitter: Fitter, fit: Fit) -> None:
+        h, m = fit.hypothesis, len(fit.limits)
+        self.fitter, self.fit, self.samples = fitter, fit, fitter.samples
+        self.base, _ = fitter.columns(h, fit.p, fit.limits, h.terms)
+        self.friction = self.base[:, :m] @ fit.limits  # N m
+        self.Fc = float(fit.limits.sum())
         self.w = self.friction / self.Fc
         self.by_a = self.base[:, m : 2 * m].sum(axis=1)  # change with ln a of all elements
-        self.a = float(np.sum(np.exp(self.fit.p[:m]) * self.fit.limits) / self.Fc)
-        self.moves = self.fitter.moves[h.angle]
-        self.angle = self.samples.angles[h.angle]
-        self.delay = float(self.fit.p[-1]) if h.lag in ("delay", "delay+filter") else 0.0
+        self.a = float(np.sum(np.exp(fit.p[:m]) * fit.limits) / self.Fc)
+        self.moves, self.angle = fitter.moves[h.angle], fitter.samples.angles[h.angle]
+        self.delay = float(fit.p[-1]) if h.lag in ("delay", "delay+filter") else 0.0
 
 
 def lack_of_fit(
@@ -86,56 +81,39 @@ def lack_of_fit(
     Rows named in `corrected` were taken out of the angle before. They are listed with what is not
     known of them.
     """
-    h = fit.hypothesis
-    base, _ = fitter.columns(h, fit.p, fit.limits, h.terms)
-    rows = table(Context(fitter, fit, base))
-    judge = _Judge(fitter, fit, np.column_stack((base, *(row.columns for row in rows))))
-    found, first = [], base.shape[1]
+    x, h = Context(fitter, fit), fit.hypothesis
+    rows = table(x)
+    columns = np.column_stack((x.base, *(row.columns for row in rows)))
+    at = Optimum(fit.p, fitter.samples.grams(columns), fit.limits, np.ones(len(fit.limits)))
+    first, found = x.base.shape[1], []
+    own = range(first)
+    before = score(h, at, own)
     for row in rows:
-        columns = range(first, first + row.columns.shape[1])
-        first = columns.stop
-        found.append(judge.lack(row, columns, quantile, row.name in corrected))
+        last = first + row.columns.shape[1]
+        after = score(h, at, [*own, *range(first, last)])
+        found.append(_lack(row, before, after, quantile, row.name in corrected))
+        first = last
     return [lack for lack in found if lack is not None]
 
 
-class _Judge:
-    """Scores rows against the fit without them."""
-
-    def __init__(self, fitter: Fitter, fit: Fit, columns: np.ndarray) -> None:
-        self.fitter, self.fit, self.own = fitter, fit, range(len(fit.coefficients))
-        self.grams = fitter.samples.grams(columns)
-        self.whole = self.grams.sum(axis=0)
-        self.before, _, c = self._score(self.own)
-        self.value = self._parameters(c)
-
-    def _score(self, columns: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        left = solve(self.whole - self.grams, columns)
-        return cost_of(self.grams, columns, left), left, solve(self.whole, columns)
-
-    def _parameters(self, c: np.ndarray) -> np.ndarray:
-        return self.fitter.parameters(self.fit.p, self.fit.limits, c)
-
-    def lack(self, row: Row, columns: range, quantile: float, known: bool) -> Lack | None:
-        """Score one row; None if it does not predict the left-out cycles better."""
-        after, left, c = self._score([*self.own, *columns])
-        gain, error = excess(self.before, after)
-        x, each_x = c[columns.start - columns.stop :], left[:, columns.start - columns.stop :]
-        is_needed = gain > SURE * error and gain > row.min_gain * after.sum()
-        if not (known or is_needed):
-            return None
-        value, each = self._parameters(c), self._parameters(left)
-        spread = quantile * jackknife(each)
-        low, high = value - spread, value + spread
-        moved = value / self.value - 1
-        if known:
-            return Lack(row.name, 0.0, moved, low, high, coefficients=x)
-        if row.ends is not None:
-            low, high = _at_ends(row.ends, x, each_x, value, each, quantile)
-        extra = EXTRA_MOVE * np.abs(value - self.value)
-        ratio, part = float(gain / after.sum()), 100 * gain / self.before.sum()
-        text = f"{row.name} would explain {part:.0f} % of the residual"
-        withdraws = _withdraws(row, moved, ratio)
-        return Lack(row.name, ratio, moved, low - extra, high + extra, withdraws, text, x)
+def _lack(row: Row, before: Fit, after: Fit, quantile: float, is_known: bool) -> Lack | None:
+    """Return what a row changes; None if it does not predict the left-out cycles better."""
+    gain, error = excess(before.cost, after.cost)
+    is_needed = gain > SURE * error and gain > row.min_gain * after.total
+    if not (is_known or is_needed):
+        return None
+    value, spread = after.value, quantile * after.error
+    low, high = value - spread, value + spread
+    moved, x = value / before.value - 1, after.coefficients[len(before.coefficients) :]
+    if is_known:
+        return Lack(row.name, 0.0, moved, low, high, coefficients=x)
+    if row.ends is not None:
+        low, high = _at_ends(row.ends, after, quantile)
+    extra = EXTRA_MOVE * np.abs(value - before.value)
+    ratio, part = gain / after.total, 100 * gain / before.total
+    text = f"{row.name} would explain {part:.0f} % of the residual"
+    withdraws = _withdraws(row, moved, ratio)
+    return Lack(row.name, ratio, moved, low - extra, high + extra, withdraws, text, x)
 
 
 def _withdraws(row: Row, moved: np.ndarray, gain: float) -> tuple[bool, bool]:
@@ -149,20 +127,17 @@ def _withdraws(row: Row, moved: np.ndarray, gain: float) -> tuple[bool, bool]:
     return bool(far[0]) or is_wrong, bool(far[1]) or is_wrong
 
 
-def _at_ends(
-    ends: np.ndarray,
-    x: np.ndarray,
-    each_x: np.ndarray,
-    value: np.ndarray,
-    each: np.ndarray,
-    quantile: float,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Least and largest sigma0 and Fc over the ends of what varies, with their errors."""
-    rate, size = ends[0] @ x, ends[1] @ x
-    at = value * np.column_stack((np.exp(rate) * (1 + size), 1 + size))
-    rates, sizes = each_x @ ends[0].T, each_x @ ends[1].T
+def _at_ends(ends: np.ndarray, fit: Fit, quantile: float) -> tuple[np.ndarray, np.ndarray]:
+    """Least and largest sigma0 and Fc over the ends of what varies, with their errors.
+
+    The coefficients of the row are the last ones of the fit.
+    """
+    varying = ends.shape[-1]
+    rate, size = ends @ fit.coefficients[-varying:]
+    at = fit.value * np.column_stack((np.exp(rate) * (1 + size), 1 + size))
+    rates, sizes = (fit.left_out[:, -varying:] @ one.T for one in ends)
     parts = np.stack((rates + sizes, sizes), axis=-1)  # (cycles, ends, 2)
-    error = quantile * np.hypot(jackknife(parts), jackknife(each) / value) * value
+    error = quantile * np.hypot(jackknife(parts), fit.error / fit.value) * fit.value
     return (at - error).min(axis=0), (at + error).max(axis=0)
 
 

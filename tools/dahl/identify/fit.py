@@ -85,10 +85,8 @@ class Fit:
     limits: np.ndarray  # N m (N), Fc of each element
     taken_at: np.ndarray  # N m (N), the limits at which derivatives by p were computed
     coefficients: np.ndarray  # of all columns of Fitter.columns()
+    left_out: np.ndarray  # (cycles, k) the coefficients without each cycle
     cost: np.ndarray  # (cycles,) squared residuals of each cycle when it is left out
-    value: np.ndarray  # sigma0, Fc
-    without: np.ndarray  # (cycles, 2) the same without each cycle
-    step: float = 0.0  # of ln a: how far the linearisation went from the optimum
 
     @property
     def total(self) -> float:
@@ -96,11 +94,24 @@ class Fit:
 
     @property
     def slopes(self) -> np.ndarray:
-        """sigma0 of each element, N m/rad (N/m); with `value[0]` as their sum."""
-        m = len(self.limits)
-        change = np.clip(self.coefficients[m : 2 * m], -MAX_LINEAR, MAX_LINEAR)
-        found: np.ndarray = np.exp(self.p[:m]) * (self.limits + self.taken_at * change)
-        return found
+        """sigma0 of each element, N m/rad (N/m)."""
+        return slopes_of(self.p, self.taken_at, self.coefficients)
+
+    @property
+    def value(self) -> np.ndarray:
+        """sigma0 and Fc."""
+        return parameters_of(self.p, self.taken_at, self.coefficients)
+
+    @property
+    def without(self) -> np.ndarray:
+        """sigma0 and Fc without each cycle: (cycles, 2)."""
+        return parameters_of(self.p, self.taken_at, self.left_out)
+
+    @property
+    def step(self) -> float:
+        """How far the linearisation went from the optimum, in ln a."""
+        m = len(self.taken_at)
+        return float(np.abs(self.coefficients[m : 2 * m]).max())
 
     @property
     def error(self) -> np.ndarray:
@@ -116,6 +127,20 @@ class Optimum:
     grams: np.ndarray  # (cycles, k, k)
     limits: np.ndarray
     peaks: np.ndarray  # largest |F/Fc| of each element
+
+
+def slopes_of(p: np.ndarray, taken_at: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """sigma0 of each element by coefficients c (..., k) of columns taken at some limits."""
+    m = len(taken_at)
+    change = np.clip(c[..., m : 2 * m], -MAX_LINEAR, MAX_LINEAR)
+    slopes: np.ndarray = np.exp(p[:m]) * (c[..., :m] + taken_at * change)
+    return slopes
+
+
+def parameters_of(p: np.ndarray, taken_at: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """sigma0 and Fc of all elements together: (..., 2)."""
+    slopes, limits = slopes_of(p, taken_at, c), c[..., : len(taken_at)]
+    return np.stack((slopes.sum(axis=-1), limits.sum(axis=-1)), axis=-1)
 
 
 def jackknife(values: np.ndarray) -> np.ndarray:
@@ -152,15 +177,23 @@ def cost_of(gram: np.ndarray, columns: Sequence[int], coefficients: np.ndarray) 
     return cost
 
 
+def score(h: Hypothesis, at: Optimum, columns: Sequence[int]) -> Fit:
+    """Fit some columns of a linearised model to all cycles, and score them on cycles left out."""
+    whole = at.grams.sum(axis=0)
+    full, left = solve(whole, columns), solve(whole - at.grams, columns)
+    limits = full[: len(at.limits)]
+    return Fit(h, at.p, limits, at.limits, full, left, cost_of(at.grams, columns, left))
+
+
 class Fitter:
     """Fits hypotheses to one table of samples."""
+
+    parameters = staticmethod(parameters_of)
 
     def __init__(self, samples: Samples) -> None:
         self.samples = samples
         self.moves = {name: samples.moves(angle) for name, angle in samples.angles.items()}
-        self.strokes = {name: len(models.strokes(m)[0]) for name, m in self.moves.items()}
         self.fast = samples.reference.fast
-        self.since_rest = samples.travel_since_rest()
         torque = samples.torque[samples.weight > 0]
         self.max_friction = MAX_FRICTION * float(np.ptp(np.percentile(torque, (1, 99)))) / 2
 
@@ -182,14 +215,12 @@ class Fitter:
             angle = self.samples.angles[h.angle]
             width = float(np.exp(p[-1]))
             moves = self.samples.moves(models.behind_play(angle, self.samples.pieces, width))
-        found = self.friction(h, p, moves, self.samples.pieces)
+        found = self._without_lag(h, p, moves)
         return [self._apply_lag(h, p, self.samples.delayed(x, h.skew)) for x in found]
 
-    def friction(
-        self, h: Hypothesis, p: np.ndarray, moves: np.ndarray, pieces: models.Pieces
-    ) -> list[np.ndarray]:
-        """F/Fc of each element on these moves, without a lag."""
-        law, s = h.friction, self.samples
+    def _without_lag(self, h: Hypothesis, p: np.ndarray, moves: np.ndarray) -> list[np.ndarray]:
+        """F/Fc of each element on these moves."""
+        law, s, pieces = h.friction, self.samples, self.samples.pieces
         a = np.exp(np.clip(p[: law.elements], -50, 50))
         shape = self._shape(h, p)
         if law.kinds == ("limits",):
@@ -235,7 +266,7 @@ class Fitter:
             speed = np.maximum(np.abs(s.speed), MIN_LOG_SPEED * self.fast)
             change = np.log(speed / s.reference.mean_speed)
         else:  # breakaway
-            change = np.exp(-a * self.since_rest / np.exp(shape[1]))
+            change = np.exp(-a * s.travel_since_rest() / np.exp(shape[1]))
         limits: np.ndarray = np.maximum(1 + strength * change, MIN_LIMIT)
         return limits
 
@@ -261,7 +292,7 @@ class Fitter:
         derivatives were taken.
         """
         w = self.elements(h, p)
-        if limits is None or len(limits) != len(w) or (limits <= 0).any():
+        if limits is None:
             limits = self._limits_of(w, terms)
         friction = sum(c * x for c, x in zip(limits, w, strict=True))
         changes = []
@@ -342,35 +373,16 @@ class Fitter:
             step[-1] = max(step[-1], MIN_LOW_PASS - p[-1])
         return step
 
-    def score(self, h: Hypothesis, at: Optimum, columns: Sequence[int]) -> Fit | None:
-        """The score of some columns on cycles left out; None if the result is no friction."""
-        whole, m = at.grams.sum(axis=0), len(at.limits)
-        full, left = solve(whole, columns), solve(whole - at.grams, columns)
-        value = self.parameters(at.p, at.limits, full)
-        if not self._is_friction(h, at, full, value):
-            return None
-        return Fit(
-            h,
-            at.p,
-            full[:m],
-            at.limits,
-            full,
-            cost_of(at.grams, columns, left),
-            value,
-            self.parameters(at.p, at.limits, left),
-            float(np.abs(full[m : 2 * m]).max()),
-        )
-
-    def _is_friction(self, h: Hypothesis, at: Optimum, c: np.ndarray, value: np.ndarray) -> bool:
-        """Whether coefficients `c` are physical, and no element is larger than the log can show."""
-        m = len(at.limits)
-        positive = bool((c[:m] > 0).all() and (value > 0).all())
-        too_large = c[:m] @ at.peaks > self.max_friction
-        too_stiff = m > 1 and np.exp(at.p[:m].max()) * self.samples.count > MAX_ELEMENT
-        has_peak = h.law in ("stribeck", "breakaway")
-        falls = not has_peak or at.p[1] + c[m + 1] > MIN_PEAK
-        resists = self._viscous(h, c) > MIN_VISCOUS * self.max_friction
-        return bool(positive and falls and resists and not too_large and not too_stiff)
+    def _is_friction(self, fit: Fit, peaks: np.ndarray) -> bool:
+        """Whether a fit is physical, and no element is larger than the log can show."""
+        m, c = len(fit.limits), fit.coefficients
+        is_positive = (fit.limits > 0).all() and (fit.value > 0).all()
+        is_too_large = fit.limits @ peaks > self.max_friction
+        is_too_stiff = m > 1 and np.exp(fit.p[:m].max()) * self.samples.count > MAX_ELEMENT
+        has_peak = fit.hypothesis.law in ("stribeck", "breakaway")
+        falls = not has_peak or fit.p[1] + c[m + 1] > MIN_PEAK
+        resists = self._viscous(fit.hypothesis, c) > MIN_VISCOUS * self.max_friction
+        return bool(is_positive and falls and resists and not is_too_large and not is_too_stiff)
 
     def _viscous(self, h: Hypothesis, coefficients: np.ndarray) -> float:
         """Viscous torque at high speed, N m (N)."""
@@ -379,18 +391,13 @@ class Fitter:
         after = len(h.terms) - h.terms.index("viscous")  # all behind it have one column each
         return float(coefficients[-after]) * self.fast
 
-    def parameters(self, p: np.ndarray, limits: np.ndarray, c: np.ndarray) -> np.ndarray:
-        """sigma0 and Fc of coefficients c (..., k) of columns that were taken at `limits`."""
-        m = len(limits)
-        a = np.exp(p[:m])
-        change = np.clip(c[..., m : 2 * m], -MAX_LINEAR, MAX_LINEAR)
-        sigma0 = np.sum(a * (c[..., :m] + limits * change), axis=-1)
-        return np.stack((sigma0, c[..., :m].sum(axis=-1)), axis=-1)
-
     def fit(self, h: Hypothesis, p: np.ndarray, rounds: int = ROUNDS) -> Fit | None:
         """Fit and score one hypothesis from start values p."""
         at = self.optimum(h, p, rounds)
-        return None if at is None else self.score(h, at, range(at.grams.shape[-1] - 1))
+        if at is None:
+            return None
+        fit = score(h, at, range(at.grams.shape[-1] - 1))
+        return fit if self._is_friction(fit, at.peaks) else None
 
     def fit_term_sets(
         self, h: Hypothesis, p: np.ndarray, pool: Sequence[str], waves: bool = True
@@ -407,13 +414,13 @@ class Fitter:
         found = []
         for terms in _term_sets(names):
             own = [base + k for term in terms for k, name in enumerate(term_of) if name == term]
-            found.append(self.score(replace(h, terms=terms), at, [*range(base), *own]))
-        return [fit for fit in found if fit is not None]
+            found.append(score(replace(h, terms=terms), at, [*range(base), *own]))
+        return [fit for fit in found if self._is_friction(fit, at.peaks)]
 
     def predicted(self, fit: Fit) -> np.ndarray:
         """The torque of a fit at each sample: (n,) N m (N)."""
         h = fit.hypothesis
-        table, _ = self.columns(h, fit.p, fit.limits, h.terms)
+        table, _ = self.columns(h, fit.p, fit.taken_at, h.terms)
         torque: np.ndarray = table @ fit.coefficients
         return torque
 

@@ -194,17 +194,8 @@ def strokes(moves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def slip(moves: np.ndarray, pieces: Pieces, a: float) -> np.ndarray:
-    """A spring that slips at Fc. Within one stroke it is a clipped line."""
-    ratio = np.empty(len(moves))
-    for rows in pieces:
-        part = moves[rows]
-        starts, _ = strokes(part)
-        position, w, passed = a * np.cumsum(part), 0.0, 0.0
-        for i, j in zip(starts.tolist(), [*starts[1:].tolist(), len(part)], strict=True):
-            stroke = np.clip(position[i:j] + (w - passed), -1.0, 1.0)
-            ratio[rows.start + i : rows.start + j] = stroke
-            w, passed = float(stroke[-1]), float(position[j - 1])
-    return ratio
+    """A spring that slips at Fc: within one stroke it is a line from -1 to 1."""
+    return _by_strokes(moves, pieces, a, np.array([-1.0, 1.0]), np.array([0.0, 2.0]))
 
 
 def behind_play(theta: np.ndarray, pieces: Pieces, width: float) -> np.ndarray:
@@ -242,7 +233,13 @@ def _travel_table(kind: str, shape: float) -> tuple[np.ndarray, np.ndarray]:
 
 def tabulated(moves: np.ndarray, pieces: Pieces, a: float, kind: str, shape: float) -> np.ndarray:
     """A law dw/du = slope(s w) of one `shape` parameter: exponent, bouc-wen or soft shaft."""
-    y, u = _travel_table(kind, round(shape, 6))
+    return _by_strokes(moves, pieces, a, *_travel_table(kind, round(shape, 6)))
+
+
+def _by_strokes(
+    moves: np.ndarray, pieces: Pieces, a: float, y: np.ndarray, u: np.ndarray
+) -> np.ndarray:
+    """A law by its curve y(u) from -1 to 1, with the travel u in presliding lengths."""
     ratio = np.zeros(len(moves))
     for rows in pieces:
         part, w = moves[rows], 0.0
@@ -257,7 +254,7 @@ def tabulated(moves: np.ndarray, pieces: Pieces, a: float, kind: str, shape: flo
 
 def turning_points(theta: np.ndarray, min_turn: float) -> np.ndarray:
     """Rows at which the motion turns back by more than `min_turn` rad (m)."""
-    moving = np.flatnonzero(np.diff(theta, prepend=theta[:1]))
+    moving = np.append(0, np.flatnonzero(np.diff(theta)) + 1)
     turns = moving[np.flatnonzero(np.diff(np.sign(np.diff(theta[moving])))) + 1]
     kept, direction = [], 0
     low = high = 0  # rows of the lowest and the highest angle since the last turn

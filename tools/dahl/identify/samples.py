@@ -59,7 +59,6 @@ class Samples:
 
     pieces: list[slice]
     log_of: np.ndarray  # number of the log of each piece
-    theta: np.ndarray  # rad (m), as read
     torque: np.ndarray  # N m (N)
     time: np.ndarray  # s
     weight: np.ndarray  # 0 .. 1
@@ -222,7 +221,6 @@ def samples_of(
     samples = Samples(
         pieces=pieces,
         log_of=np.array([names.index(log.name) for log in logs]),
-        theta=joined["theta"],
         torque=joined["torque"],
         time=joined["time"],
         weight=joined["weight"],
@@ -318,7 +316,6 @@ def _columns_of(
     usual = float(np.median(step)) or 1.0
     one, two = treatments.derivatives(log.theta, smooth, 0.0 if noise else log.resolution)
     table = {
-        "theta": log.theta,
         "torque": log.torque,
         "time": time,
         "weight": np.ones(log.rows) if log.weight is None else log.weight,

@@ -28,7 +28,6 @@ MAX_SKEWED = 3  # hypotheses that are fitted with a skew
 MAX_LOGS_WITH_DELAYS = 4  # logs that may each have a delay of their own
 FAR_STEP = 0.1  # of ln a: a plausible subset whose linearisation went further is fitted again
 MAX_REFITS = 8  # until the best one is at its optimum
-MAX_COST_RATIO = 1.5  # to the best cost of its law and lag; costlier sets of terms are dropped
 MIN_RESTS = 0.05  # of the samples; a sine is as slow as a rest in 1 %
 OTHER_ANGLES = 5  # laws that are fitted again with the other angles
 
@@ -42,10 +41,6 @@ class SearchSpace:
     laws: tuple[str, ...] = tuple(LAWS)
     wanted: str = ""  # a law that is fitted in any case
     shapes: bool = True  # whether a torque may depend on the angle by more than a spring
-
-    @property
-    def pool(self) -> tuple[str, ...]:
-        return TERMS if self.terms is None else self.terms
 
 
 def few_cycles(space: SearchSpace) -> SearchSpace:
@@ -68,14 +63,9 @@ def best_of(fits: Sequence[Fit]) -> Fit:
 
 def fit_all(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[Fit]:
     """Return fits of all hypotheses, from rough values of a [1/rad (1/m)] and delay [samples]."""
-    fits = _dahl_with_all_choices(fitter, a, delay, space)
+    fits = _with_all_choices(fitter, a, delay, space)
     if not fits:
         return fits
-    if fitter.samples.load is not None and "loaded" in space.laws:
-        lags = [lag for lag in ("none", "delay") if lag in space.lags]
-        for angle, lag in product(fitter.samples.angles, lags):
-            h = Hypothesis("loaded", lag, angle)
-            fits += _fit_term_sets(fitter, h, fitter.start(h, a, delay or 1.0), space)
     fits += _other_laws(fitter, fits, space)
     fits = [f for f in fits if np.isfinite(f.value).all() and np.isfinite(f.cost).all()]
     fits = [f for f in fits if f.step < MAX_LINEAR] or fits
@@ -86,15 +76,15 @@ def _with_best_at_optimum(fitter: Fitter, fits: list[Fit]) -> list[Fit]:
     """Fit the best one again until it is at its optimum: a linearised score may be too good."""
     for _ in range(MAX_REFITS):
         best = best_of(fits)
-        if best.step < FAR_STEP:
+        again = _converge(fitter, best)
+        if again is best:
             break
-        other = fitter.fit(best.hypothesis, best.p)
-        others = [f for f in fits if f is not best]
-        fits = [*others, other] if other is not None else others or fits
+        fits = [*(f for f in fits if f is not best), again]
     return fits
 
 
-def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[Fit]:
+def _with_all_choices(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[Fit]:
+    """Dahl's law, also under a load, with each lag, angle and set of terms."""
     starts = {
         "delay": delay or 1.0,
         "delay+filter": delay,
@@ -103,15 +93,15 @@ def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: Search
         "zero-phase filter": 3.0,
         "play": float(np.log(0.2 / a)),
     }
-    lags = [*space.lags]
-    if "delay" in lags and 1 < fitter.samples.logs <= MAX_LOGS_WITH_DELAYS:
-        lags.append("delays")
+    choices = [("dahl", lag) for lag in space.lags]
+    if "delay" in space.lags and 1 < fitter.samples.logs <= MAX_LOGS_WITH_DELAYS:
+        choices.append(("dahl", "delays"))
+    if fitter.samples.load is not None and "loaded" in space.laws:
+        choices += [("loaded", lag) for lag in space.lags if lag in ("none", "delay")]
     fits: list[Fit] = []
-    for angle in fitter.samples.angles:
-        for lag in lags:
-            h = Hypothesis("dahl", lag, angle)
-            if _smooths_counts(h):
-                continue
+    for angle, (law, lag) in product(fitter.samples.angles, choices):
+        h = Hypothesis(law, lag, angle)
+        if not _smooths_counts(h):
             fits += _fit_term_sets(fitter, h, fitter.start(h, a, starts.get(lag, 0.0)), space)
     return fits
 
@@ -122,13 +112,12 @@ def _smooths_counts(h: Hypothesis) -> bool:
 
 
 def _fit_term_sets(fitter: Fitter, h: Hypothesis, p: np.ndarray, space: SearchSpace) -> list[Fit]:
-    """Return all sets of terms that come near the best one of this law and lag."""
+    """Return fits of this law and lag with each set of terms, or with those of the user."""
     if space.terms is not None:
-        one = fitter.fit(replace(h, terms=space.pool), p)
+        one = fitter.fit(replace(h, terms=space.terms), p)
         return [one] if one is not None else []
-    pool = [name for name in space.pool if fitter.samples.timed or name in ("offset", "spring")]
-    fits = sorted(fitter.fit_term_sets(h, p, pool, space.shapes), key=lambda f: f.total)
-    return [f for k, f in enumerate(fits) if k < 3 or f.total < MAX_COST_RATIO * fits[0].total]
+    pool = [name for name in TERMS if fitter.samples.timed or name in ("offset", "spring")]
+    return fitter.fit_term_sets(h, p, pool, space.shapes)
 
 
 def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit]:
@@ -141,7 +130,7 @@ def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit
     found: list[Fit] = []
     for lag in sorted({"none", "damping", best.hypothesis.lag} & {*space.lags, "delays"}):
         own = by_lag.get(lag, best)
-        lead = own.p[own.hypothesis.friction.elements :]  # lag of the Dahl fit
+        lead = own.p[own.hypothesis.friction.parameters :]
         for law, p in starts.items():
             h = Hypothesis(law, lag, angle, terms)
             found += _fit_term_sets(fitter, h, np.append(p, lead), space)
@@ -155,7 +144,7 @@ def _law_starts(
     laws = ["slip", "stribeck", "log speed", "asymmetric"]
     if fitter.samples.is_at_rest.mean() > MIN_RESTS:
         laws.append("breakaway")
-    if fitter.strokes[plain.angle] < models.MAX_STROKES:
+    if len(models.strokes(fitter.moves[plain.angle])[0]) < models.MAX_STROKES:
         laws += ["exponent", "bouc-wen", "soft shaft"]
     starts = {law: fitter.start(replace(plain, law=law), a) for law in laws}
     starts |= pair_starts(fitter, plain, a)

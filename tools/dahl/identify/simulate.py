@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from dahl.identify import models
 from dahl.identify.fit import Fit, Fitter, Hypothesis, jackknife, solve
@@ -20,7 +19,6 @@ from dahl.io.log import Log, resolution_of
 DRAWS = 8  # in mirrored pairs, so that a log and its mirror image agree
 HIDDEN_COUNTS = 0.2  # standard error of the travel at a turn that is extrapolated from edges
 MIN_HIDDEN = 0.5  # standard errors, however well the torque fits
-FINE_STEPS = 4  # of the true motion between two samples
 REFIT_ROUNDS = 5  # a refit starts at the truth
 MAX_LEVELS = 400  # a torque sensor of more levels is not coarse
 GOLDEN, SILVER = 0.618, 0.414  # steps of a sequence that fills an interval evenly
@@ -32,22 +30,23 @@ def torque_step(torque: np.ndarray) -> float:
 
 
 def refit_errors(fitter: Fitter, fit: Fit) -> np.ndarray:
-    """Return the relative errors of refits of simulated logs: (draws, 2), without the worst one."""
+    """Return the sizes of the relative errors of refits of simulated logs, without the largest.
+
+    Shape (refits, 2), in ascending order.
+    """
     random = np.random.default_rng(0)
     refits = [_refit(fitter, fit, k, random) for k in range(DRAWS)]
-    errors = np.array([one.value / fit.value - 1 for one in refits if one is not None])
-    errors = errors.reshape(-1, 2)
-    if len(errors) < 4:
-        return errors
-    by_size = np.argsort(np.abs(errors), axis=0)
-    return np.take_along_axis(errors, by_size, axis=0)[:-1]
+    errors = np.array([np.abs(one.value / fit.value - 1) for one in refits if one is not None])
+    errors = np.sort(errors.reshape(-1, 2), axis=0)
+    return errors[:-1] if len(errors) >= 4 else errors
 
 
 def _refit(fitter: Fitter, fit: Fit, draw: int, random: np.random.Generator) -> Fit | None:
     """Simulate one log and fit the same hypothesis to it."""
     samples, h = fitter.samples, fit.hypothesis
     true = _other_phase(samples, h, draw)
-    torque = _measure(fitter, fit, _torque_on(fitter, fit, true), random)
+    exact = Fitter(samples.with_angle(h.angle, true)).predicted(fit)
+    torque = _measure(fitter, fit, exact, random)
     theta = true + (random.normal(size=samples.rows) * samples.noise if samples.noise else 0.0)
     if samples.count:
         theta = np.round(theta / samples.count) * samples.count
@@ -59,7 +58,7 @@ def _refit(fitter: Fitter, fit: Fit, draw: int, random: np.random.Generator) -> 
     made = replace(made, noise=samples.noise, load=samples.load)
     made.used, made.folds, made.cycles = samples.used, samples.folds, samples.cycles
     if h.angle not in made.angles:
-        made = made.with_angle(h.angle, made.theta)
+        made = made.with_angle(h.angle, made.angles["between counts"])
     return Fitter(made).fit(h, fit.p, REFIT_ROUNDS)
 
 
@@ -72,30 +71,6 @@ def _other_phase(samples: Samples, h: Hypothesis, draw: int) -> np.ndarray:
     around = angle - angle.mean()
     moved: np.ndarray = angle + samples.count * (shift + stretch * around / np.abs(around).max())
     return moved
-
-
-def _torque_on(fitter: Fitter, fit: Fit, true: np.ndarray) -> np.ndarray:
-    """The torque of the fit on a motion, with what the motion between samples changes."""
-    again = Fitter(fitter.samples.with_angle(fit.hypothesis.angle, true))
-    between = _friction(again, fit, true, FINE_STEPS) - _friction(again, fit, true, 1)
-    torque: np.ndarray = again.predicted(fit) + between
-    return torque
-
-
-def _friction(fitter: Fitter, fit: Fit, true: np.ndarray, steps: int) -> np.ndarray:
-    """Friction alone, with so many steps from sample to sample; no law with speed or load."""
-    h, parts = fit.hypothesis, []
-    if h.friction.kinds[0] in ("limits", "loaded"):
-        return np.zeros(len(true))
-    for rows in fitter.samples.pieces:
-        n = rows.stop - rows.start
-        places = np.arange((n - 1) * steps + 1) / steps
-        fine = CubicSpline(np.arange(n), true[rows])(places)
-        moves = np.diff(fine, prepend=fine[:1])
-        elements = fitter.friction(h, fit.p, moves, [slice(0, len(fine))])
-        torque = sum(c * w for c, w in zip(fit.limits, elements, strict=True))
-        parts.append(torque[::steps])
-    return np.concatenate(parts)
 
 
 def _measure(

@@ -95,9 +95,12 @@ def slip_start(fitter: Fitter, h: Hypothesis, a: float) -> tuple[Hypothesis, np.
 
     None for fewer than three, since pair_starts() has the best pair.
     """
-    grid = a * SLIP_GRID
-    w = [models.slip(fitter.moves[h.angle], fitter.samples.pieces, x) for x in grid]
-    c = _non_negative(fitter, np.column_stack((*w, *fitter.term_columns(h.terms))), len(grid))
+    grid, s = a * SLIP_GRID, fitter.samples
+    w = [models.slip(fitter.moves[h.angle], s.pieces, x) for x in grid]
+    terms = fitter.term_columns(h.terms)
+    both_signs = np.column_stack((*w, *terms, *(-x for x in terms)))
+    root = np.sqrt(s.used)
+    c = nnls(both_signs * root[:, None], s.torque * root)[0][: len(grid)]
     groups: list[list[int]] = []
     for k in np.flatnonzero(c > MIN_ELEMENT * c.sum()).tolist():
         if groups and k - groups[-1][-1] == 1:
@@ -110,16 +113,3 @@ def slip_start(fitter: Fitter, h: Hypothesis, a: float) -> tuple[Hypothesis, np.
         groups.pop(int(np.argmin([c[group].sum() for group in groups])))
     p = [float(np.log(c[group] @ grid[group] / c[group].sum())) for group in groups]
     return replace(h, law=f"{len(groups)} slip"), np.array(p)
-
-
-def _non_negative(fitter: Fitter, table: np.ndarray, elements: int) -> np.ndarray:
-    """Coefficients of the first `elements` columns, none negative; terms have either sign."""
-    gram, m = fitter.samples.grams(table).sum(axis=0), table.shape[1]
-    scale = np.sqrt(np.diag(gram)[:m]) + 1e-300
-    matrix = gram[:m, :m] / scale[:, None] / scale + 1e-9 * np.eye(m)
-    signs = np.concatenate((np.ones(m), -np.ones(m - elements)))  # each term with both signs
-    columns = np.concatenate((np.arange(m), np.arange(elements, m)))
-    root = np.linalg.cholesky(matrix)
-    target = np.linalg.solve(root, gram[:m, -1] / scale)
-    found: np.ndarray = nnls(root.T[:, columns] * signs, target)[0][:elements] / scale[:elements]
-    return found

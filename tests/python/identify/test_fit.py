@@ -1,0 +1,328 @@
+# SPDX-License-Identifier: MIT
+"""Fits and scores against dense least squares, scipy.optimize and refits without a cycle."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from dahl.identify import select
+from dahl.identify.fit import Fit, Fitter, Hypothesis, cost_of, excess, jackknife, solve
+from dahl.identify.samples import samples_of
+from dahl.identify.start import coarse_start, pair_starts, slip_start
+from identify_tools import (
+    FC,
+    SIGMA0,
+    behind_play,
+    chirp,
+    dahl_torque,
+    log_of,
+    springs,
+    varying_torque,
+)
+from scipy.optimize import least_squares
+from scipy.signal import filtfilt, lfilter
+
+pytestmark = pytest.mark.usefixtures("library")
+
+A, STEP = SIGMA0 / FC, 1e-3
+PATH = chirp(1500, first=5, last=11)
+SPEED = np.gradient(PATH, STEP)
+
+
+def fitter_of(*torques: np.ndarray, noise: float = 0.02) -> Fitter:
+    """Return a fitter of one log for each torque along PATH."""
+    logs = [replace(log_of(PATH, x, noise), name=str(k)) for k, x in enumerate(torques)]
+    samples = samples_of(logs)
+    samples.prepare(A, np.zeros(samples.rows))
+    return Fitter(samples)
+
+
+FRICTION = dahl_torque(PATH)
+LAGS = {  # a torque with a lag, and the last parameter that describes it
+    "none": (FRICTION, np.log(A)),
+    "damping": (FRICTION + 2e-3 * np.gradient(FRICTION, STEP), np.log(A)),
+    "delay": (np.interp(np.arange(1500) - 2.5, np.arange(1500), FRICTION), 2.5),
+    "low pass": (lfilter([0.2], [1, -0.8], FRICTION), -1 / np.log(0.8)),
+    "zero-phase filter": (filtfilt([0.3], [1, -0.7], FRICTION), -1 / np.log(0.7)),
+    "play": (dahl_torque(behind_play(PATH, 0.004)), np.log(0.004)),
+    "delay+filter": (np.roll(lfilter(np.ones(9) / 9, [1], FRICTION), 3), 7),
+}
+
+
+@cache
+def plain(lag: str = "none") -> Fitter:
+    return fitter_of(LAGS[lag][0] + 0.1 + 4 * PATH + 0.02 * SPEED)
+
+
+@cache
+def two_logs() -> Fitter:
+    late = np.concatenate((np.zeros(5), dahl_torque(PATH)[:-5]))
+    return fitter_of(dahl_torque(PATH), late)
+
+
+def dense(fitter: Fitter, table: np.ndarray, rows: np.ndarray | slice) -> np.ndarray:
+    """Coefficients by weighted least squares on some rows."""
+    root, torque = np.sqrt(fitter.samples.used[rows]), fitter.samples.torque[rows]
+    return np.linalg.lstsq(table[rows] * root[:, None], torque * root, rcond=None)[0]
+
+
+def model(fitter: Fitter, h: Hypothesis, p: np.ndarray) -> np.ndarray:
+    """Elements and terms of a hypothesis, without derivatives."""
+    samples, columns = fitter.samples, fitter.elements(h, p)
+    if h.lag == "damping":
+        columns.append(np.gradient(columns[0], STEP))
+    if h.lag == "delay+filter":
+        columns.append(np.gradient(np.gradient(columns[0])))
+    angle = samples.angles["between counts"]
+    centre = (angle.max() + angle.min()) / 2
+    z = (angle - centre) / (angle.max() - centre)
+    own = {"offset": 1 + 0 * z, "spring": z, "cubic": z**3}
+    own |= {"viscous": samples.speed, "inertia": samples.acceleration}
+    return np.column_stack([*columns, *(own[name] for name in h.terms)])
+
+
+TERMS = ("offset", "spring", "viscous")
+HYPOTHESES = [
+    *(Hypothesis("dahl", lag, terms=TERMS) for lag in LAGS),
+    Hypothesis("slip", angle="as read", terms=(*TERMS, "inertia")),
+    Hypothesis("bouc-wen", terms=TERMS),
+    Hypothesis("stribeck", terms=TERMS),
+    Hypothesis("asymmetric", terms=TERMS),
+    Hypothesis("mixed", terms=TERMS),
+]
+
+
+def residual(fitter: Fitter, h: Hypothesis, p: np.ndarray) -> np.ndarray:
+    table = model(fitter, h, p)
+    off = fitter.samples.torque - table @ dense(fitter, table, slice(None))
+    return off * np.sqrt(fitter.samples.used)
+
+
+@pytest.mark.parametrize("h", HYPOTHESES, ids=str)
+def test_a_fit_is_the_optimum_of_least_squares(h):
+    fitter = plain(h.lag)
+    start = fitter.start(h, 1.15 * A, np.log(0.003) if h.lag == "play" else 3.0)
+    p = fitter.optimum(h, start, 30).p
+    by_scipy = least_squares(lambda p: residual(fitter, h, p), p, method="lm", diff_step=1e-3)
+    assert np.sum(residual(fitter, h, p) ** 2) <= 2 * by_scipy.cost * (1 + 3e-3)
+    fit = fitter.fit(h, start)
+    if fit is None:  # no friction
+        assert h.law not in ("dahl", "slip", "bouc-wen")
+        return
+    table = model(fitter, h, fit.p)
+    near = table @ dense(fitter, table, slice(None))
+    assert fitter.predicted(fit) == pytest.approx(near, abs=0.02 * FC)
+    assert h.size == len(fit.coefficients) - 3
+    if h.law == "dahl":
+        assert fit.value == pytest.approx([SIGMA0, FC], rel=0.04)
+        assert fit.p[-1] == pytest.approx(LAGS[h.lag][1], rel=0.05)
+
+
+def test_a_score_is_that_of_fits_without_each_cycle():
+    """Of the linearised model exactly, and of refits nearly."""
+    fitter, h = plain("delay"), HYPOTHESES[2]
+    fit, samples = fitter.fit(h, fitter.start(h, A, 2.0)), fitter.samples
+    table, _ = fitter.columns(h, fit.p, fit.taken_at, h.terms)
+    assert len(samples.folds) == len(fit.cost) == len(fit.without) > 6
+    for k, fold in enumerate(samples.folds):
+        others = np.ones(samples.rows, dtype=bool)
+        others[fold] = False
+        within = np.zeros(samples.rows, dtype=bool)
+        for one in samples.folds:
+            within[one] = True
+        c = dense(fitter, table, others & within)
+        off = samples.torque[fold] - table[fold] @ c
+        assert fit.cost[k] == pytest.approx(samples.used[fold] @ off**2, rel=1e-5)
+        less = replace(samples, used=np.where(others, samples.used, 0.0))
+        again = Fitter(less).fit(h, fit.p)
+        assert fit.without[k] == pytest.approx(again.value, rel=2e-3)
+        assert fit.without[k] != pytest.approx(fit.value, rel=1e-6)
+    deviations = fit.without - fit.without.mean(axis=0)
+    n = len(fit.cost)
+    assert fit.error == pytest.approx(np.sqrt((n - 1) / n * (deviations**2).sum(axis=0)))
+    assert fit.total == pytest.approx(fit.cost.sum()) and fit.value == pytest.approx(
+        [SIGMA0, FC], rel=0.02
+    )
+
+
+def test_each_set_of_terms_is_scored_as_a_fit_of_its_own():
+    fitter, h = plain(), Hypothesis()
+    pool = ("offset", "spring", "viscous", "inertia")
+    fits = fitter.fit_term_sets(h, fitter.start(h, A), pool)
+    found = {fit.hypothesis.terms: fit for fit in fits}
+    shapes = [("offset",), ("offset", "spring"), ("offset", "spring", "cubic"), ("offset", "waves")]
+    timed = [(), ("viscous",), ("inertia",), ("viscous", "inertia")]
+    assert set(found) <= {(*one, *more) for one in shapes for more in timed} and len(found) > 11
+    for terms, fit in found.items():
+        columns = [fitter.columns(h, fit.p, fit.taken_at, ())[0], *fitter.term_columns(terms)]
+        c = dense(fitter, np.column_stack(columns), slice(None))
+        assert fit.coefficients == pytest.approx(c, rel=1e-2, abs=1e-4)
+    best = min(fits, key=lambda fit: fit.total).hypothesis.terms
+    assert {"spring", "viscous"} <= set(best)
+    alone = fitter.fit_term_sets(h, fitter.start(h, A), pool, waves=False)
+    assert {"cubic", "waves"} & {term for fit in alone for term in fit.hypothesis.terms} == set()
+
+
+NO_FRICTION = {  # a torque, and a hypothesis whose best fit is none of friction
+    "of the other sign": (-dahl_torque(PATH), Hypothesis()),
+    "pushed when fast": (dahl_torque(PATH) - 0.1 * SPEED, Hypothesis(terms=("offset", "viscous"))),
+    "cancelled by a spring": (10 * PATH, Hypothesis(terms=("offset", "spring"))),
+    "less when slow": (
+        varying_torque(PATH, 0 * PATH + SIGMA0, FC * (1 - 0.3 * np.exp(-((SPEED / 0.4) ** 2)))),
+        Hypothesis("stribeck"),
+    ),
+    "stiffer than a count": (
+        dahl_torque(PATH) + dahl_torque(PATH, 400 * SIGMA0, 0.5 * FC),
+        Hypothesis("2 dahl"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NO_FRICTION)
+def test_a_fit_that_is_no_friction_is_not_returned(name):
+    torque, h = NO_FRICTION[name]
+    fitter = fitter_of(torque)
+    start = fitter.start(h, A)
+    start[1:] += {"stribeck": (-0.4, 0), "2 dahl": 5}.get(h.law, 0)
+    assert fitter.optimum(h, start) is not None
+    assert fitter.fit(h, start) is None
+
+
+def test_lags_against_row_by_row():
+    """Each log starts anew."""
+    fitter = two_logs()
+    pieces, true = fitter.samples.pieces, {}
+    (w,) = fitter.elements(Hypothesis(), np.log([A]))
+    rows = np.arange(1500.0)
+    parts = [w[piece] for piece in pieces]
+    true["delay"] = [np.interp(rows - 2.5, rows, x) for x in parts]
+    true["delays"] = [
+        np.interp(rows - late, rows, x) for late, x in zip((2.5, -1), parts, strict=True)
+    ]
+    low = []
+    for x in parts:
+        y, out = 0.0, []
+        for now in x.tolist():
+            y += (now - y) * (1 - np.exp(-1 / 2.5))
+            out.append(y)
+        low.append(np.array(out))
+    true["low pass"] = low
+    for lag, wanted in true.items():
+        p = np.array([np.log(A), 2.5, -1.0][: 3 if lag == "delays" else 2])
+        (found,) = fitter.elements(Hypothesis(lag=lag), p)
+        assert found == pytest.approx(np.concatenate(wanted), abs=1e-9), lag
+    (skewed,) = fitter.elements(Hypothesis(skew=0.5), np.log([A]))
+    wanted = np.concatenate([np.interp(rows - 0.5, rows, x) for x in parts])
+    assert skewed == pytest.approx(wanted, abs=1e-9)
+    (both,) = fitter.elements(Hypothesis(lag="zero-phase filter"), np.array([np.log(A), 3.0]))
+    delay = [np.sum(both * np.roll(w, k)) for k in (-2, 0, 2)]
+    assert max(delay) == delay[1] and np.abs(both).max() < 1
+
+
+def test_each_log_has_a_delay_of_its_own():
+    fitter, h = two_logs(), Hypothesis(lag="delays")
+    fit = fitter.fit(h, fitter.start(h, A, 1.0))
+    assert fit.p[-2:] == pytest.approx([0, 5], abs=0.3)
+    assert fit.value == pytest.approx([SIGMA0, FC], rel=0.02)
+
+
+def test_algebra_of_scores():
+    random = np.random.default_rng(1)
+    table = random.normal(size=(60, 4)) * (1, 1e3, 1e-3, 1)
+    gram = table.T @ table
+    wanted = np.linalg.lstsq(table[:, [2, 0]], table[:, 3], rcond=None)[0]
+    assert solve(gram, [2, 0]) == pytest.approx(wanted, rel=1e-6)
+    left = table[:, 3] - table[:, [2, 0]] @ wanted
+    assert cost_of(gram, [2, 0], wanted) == pytest.approx(left @ left)
+    exact = np.column_stack([table[:, :3], table[:, :3] @ (1, 2, 3)])
+    assert 0 <= cost_of(exact.T @ exact, [0, 1, 2], np.array([1.0, 2, 3])) < 1e-6
+    cost, best = np.array([1.0, 4, 3]), np.array([1.0, 2, 2])
+    assert excess(cost, best) == (3, pytest.approx(np.sqrt(3)))
+    assert jackknife(np.array([[1.0], [3]])) == pytest.approx(1)
+
+
+# --- start values ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("a", "late", "side"), [(0.3, 0, 1), (1, 0, -1), (3, 0, 1), (1, 24, 1), (0.5, -9, -1)]
+)
+def test_a_coarse_start_is_near(a, late, side):
+    torque = side * np.roll(dahl_torque(PATH, a * SIGMA0), late)
+    found, delay, sign = coarse_start(fitter_of(torque + 4 * PATH))
+    assert sign == side and delay == pytest.approx(late, abs=3)
+    assert found == pytest.approx(a * A, rel=0.5)
+
+
+def test_starts_of_several_elements_are_near():
+    parts = ((0.2 * SIGMA0, 0.5 * FC), (0.8 * SIGMA0, 0.2 * FC))
+    fitter = fitter_of(springs(PATH, *parts))
+    pairs = pair_starts(fitter, Hypothesis(), A)
+    assert set(pairs) == {"2 dahl", "mixed", "2 slip"}
+    assert np.sort(np.exp(pairs["2 slip"])) == pytest.approx([0.4 * A, 4 * A], rel=0.35)
+    assert slip_start(fitter, Hypothesis(), A) is None
+    three = fitter_of(springs(PATH, (10, 0.25), (40, 0.15), (50, 0.025)))
+    h, p = slip_start(three, Hypothesis(), A)
+    fit = three.fit(h, p)
+    assert h.law == "3 slip" and fit.value == pytest.approx([100, 0.425], rel=0.05)
+
+
+def test_a_fit_has_the_parameters_of_its_columns():
+    fit = Fit(
+        Hypothesis("2 dahl"),
+        np.log([10.0, 100.0]),
+        np.array([3.0, 4.0]),
+        np.array([1.0, 2.0]),
+        np.array([3.0, 4.0, 0.1, -9.0, 0.0]),
+        np.array([[3.0, 4.0, 0.0, 0.0, 0.0]]),
+        np.ones(1),
+    )
+    assert fit.slopes == pytest.approx([10 * (3 + 0.1), 100 * (4 - 2 * 0.6)])
+    assert fit.value == pytest.approx([fit.slopes.sum(), 7]) and fit.step == 9
+    assert fit.without == pytest.approx(np.array([[430, 7]]))
+
+
+# --- the hypotheses that are fitted ---------------------------------------------------------------
+
+
+def tried(space: select.SearchSpace, theta: np.ndarray = PATH, **more: object) -> dict[str, set]:
+    """Return the laws, lags, angles and terms of all fits, and the pairs of lag and angle."""
+    log = replace(log_of(theta, dahl_torque(theta)), **more)
+    samples = samples_of([log])
+    samples.prepare(A, np.zeros(samples.rows))
+    found = [fit.hypothesis for fit in select.fit_all(Fitter(samples), A, 0.0, space)]
+    own = {name: {getattr(h, name) for h in found} for name in ("law", "lag", "angle")}
+    own["terms"] = {term for h in found for term in h.terms}
+    return own | {"pairs": {(h.lag, h.angle) for h in found}}
+
+
+CURVES = {"exponent", "bouc-wen", "soft shaft"}
+
+
+def test_all_laws_lags_angles_and_terms_are_tried():
+    found = tried(select.SearchSpace())
+    assert found["law"] >= {"dahl", "slip", "log speed", "asymmetric", "mixed"} | CURVES
+    assert "breakaway" not in found["law"] and "loaded" not in found["law"]
+    assert found["lag"] == set(LAGS)
+    assert found["angle"] == {"between counts", "sharp turns", "as read"}
+    assert found["terms"] == {"offset", "spring", "viscous", "inertia", "cubic", "waves"}
+    filtered = {angle for lag, angle in found["pairs"] if "filter" in lag or lag == "low pass"}
+    assert "as read" not in filtered
+    rests = 0.05 * np.clip(1.3 * np.sin(np.arange(1500) / 30), -1, 1)
+    load = 1 + 0.1 * np.sin(np.arange(1500) / 99)
+    assert {"breakaway", "loaded"} <= tried(select.SearchSpace(), rests, load=load)["law"]
+
+
+def test_fewer_hypotheses_if_cycles_times_or_a_user_allow_no_more():
+    few = tried(select.few_cycles(select.SearchSpace()), PATH[:500])
+    assert few["lag"] == {"none", "damping"} and "spring" in few["terms"]
+    assert "dahl" in few["law"] and not few["law"] & (CURVES | {"stribeck", "asymmetric"})
+    assert not few["terms"] & {"cubic", "waves"}
+    untimed = tried(select.SearchSpace(lags=("none",), laws=("dahl", "slip")), time=None)
+    assert untimed["lag"] == {"none"} and untimed["law"] == {"dahl", "slip"}
+    assert untimed["terms"] == {"offset", "spring", "cubic", "waves"}
+    asked = select.SearchSpace(("spring",), ("none",), ("dahl",), wanted="slip")
+    assert tried(asked)["terms"] == {"spring"} and tried(asked)["law"] == {"dahl", "slip"}

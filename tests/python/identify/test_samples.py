@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: MIT
+"""Angles between counts, cycles, weights and thinning, against plain loops and known motions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dahl.identify import angle, models
+from dahl.identify.samples import block_for, samples_of
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from identify_tools import COUNT, FC, SIGMA0, chirp, dahl_torque, log_of, noise_of, shaft, sine
+
+pytestmark = pytest.mark.usefixtures("library")
+
+A = SIGMA0 / FC
+
+
+def turns_by_row(theta: np.ndarray, least: float) -> list[int]:
+    """Rows of the extremes between which the angle goes back by more than `least`."""
+    found, side, low, high = [], 0, 0, 0
+    for row, now in enumerate(theta.tolist()):
+        low = row if now <= theta[low] else low
+        high = row if now >= theta[high] else high
+        if side >= 0 and theta[high] - now > least:
+            found += [high] if side else []
+            side, low, high = -1, row, row
+        elif side <= 0 and now - theta[low] > least:
+            found += [low] if side else []
+            side, low, high = 1, row, row
+    return found
+
+
+@given(arrays(float, st.integers(3, 60), elements=st.integers(-9, 9)), st.sampled_from([0.5, 2.5]))
+def test_turning_points_against_row_by_row(theta, least):
+    """A turn may last: each of its rows is a turning point."""
+    found, wanted = models.turning_points(theta, least), turns_by_row(theta, least)
+    assert theta[found].tolist() == theta[wanted].tolist()
+    for one, other in zip(found.tolist(), wanted, strict=True):
+        assert (theta[min(one, other) : max(one, other)] == theta[one]).all()
+
+
+# --- the angle between counts ---------------------------------------------------------------------
+
+SINE = sine(3, rows=3000, cycles=9)
+SAW = 0.05 * (2 * np.abs(np.arange(3000) / 333.3 % 2 - 1) - 1)  # turns at speed
+RESTS = 0.05 * np.clip(1.3 * np.sin(np.arange(3000) / 60), -1, 1)
+
+
+def read(theta: np.ndarray) -> np.ndarray:
+    return np.floor(theta / COUNT + 0.3) * COUNT + 0.2 * COUNT
+
+
+BOTH = (angle.between_counts, angle.with_sharp_turns)
+
+
+@pytest.mark.parametrize(("theta", "treatments"), [(SINE, BOTH), (SAW, BOTH)])
+def test_a_treatment_is_nearer_to_the_motion_and_within_half_a_count(theta, treatments):
+    seen = read(theta)
+    for treatment in treatments:
+        treated = treatment(seen, COUNT)
+        assert np.abs(treated - seen).max() <= 0.5 * COUNT * (1 + 1e-9)
+        assert np.mean((treated - theta) ** 2) < 0.3 * np.mean((seen - theta) ** 2)
+        assert np.array_equal(treatment(theta, 0.0), theta)
+        assert np.array_equal(treatment(theta[:3], COUNT), theta[:3])
+
+
+def error_at_turns(treated: np.ndarray, theta: np.ndarray) -> float:
+    """Mean error in counts, towards the middle of the motion."""
+    turns = models.turning_points(theta, 10 * COUNT)
+    return float(np.mean((theta - treated)[turns] * np.sign(theta[turns]))) / COUNT
+
+
+def test_each_treatment_suits_its_turns():
+    sharp = error_at_turns(angle.with_sharp_turns(read(SAW), COUNT), SAW)
+    smooth = error_at_turns(angle.between_counts(read(SAW), COUNT), SAW)
+    assert abs(sharp) < 0.12 < smooth
+    assert abs(error_at_turns(angle.between_counts(read(SINE), COUNT), SINE)) < 0.12
+
+
+def test_derivatives_of_a_sine():
+    pace = 2 * np.pi * 9 / 3000
+    smooth = angle.between_counts(read(SINE), COUNT)
+    one, two = angle.derivatives(read(SINE), smooth, COUNT)
+    inside = slice(200, -200)
+    assert np.abs(one - np.gradient(SINE))[inside].max() < 0.02 * 0.05 * pace
+    assert np.abs(two + pace**2 * SINE)[inside].max() < 0.05 * 0.05 * pace**2
+
+
+@pytest.mark.parametrize("counts", [0.0, 1.0, 5.0])
+def test_noise_beyond_the_counts_is_measured_and_smoothed(counts):
+    noisy = read(SINE + counts * COUNT * noise_of(4, 3000))
+    noise = angle.white_noise(noisy, COUNT)
+    assert noise == pytest.approx(counts * COUNT, rel=0.1, abs=0.2 * COUNT)
+    smooth = angle.smooth_angle(noisy, COUNT, noise if counts else 0.0)
+    if counts:
+        assert np.std(smooth - SINE) < 0.35 * noise
+    else:
+        assert np.array_equal(smooth, angle.between_counts(noisy, COUNT))
+
+
+# --- cycles, weights and terms --------------------------------------------------------------------
+
+
+def prepared(*logs, residual: np.ndarray | float = 0.0):
+    samples = samples_of(logs)
+    samples.prepare(A, residual + np.zeros(samples.rows))
+    return samples
+
+
+def test_cycles_are_left_out_once_each():
+    for cycles in (5, 8, 20, 60):
+        samples = prepared(shaft(rows=3000, cycles=cycles + 0.4))
+        assert abs(samples.cycles - cycles) <= 1
+        assert 3 <= len(samples.folds) <= 24
+        covered = np.concatenate([np.arange(fold.start, fold.stop) for fold in samples.folds])
+        assert len(set(covered)) == len(covered)
+        assert samples.used[covered].sum() > 0.9 * samples.used.sum()
+        sizes = [samples.used[fold].sum() for fold in samples.folds[1:-1]]
+        assert max(sizes) < 3 * min(sizes)
+        ends = [fold.start for fold in samples.folds[1:]]
+        seen = samples.angles["between counts"]
+        if cycles in (8, 20):  # a cycle ends at a turn
+            assert np.abs(seen[ends]).min() > 0.9 * np.abs(seen).max()
+
+
+def test_the_start_and_the_ends_of_a_piece_have_no_weight():
+    log = shaft(rows=3000, cycles=9)
+    pieces = [replace(log.part(rows), name="x") for rows in (slice(0, 1400), slice(1400, None))]
+    samples = prepared(*pieces)
+    assert samples.logs == 1 and [one.start for one in samples.pieces] == [0, 1400]
+    for rows in samples.pieces:
+        part = log.theta[rows]
+        travel = np.cumsum(np.abs(np.diff(part, prepend=part[0])))
+        least = min(6 / A, travel[-1] / 4)
+        used, edge = samples.used[rows], len(part) // 20
+        assert (used[:edge] == 0).all() and (used[-edge:] == 0).all()
+        settled = np.flatnonzero(used)[0]
+        assert settled == edge or travel[settled] == pytest.approx(least, abs=2 * COUNT)
+
+
+def test_outliers_weigh_less():
+    noise = 0.01 * noise_of(1, 2400)
+    noise[500:505] += (0.0, 0.5, 0, -0.2, 0)
+    samples = prepared(shaft(), residual=noise)
+    assert samples.weight[501] == pytest.approx(0.08, rel=0.3)
+    assert samples.weight[503] == pytest.approx(0.2, rel=0.3)
+    assert np.mean(samples.weight == 1) > 0.97
+    held = replace(shaft(), weight=np.arange(2400) % 2.0)
+    assert set(prepared(held, residual=noise).weight) == {0, 1}
+
+
+def test_travel_since_a_rest_against_row_by_row():
+    samples = prepared(log_of(RESTS, dahl_torque(RESTS)), shaft())
+    seen, since, at = samples.angles["between counts"], 0.0, []
+    starts = {rows.start for rows in samples.pieces}
+    slow = 0.02 * np.percentile(np.abs(samples.speed), 98)
+    for row in range(samples.rows):
+        rests = row in starts or abs(samples.speed[row]) < slow
+        since = 0.0 if rests else since + abs(seen[row] - seen[row - 1])
+        at.append(since)
+    assert samples.travel_since_rest() == pytest.approx(np.array(at), abs=1e-9)
+
+
+def test_terms_have_the_units_of_their_reference():
+    theta = chirp(2000) + 0.3
+    samples = prepared(log_of(theta, dahl_torque(theta)), log_of(theta - 0.02, theta))
+    reference, z = samples.reference, samples.terms["spring"]
+    assert (z.min(), z.max()) == pytest.approx((-1, 1), abs=1e-9)
+    assert reference.centre == pytest.approx(0.29, abs=2e-3)
+    assert reference.reach == pytest.approx(0.06, abs=2e-3)
+    inside = slice(200, 1800)
+    speed = np.gradient(theta, 1e-3)
+    off = np.abs(samples.speed[:2000] - speed)[inside].max()
+    assert off < 0.05 * np.abs(speed).max()
+    assert samples.terms["cubic"] == pytest.approx(z**3)
+    assert samples.waves.sum(axis=1).max() <= 1 + 1e-9 and samples.waves.shape[1] == 16
+    other = samples_of([log_of(theta, theta)], reference=reference)
+    assert other.terms["spring"] == pytest.approx(z[:2000], abs=1e-3)
+
+
+@pytest.mark.parametrize(("rows", "cycles"), [(7000, 9), (24_000, 9), (24_000, 300)])
+def test_a_long_log_becomes_few_samples(rows, cycles):
+    """Blocks of rows if its strokes are long, segments from all of it if they are short."""
+    log = shaft(rows=rows, cycles=cycles)
+    samples = samples_of([log])
+    assert samples.rows <= 8000 and (samples.block > 1) == (rows > 8000 and cycles == 9)
+    assert len(samples.pieces) == (8 if cycles == 300 else 1)
+    if samples.block > 1:
+        means = log.torque[: samples.rows * samples.block].reshape(samples.rows, -1).mean(axis=1)
+        assert samples.torque == pytest.approx(means)
+    assert samples.time[0] < 0.1 and samples.time[-1] > 0.99 * (rows - 1) * 1e-3
+    marked = replace(log, weight=np.arange(rows) % 4 / 3)
+    spiked = replace(log, torque=log.torque + FC * (np.arange(rows) % 100 == 0))
+    assert samples_of([marked]).block == samples_of([spiked]).block == 1
+
+
+def test_a_block_is_short_against_presliding():
+    """A twentieth of the rows of the first presliding length after a turn."""
+    log = shaft(rows=24_000, cycles=9)
+    rows = np.arccos(1 - 1 / A / 0.05) / (2 * np.pi) * 24_000 / 9
+    assert block_for([log], 50, A) == pytest.approx(rows / 20, abs=2)
+    assert block_for([log], 4, A) == 4 and block_for([log], 50, 100 * A) <= 3
