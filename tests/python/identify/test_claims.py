@@ -23,6 +23,7 @@ from identify_tools import (
     chirp,
     dahl_torque,
     log_of,
+    noise_of,
     seen,
     shaft,
     sine,
@@ -67,6 +68,10 @@ def never_slips() -> Log:
     return log_of(theta, SIGMA0 * theta, 0.01, 0.0)
 
 
+def noise_alone() -> Log:
+    return Log("x", sine(1, rows=1500, cycles=8), noise_of(1, 1500), np.arange(1500) * 1e-3)
+
+
 def few(cycles: float) -> Log:
     return synthetic(int(cycles), 0.01, rows=900 + 100 * int(cycles), cycles=cycles)
 
@@ -91,6 +96,8 @@ CASES: dict[str, tuple[Callable[[], list[Log]], tuple[bool | None, bool | None],
     "nothing wrong": (lambda: [shaft()], (YES, YES), "sigma0 = "),
     "noise of 20 %": (lambda: [shaft(5, 0.2)], (EITHER, YES), "Fc = "),
     "noise of 300 %": (lambda: [shaft(5, 3.0)], (NO, NO), "explains"),
+    "noise alone": (lambda: [noise_alone()], (NO, NO), "explains"),
+    "two cycles": (lambda: [few(2.3)], (NO, NO), "2 cycles"),
     "five cycles": (lambda: [few(5.2)], (NO, NO), "5 cycles"),
     "three and four": (lambda: [few(3.6), few(4.6)], (EITHER, YES), "Fc = "),
     "1.5 counts": (lambda: [coarse(1.5)], (EITHER, YES), "Fc = "),
