@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from dahl.identify import Log, diagnose, estimate, select, simulate
 from dahl.identify.diagnose import Lack, lack_of_fit
-from dahl.identify.fit import Fit, Fitter, Hypothesis
+from dahl.identify.fit import Fit, Fitter, Hypothesis, parameters_of
 from dahl.identify.result import Intervals, _against_sigma0
 from dahl.identify.samples import samples_of
 from identify_tools import (
@@ -149,7 +149,7 @@ def test_a_gain_is_that_of_the_cycles_left_out():
             others[fold] = False
             c = np.linalg.lstsq(weighted[others], torque[others], rcond=None)[0]
             costs[-1] += np.sum((torque[fold] - weighted[fold] @ c) ** 2)
-            each.append(fitter.parameters(fit.p, limits, c))
+            each.append(parameters_of(fit.p, limits, c))
     assert own.gain == pytest.approx(costs[0] / costs[1] - 1, rel=1e-3)
     spread = np.std(each[len(s.folds) :], axis=0) * np.sqrt(len(s.folds) - 1)
     moved = np.abs(own.moved) * fit.value

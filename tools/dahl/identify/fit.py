@@ -188,8 +188,6 @@ def score(h: Hypothesis, at: Optimum, columns: Sequence[int]) -> Fit:
 class Fitter:
     """Fits hypotheses to one table of samples."""
 
-    parameters = staticmethod(parameters_of)
-
     def __init__(self, samples: Samples) -> None:
         self.samples = samples
         self.moves = {name: samples.moves(angle) for name, angle in samples.angles.items()}

@@ -132,19 +132,9 @@ def notes(result: Result) -> list[str]:
     return found
 
 
-def _coefficient_errors(result: Result) -> np.ndarray:
-    """Return the standard errors of all linear coefficients, by the jackknife over cycles."""
-    return jackknife(_left_out_solutions(result.optimum().grams))
-
-
-def _left_out_solutions(grams: np.ndarray) -> np.ndarray:
-    """Return the coefficients of each fit without one cycle: (cycles, k)."""
-    return solve(grams.sum(axis=0) - grams, range(grams.shape[-1] - 1))
-
-
 def _term_errors(result: Result) -> dict[str, float]:
     no_limits = np.zeros_like(result.chosen.limits)
-    fit = replace(result.chosen, coefficients=_coefficient_errors(result), limits=no_limits)
+    fit = replace(result.chosen, coefficients=jackknife(result.chosen.left_out), limits=no_limits)
     return {name: abs(error) for name, error in terms_of(fit, result.samples).items()}
 
 
@@ -179,8 +169,8 @@ def _simple_models(result: Result) -> dict[str, Any]:
 
 def _held_out(result: Result, columns: list[np.ndarray]) -> float:
     """Return the squared residual of left-out cycles if only these columns are fitted."""
-    grams = result.samples.grams(np.column_stack(columns))
-    return float(cost_of(grams, range(len(columns)), _left_out_solutions(grams)).sum())
+    grams, own = result.samples.grams(np.column_stack(columns)), range(len(columns))
+    return float(cost_of(grams, own, solve(grams.sum(axis=0) - grams, own)).sum())
 
 
 def _informing_part(result: Result) -> float:
@@ -203,7 +193,7 @@ def _load(result: Result) -> dict[str, Any] | None:
     return {
         "reference": reference,
         "slope": slope,
-        "slope_standard_error": float(_coefficient_errors(result)[2]) / reference,
+        "slope_standard_error": float(jackknife(fit.left_out)[2]) / reference,
         "least": ends[0],
         "most": ends[1],
         "shares": [1 + slope * (end - reference) for end in ends],

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dahl.identify.fit import DELAYED, Fit, Fitter, Hypothesis, Optimum, solve
+from dahl.identify.fit import DELAYED, Fit, Fitter, Hypothesis, Optimum, parameters_of, solve
 from dahl.identify.models import ONE_ELEMENT
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, samples_of
 from dahl.io.log import Log, resolution_of
@@ -241,7 +241,7 @@ class Result:
         n = len(at.grams)
         times = np.random.default_rng(seed).multinomial(n, np.full(n, 1 / n), size=draws)
         grams = np.tensordot(times.astype(float), at.grams, axes=1)
-        return self.fitter.parameters(at.p, at.limits, solve(grams, range(at.grams.shape[-1] - 1)))
+        return parameters_of(at.p, at.limits, solve(grams, range(at.grams.shape[-1] - 1)))
 
     @property
     def correlation(self) -> float:
@@ -255,7 +255,7 @@ class Result:
         kept = [*range(2 * m), *range(m + len(at.p), k)]  # shapes and lags are those of all cycles
         c = np.zeros((len(at.grams), k))
         c[:, kept] = solve(at.grams, kept)
-        value = self.fitter.parameters(at.p, at.limits, c)
+        value = parameters_of(at.p, at.limits, c)
         first = k - len(self.fitter.term_columns(self.hypothesis.terms))
         offset = c[:, first] if "offset" in self.hypothesis.terms else np.zeros(len(c))
         return {"sigma0": value[:, 0], "Fc": value[:, 1], "offset": offset}
