@@ -160,7 +160,7 @@ static void check_tip(const dahl_params_t *p, uint32_t stroke)
     LAW(tip <= p->Fc && dahl_tip_torque(&plan, 0) == 0, "tips are between 0 and Fc");
 }
 
-/* The bits of the plain element. Half the load gives exactly half the torque. */
+/* The bits of the plain element. Half the load gives exactly half the torque; one below 2^-95 may be 0 under the smaller Fc. */
 static void check_load_of_1(const walk_t *walk)
 {
     dahl_plan_t plan;
@@ -173,7 +173,7 @@ static void check_load_of_1(const walk_t *walk)
         const int32_t n = walk->dcounts[i];
         const float dtheta = fuzz_float_of(walk->move[i].load_q30 ^ (uint32_t)n), F = dahl_step_counts(&plan, &plain, n);
         LAW(dahl_loaded_step_counts(&plan, &loaded, n, ONE_Q30) == F, "a load of 1 is the plain element by counts");
-        LAW(dahl_loaded_step_counts(&plan, &half, n, ONE_Q30 / 2) == F / 2 || fabsf(F) < 0x1p-125f,
+        LAW(dahl_loaded_step_counts(&plan, &half, n, ONE_Q30 / 2) == F / 2 || fabsf(F) < 0x1p-95f,
             "half the load, half the torque");
         LAW(dahl_clamped_step(&plan, &clamped, dtheta, ONE_Q30) == dahl_step(&plan, &by_angle, dtheta),
             "a load of 1 is the plain element by angle");

@@ -66,6 +66,15 @@ static void test_parameters_are_read_back_in_raw_units(void)
     TEST_ASSERT_EQUAL(2, node.counts.params);
 }
 
+static void test_a_time_in_us_reads_as_the_nearest_ms(void)
+{
+    static const uint32_t us[][2] = {{0, 0}, {499, 0}, {500, 1}, {30400, 30}, {30600, 31}, {UINT32_MAX, 4294967}};
+    for (size_t i = 0; i < sizeof us / sizeof us[0]; i++) {
+        node.timeout_us = us[i][0];
+        TEST_ASSERT_EQUAL(us[i][1], param_now(DAHL_FRAMES_PARAM_TIMEOUT));
+    }
+}
+
 /* A held value acts with the next write. So sigma0 and Fc may change together, also if only both together are in range. */
 static void test_held_parameters_change_together(void)
 {

@@ -136,8 +136,10 @@ def test_bounds_are_the_nearest_floats_on_the_safe_side(low, long):
     """Those of an own float are itself. The lower bound is not above its value."""
     text = plan_header.bounds("rig", low, long, "N m", "rad")
     found = {name: np.float32(value) for name, value in re.findall(r"RIG_(\w+) (\S+)f ", text)}
-    assert found["FC_LOW"] <= low < np.nextafter(found["FC_LOW"], np.float32(np.inf))
-    assert found["LENGTH_LONG"] >= long > np.nextafter(found["LENGTH_LONG"], np.float32(0))
+    above = np.nextafter(found["FC_LOW"], np.float32(np.inf))
+    below = np.nextafter(found["LENGTH_LONG"], np.float32(0))
+    assert float(found["FC_LOW"]) <= low < float(above)  # NumPy compares a float as a float32
+    assert float(found["LENGTH_LONG"]) >= long > float(below)
 
 
 def test_force_overwrites_any_file_and_a_plan_needs_no_force(plan, tmp_path):
