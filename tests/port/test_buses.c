@@ -5,6 +5,7 @@
 
 #include "dahl_frames.h"
 #include "frame_bits.h"
+#include "frame_queue.h"
 #include "loopback/loopback.h"
 #include "slcan/serial_bus.h"
 #include "socketcand/text.h"
@@ -55,6 +56,24 @@ static void test_loopback_gives_back_in_order_what_it_has_room_for(void)
         TEST_ASSERT_EQUAL(DAHL_CAN_FRAME_OWN, out.flags);
     }
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 0));
+}
+
+/* Also when the ring's free-running numbers wrap. */
+static void test_a_frame_queue_gives_back_in_order_what_it_has_room_for(void)
+{
+    static frame_queue_t queue;
+    dahl_can_frame_t frame = {.length = 8};
+    queue.head = queue.tail = UINT32_MAX - 3;
+    for (frame.id = 0; frame.id < FRAME_QUEUE_SIZE; frame.id++) {
+        TEST_ASSERT_EQUAL(FRAME_QUEUE_SIZE - frame.id, frame_queue_room(&queue));
+        TEST_ASSERT_TRUE(frame_queue_put(&queue, &frame));
+    }
+    TEST_ASSERT_FALSE(frame_queue_put(&queue, &frame));
+    for (uint32_t i = 0; i < FRAME_QUEUE_SIZE; i++) {
+        TEST_ASSERT_TRUE(frame_queue_take(&queue, &frame));
+        TEST_ASSERT_EQUAL(i, frame.id);
+    }
+    TEST_ASSERT_FALSE(frame_queue_take(&queue, &frame));
 }
 
 /* A clock without a wait, as a firmware's: then there is none. Nobody else is there, and closing keeps what was sent. */
