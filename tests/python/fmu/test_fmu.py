@@ -19,7 +19,7 @@ from dahl.binding import models
 from dahl.sim import fmu
 from fmu_instance import CO_SIMULATION, ERROR, OK, Instance
 from identify_tools import complaint
-from model_examples import THETA, made, whole
+from model_examples import THETA, made, numbers, whole
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -59,6 +59,17 @@ def test_by_counts_the_torques_have_the_bits_of_the_python_class(export, model):
         assert one.get("ratio") == pytest.approx(torque / whole(model), abs=2e-7)
     one.step(angle=-COUNT * 2.0**50)
     assert abs(one.get("ratio")) == 1 or model.name == "loaded"
+
+
+@EVERY
+def test_each_parameter_has_its_start_value_under_its_name(export, model):
+    one, found = Instance(export(model)), {}
+    for name, values in zip(("sigma0", "Fc"), numbers(model), strict=True):
+        names = [name] if len(values) == 1 else [f"{name}[{k}]" for k in range(len(values))]
+        if name == "Fc" and model.has_directions:
+            names = ["Fc_forward", "Fc_backward"]
+        found |= dict(zip(names, values, strict=True))
+    assert {name: one.get(name) for name in found} == pytest.approx(found)
 
 
 @pytest.mark.parametrize("words", [(), ("--fixed-stiffness",)])

@@ -5,6 +5,7 @@ cuts of the logs; a Result gives a program residuals, draws and predictions.
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -347,6 +348,22 @@ def test_another_log_is_predicted_with_the_mean_of_several_delays():
     result = identify(logs[:2])
     assert result.hypothesis.lag == "delays"
     assert check(result, logs[2]) > 0.995
+
+
+def test_coulomb_friction_keeps_its_sign_in_a_rest():
+    ends = 0.05 * np.resize([1.0, -0.9, 0.8, -1.0, 0.9, -0.8], 18)
+    share = (1 - np.cos(np.pi * np.linspace(0, 1, 150))) / 2
+    strokes = [
+        np.append(start + (end - start) * share, np.full(100, end))
+        for start, end in itertools.pairwise(ends)
+    ]
+    theta = np.concatenate(strokes).round(9)  # exact rests
+    torque, moves = dahl_torque(theta), np.diff(theta, prepend=theta[0])
+    moving = np.maximum.accumulate(np.where(moves != 0, np.arange(len(theta)), 0))
+    columns = np.column_stack((np.sign(moves)[moving], np.ones(len(theta))))
+    _, (left,), *_ = np.linalg.lstsq(columns, torque, rcond=None)
+    found = seen(log_of(theta, torque, 0.01, 0.0), terms=("offset",), delay=False)
+    assert found["r2_coulomb"] == pytest.approx(1 - left / len(theta) / torque.var(), abs=0.03)
 
 
 @pytest.mark.parametrize("term", ["viscous", "inertia"])

@@ -59,6 +59,22 @@ def test_the_seed_alone_decides(compared: Comparison) -> None:
     assert error(2) != error(1)
 
 
+@pytest.mark.parametrize(("words", "seed"), [((), 1), (("--seed", "7"), 7)])
+def test_the_demo_runs_with_the_seed_that_is_given(
+    words: tuple[str, ...], seed: int, compared: Comparison, dahl, monkeypatch
+) -> None:
+    asked = []
+
+    def compare(seed: int = 1, progress: object = None) -> Comparison:
+        asked.append(seed)
+        return compared
+
+    monkeypatch.setattr(compensation, "compare", compare)
+    done = dahl("demo", "--scene", "compensation", *words, "--json", "-o", "out")
+    assert done.returncode == 0, done.stderr
+    assert asked == [seed] and json.loads(Path("out/summary.json").read_text())["seed"] == seed
+
+
 def test_the_demo_writes_picture_and_numbers(
     compared: Comparison, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch
 ) -> None:
