@@ -89,7 +89,9 @@ FORMS = {  # the frames of a tick with this fault and the data of its angle: the
     "invalid": lambda came, clean: is_good(came[0], 3) and came[0].data[1] ^ clean[1] == 16,
     "glitch": lambda came, clean: is_good(came[0], 3) and 2**28 <= away(came[0], clean) < 2**31,
     "babble": lambda came, clean: (
-        all(0x0F0 <= one.id <= 0x0FF for one in came[:8]) and is_plain(came[8], clean)
+        all(0x0F0 <= one.id <= 0x0FF for one in came[:8])
+        and all(map(any, zip(*(one.data for one in came[:8]), strict=True)))  # no byte stays 0
+        and is_plain(came[8], clean)
     ),
     "restart": lambda came, clean: came[0].id == RESET and is_plain(came[1], clean),
     "silence": lambda came, clean: not came,

@@ -80,6 +80,8 @@ def test_two_outputs_cannot_be_one_file(tmp_path, scene):
         options = ["--virtual", "--log", apart[0], "--summary", apart[1]]
         assert run_program("--scene", scene, *options).returncode == 0
     assert json.loads((tmp_path / "sub/new").read_text())["ticks"] == 3
+    roots = ["--virtual", "--log", "/proc/new", "--summary", "/sys/new"]  # both have inode 1
+    assert run_program("--scene", scene, *roots).stderr.startswith("error: --log /proc/new: ")
 
 
 def test_outputs_replace_old_files(tmp_path, scene):
