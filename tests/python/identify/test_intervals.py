@@ -130,6 +130,16 @@ def test_the_interval_holds_both_ends_of_what_varies(effect, part):
     assert own.high[1] - own.low[1] < 1.6 * (high - low)
 
 
+def test_errors_of_rate_and_size_may_cancel_in_sigma0():
+    e = 0.01 * np.resize([-1.0, 1.0], 8)
+    limit, left_out = np.array([FC]), np.column_stack((np.full(8, FC), 0 * e, e, -e))
+    whole = np.array([FC, 0.0, 0.0, 0.0])
+    h, p = Hypothesis("dahl"), np.log([SIGMA0 / FC])
+    fit = Fit(h, p, limit, limit, whole, left_out, np.ones(8))
+    low, high = diagnose._at_ends(np.array([[[1.0, 0.0]], [[0.0, 1.0]]]), fit, 1.0)
+    assert (high - low) / 2 == pytest.approx([0, FC * 0.01 * np.sqrt(7)], abs=1e-12)
+
+
 def test_a_gain_is_that_of_the_cycles_left_out():
     fitter, fit, found = lacks("offset drift")
     own = next(one for one in found if one.name == "offset drift")
