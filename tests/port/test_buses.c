@@ -140,7 +140,7 @@ static void test_the_highest_priority_of_those_that_have_asked_goes_first(void)
     }
 }
 
-/* A frame that ends after the time to wait stays; so much time has passed then, and no more where a frame comes before. */
+/* A frame that ends after the time to wait stays, and all that time passes. If a frame comes before, less passes. */
 static void test_a_timed_bus_takes_its_time(void)
 {
     const dahl_can_frame_t in = {.id = 0x555, .length = 0}; /* 44 bits and the pause of 3, nothing to stuff but in the CRC */

@@ -63,7 +63,7 @@ def test_the_example_of_the_readme(outcome):
 
 
 def test_the_bus_is_opened_with_each_option(outcome):
-    """A virtual one too: whoever names a channel shares it with a bus of their own."""
+    """A virtual one too: a test that names a channel shares it with another bus."""
     words = ("--dahl-interface", "virtual", "--dahl-channel", "rig", "--dahl-bus-kwargs")
     done = outcome(
         """

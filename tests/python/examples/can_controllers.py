@@ -57,7 +57,7 @@ def declarations(header: Path) -> str:
 
 
 class Controller:
-    """What the models have in common: a bus that can be stuck or off, and a clock.
+    """Common to all models: a bus that can be stuck or off, and a clock.
 
     A model has `settle`, which reacts to what the program has written; `accepts`, whether a frame
     passes the filter; `receive`, which delivers it; `go_off`, if the transmit error counter passes
@@ -132,7 +132,7 @@ class Controller:
         return sent
 
     def let_go(self, room: float = math.inf) -> None:
-        """The bus carries so many frames more."""
+        """Let the bus carry this number of frames more."""
         self.room = room
         self.settle()
 

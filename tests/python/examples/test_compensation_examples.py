@@ -88,7 +88,7 @@ class Motor:
         return ctypes.c_float.in_dll(self.lib, name)
 
     def run(self, ticks: int, counts: int) -> list[float]:
-        """Turn by so many counts in each tick. Returns the compensation in N m."""
+        """Turn by this number of counts in each tick. Return the compensation in N m."""
         added = []
         for _ in range(ticks):
             self.tim3[CNT] = (self.tim3[CNT] + counts) % 65536

@@ -23,7 +23,7 @@ LEAD = 300  # rows before the log
 
 @dataclass
 class Rig:
-    """A motion of its own for each seed, with LEAD rows before the log."""
+    """A different motion for each seed, with LEAD rows before the log."""
 
     seed: int
     cycles: float = 0.0  # 0: 9 to 15

@@ -24,7 +24,7 @@ NOISE = 0.05  # of Fc, unless a kind says otherwise
 
 
 class Motion:
-    """A sine of its own for each seed, from LEAD rows before the log on."""
+    """A different sine for each seed, from LEAD rows before the log on."""
 
     def __init__(self, seed: int, length: float | None = None) -> None:
         draw = np.random.default_rng([seed, 7])
@@ -129,8 +129,8 @@ def changing(seed: int, factor: np.ndarray) -> Log:
 
 
 def under_load(seed: int) -> Log:
-    """Fc and sigma0 follow a load that swings by half, at a pace of its own; F is kept where it
-    grows. The log tells it in parts of that at which both have their true values.
+    """Fc and sigma0 follow a load that swings by half, unrelated to the strokes; F is kept where it
+    grows. The log has it in parts of that at which both have their true values.
     """
     motion, draw = Motion(seed), np.random.default_rng([seed, 10])
     phase = 2 * np.pi * (draw.uniform(0.5, 8) * np.arange(LEAD + ROWS) / ROWS + draw.uniform())

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""What makes an interval wide: plausible hypotheses, lack of fit, simulated logs. Each against
-dense least squares, made-up fits or an effect of known size.
+"""Plausible hypotheses, lack of fit and simulated logs, which widen an interval, against dense
+least squares, made-up fits and effects of known size.
 """
 
 from __future__ import annotations

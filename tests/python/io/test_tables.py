@@ -113,7 +113,7 @@ def test_the_clock_of_a_table_of_pandas(tmp_path):
 TEXTS = ("comma.csv", "semicolon.csv", "tab.tsv", "blank.txt")
 PREAMBLE = ["", "# rig 3", "% 24.11.2026, 12:00", "Messung: Prüfstand 3", "Kalibrierung;1,25;2,5"]
 PREAMBLE += ['Datum\t"24.11.2026"', "Rate,1000,Hz", "sep=;"]
-NAMES = [  # above the rows, with units in the names or in a line of their own
+NAMES = [  # above the rows, with units in the names or in a separate line
     [["Zeit [ms]", "Winkel [°]", "Drehmoment [mNm]"]],
     [["time_ms", "angle_deg", "torque_mNm"]],
     [["time", "angle", "torque"], ["ms", "deg", "mN·m"]],
