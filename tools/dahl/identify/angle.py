@@ -23,6 +23,7 @@ MAX_TURNS = 400  # of a log; above it, sharp turns would cost seconds
 WHITE_CORRELATION = -0.3  # third differences of white noise have -.75; of a smooth motion, above 0
 THIRD_DIFFERENCE_GAIN = 20.0  # 1 + 9 + 9 + 1: variance of a third difference of white noise
 ROBUST_MEAN = 0.717  # mean of the smallest 95 % of |normal| in standard deviations
+MAX_ROUNDED = 3.0  # times the noise: a cubic that is further off rounds stops and turns
 NOISE_ROWS = 30_000  # first rows, enough to estimate the noise of an angle
 
 
@@ -147,7 +148,8 @@ def smooth_angle(theta: np.ndarray, count: float, noise: float) -> np.ndarray:
     for width in WIDTHS[::-1]:
         if width < len(theta):
             smooth = savgol_filter(theta, width, 3)
-            if width > WIDTHS[-1] and np.std(smooth - theta) > 1.05 * floor:
+            allowed = 1.05 if width > WIDTHS[-1] else MAX_ROUNDED
+            if np.std(smooth - theta) > allowed * floor:
                 break
             best = smooth
     return best

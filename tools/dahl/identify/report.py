@@ -140,16 +140,12 @@ def _term_errors(result: Result) -> dict[str, float]:
 
 def _simple_models(result: Result) -> dict[str, Any]:
     """Return held-out R2 and rms of Dahl's law, Coulomb's, no friction and one slip element."""
-    import pandas as pd
-
     s, fits = result.samples, best_by_law(result)
     terms = [name for name in result.hypothesis.terms if name != "waves"]
     columns = result.fitter.term_columns(terms)
-    signs = pd.Series(np.sign(result.fitter.moves["between counts"])).replace(0.0, np.nan)
-    last_sign = signs.ffill().fillna(0.0).to_numpy()  # of the last move that was not 0
     costs = {
         "dahl": fits["dahl"].total if "dahl" in fits else math.nan,
-        "coulomb": _held_out(result, [last_sign, *columns]),
+        "coulomb": _held_out(result, [s.direction, *columns]),
         "none": _held_out(result, columns or [np.zeros(s.rows)]),
         "bilinear": fits["slip"].total if "slip" in fits else math.nan,
     }

@@ -33,6 +33,7 @@ HUBER = 4.0  # robust standard deviations beyond which a row weighs less
 NEIGHBOURS = 9  # rows whose median says what a row should be
 MAX_OUTLIERS = 0.002  # part of the rows; with more, blocks would spread outliers
 MIN_NOISE_COUNTS = 0.3  # below it, noise of an angle is part of its counts
+NOISE_PLAY = 8.0  # standard deviations of an angle: noise at rest moves it less
 KEEP_ALL = 0.6  # part of the rows, above which segments are not worth the cycles that they cut
 MIN_SEGMENT_ROWS = 300
 NO_CLOCK_STEP = 1e-3  # s, of rows without a clock
@@ -65,6 +66,7 @@ class Samples:
     speed: np.ndarray  # rad/s (m/s)
     acceleration: np.ndarray
     angles: dict[str, np.ndarray]  # rad (m)
+    direction: np.ndarray  # of the last move that is no noise: -1 .. 1
     count: float  # rad (m)
     noise: float  # rad (m), of the angle beyond its counts
     block: int  # rows of each sample
@@ -227,6 +229,7 @@ def samples_of(
         speed=joined["speed"],
         acceleration=joined["acceleration"],
         angles={key: joined[key] for key in TREATMENTS if key in joined},
+        direction=joined["direction"],
         count=count,
         noise=noise,
         block=block,
@@ -322,6 +325,7 @@ def _columns_of(
         "speed": one / np.maximum(step, MIN_STEP * usual),
         "acceleration": two / usual**2,
         "between counts": smooth,
+        "direction": _direction(log.theta, NOISE_PLAY * noise),
     }
     if not noise and log.resolution:
         if "sharp turns" in angles:  # slow
@@ -330,6 +334,17 @@ def _columns_of(
     if log.load is not None:
         table["load"] = log.load
     return table
+
+
+def _direction(theta: np.ndarray, noise_travel: float) -> np.ndarray:
+    """The sign of the last move at each row, without moves back and forth by noise."""
+    moves = np.diff(theta, prepend=theta[:1])
+    if noise_travel:  # a spring that slips is at its limit only after travel in one direction
+        ratio = models.slip(moves, [slice(0, len(theta))], 2 / noise_travel)
+        moves = np.where(np.abs(ratio) > 1 - 1e-9, ratio, 0.0)
+    last = np.maximum.accumulate(np.where(moves != 0, np.arange(len(moves)), 0))
+    direction: np.ndarray = np.sign(moves[last])
+    return direction
 
 
 def _in_blocks(table: dict[str, np.ndarray], block: int) -> dict[str, np.ndarray]:
