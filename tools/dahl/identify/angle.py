@@ -4,7 +4,7 @@
 A reading is known to half a count. The motion within a count matters most at a turn. Which
 treatment suits a log depends on how it turns, so that each one is a hypothesis of the fit:
 "between counts" for smooth motion, "sharp turns" for strokes that end at speed, "as read" for a
-motion that rests between counts.
+motion that rests between counts, or with noise that stops abruptly.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MAX_TURNS = 400  # of a log; above it, sharp turns would cost seconds
 WHITE_CORRELATION = -0.3  # third differences of white noise have -.75; of a smooth motion, above 0
 THIRD_DIFFERENCE_GAIN = 20.0  # 1 + 9 + 9 + 1: variance of a third difference of white noise
 ROBUST_MEAN = 0.717  # mean of the smallest 95 % of |normal| in standard deviations
-MAX_ROUNDED = 3.0  # times the noise: a cubic that is further off rounds stops and turns
+MIN_CORNER = 8.0  # standard deviations of the noise: white noise alone is not so far off
 NOISE_ROWS = 30_000  # first rows, enough to estimate the noise of an angle
 
 
@@ -139,6 +139,12 @@ def white_noise(theta: np.ndarray, count: float) -> float:
     return float(np.sqrt(max(usual**2 / THIRD_DIFFERENCE_GAIN - count**2 / 12, 0.0)))
 
 
+def has_corners(theta: np.ndarray, noise: float) -> bool:
+    """Whether the motion stops or turns more sharply than the narrowest cubic."""
+    off = savgol_filter(theta, WIDTHS[-1], 3) - theta
+    return bool(np.abs(off).max() > MIN_CORNER * noise)
+
+
 def smooth_angle(theta: np.ndarray, count: float, noise: float) -> np.ndarray:
     """Between the counts or, if the angle has noise beyond them, the widest cubic it supports."""
     if not noise:
@@ -148,8 +154,7 @@ def smooth_angle(theta: np.ndarray, count: float, noise: float) -> np.ndarray:
     for width in WIDTHS[::-1]:
         if width < len(theta):
             smooth = savgol_filter(theta, width, 3)
-            allowed = 1.05 if width > WIDTHS[-1] else MAX_ROUNDED
-            if np.std(smooth - theta) > allowed * floor:
+            if width > WIDTHS[-1] and np.std(smooth - theta) > 1.05 * floor:
                 break
             best = smooth
     return best

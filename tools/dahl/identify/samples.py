@@ -327,9 +327,10 @@ def _columns_of(
         "between counts": smooth,
         "direction": _direction(log.theta, NOISE_PLAY * noise),
     }
-    if not noise and log.resolution:
-        if "sharp turns" in angles:  # slow
-            table["sharp turns"] = treatments.with_sharp_turns(log.theta, log.resolution)
+    has_counts = log.resolution > 0 and not noise
+    if has_counts and "sharp turns" in angles:  # slow
+        table["sharp turns"] = treatments.with_sharp_turns(log.theta, log.resolution)
+    if has_counts or (noise and treatments.has_corners(log.theta, noise)):
         table["as read"] = log.theta
     if log.load is not None:
         table["load"] = log.load
