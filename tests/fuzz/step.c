@@ -186,6 +186,7 @@ static void place(walk_t *walk, uint64_t value, uint32_t size)
     int64_t w = (int64_t)(value % (uint64_t)(ONE + PAST));
     w = size == 0 ? w : w >> (value >> 58);
     walk->state.w = size == 2 ? (int64_t)value : value >> 63 ? -w : w;
+    LAW(dahl_state_ok(&walk->state) == is_in_range(walk->state.w), "dahl_state_ok() is the range to the bit");
     w = is_in_range(walk->state.w) ? walk->state.w : walk->state.w < 0 ? -ONE : ONE;
     check_torque(walk, w, dahl_torque(&walk->plan->plan, &walk->state));
     dahl_step_counts(&walk->plan->plan, &walk->state, 0);
