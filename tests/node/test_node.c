@@ -246,21 +246,6 @@ static void test_a_bus_off_does_not_block_again_after_the_clock_wraps(void)
 
 /* --- Status -------------------------------------------------------------------------------------------------------- */
 
-/* Sums are modulo 256. The timeout is in tens of ms, rounded up, at most 255. */
-static void test_status_sums_the_counts_and_rounds_the_timeout(void)
-{
-    const uint32_t us[][2] = {{100000, 10}, {1000, 1}, {10000, 1}, {10001, 2}, {2540001, 255}, {2550000, 255}, {60000000, 255}};
-    node.counts = (dahl_node_counts_t){.ok = 1000, .repeated = 1, .lost = 256 + 77, .wrong_sequence = 2, .crc = 300, .format = 3,
-                                       .invalid = 5000, .jump = 4, .stale = 8, .rearm = 9000, .ignored = 7000, .bus_off = 16};
-    const dahl_node_status_t status = status_now();
-    TEST_ASSERT_EQUAL(DAHL_NODE_TIMEOUT_US / DAHL_FRAMES_TIMEOUT_US, status.timeout);
-    TEST_ASSERT_TRUE(status.lost == 77 && status.corrupt == 303 - 256 && status.out_of_step == 1 + 2 + 4 + 8 + 16);
-    for (size_t i = 0; i < sizeof us / sizeof us[0]; i++) {
-        node.timeout_us = us[i][0];
-        TEST_ASSERT_EQUAL(us[i][1], status_now().timeout);
-    }
-}
-
 /* If the period is 0, Status is sent only on news: power-on, a timeout, a bus-off. */
 static void test_status_is_sent_every_100_ms_or_on_news(void)
 {
