@@ -53,7 +53,7 @@ static dahl_can_frame_t any_frame(fuzz_bytes_t *bytes, const receiver_t *r)
     if ((what & 0xC0u) != 0) {
         frame.data[0] = dahl_frames_crc(frame.data, kinds[kind]);
     } else if (step & 0x80u) {
-        frame.id = fuzz_u32(bytes) & 0x1FFFFFFFu;
+        frame.id = step & 0x40u ? frame.id : fuzz_u32(bytes) & 0x1FFFFFFFu;
         frame.flags = fuzz_u8(bytes);
         frame.length = fuzz_u8(bytes) % 9u;
     }
