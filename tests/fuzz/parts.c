@@ -21,18 +21,19 @@ typedef struct {
     int64_t bits; /* of a state */
 } walk_t;
 
-/* These bits in each word; in some cases each word is an end of its type, or w is next to an end of its range. */
+/* A state from 64 bits. Kind 0: each word is an end of its type. Kind 1: w is next to an end of its range. */
 static any_state_t state_of(int64_t bits)
 {
+    const int kind = bits >> 4 & 3;
     const int64_t end = ((int64_t)1 << 62) + ((int64_t)1 << 31) - 1 + (bits >> 6 & 3);
     any_state_t state;
     uint32_t words[sizeof state / sizeof(uint32_t)];
     for (size_t i = 0; i < sizeof words / sizeof words[0]; i++) {
         const uint32_t any = (uint32_t)((uint64_t)bits >> i % 2 * 32) ^ 0x9E3779B9u * (uint32_t)(i / 2);
-        words[i] = (bits & 0x30) == 0 ? 0x80000000u - (any & 1u) : any;
+        words[i] = kind == 0 ? 0x80000000u - (any & 1u) : any;
     }
     memcpy(&state, words, sizeof state);
-    state.dahl.w = (bits & 0x30) == 0x10 ? (bits < 0 ? -end : end) : state.dahl.w;
+    state.dahl.w = kind != 1 ? state.dahl.w : bits < 0 ? -end : end;
     return state;
 }
 

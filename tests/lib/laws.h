@@ -62,10 +62,13 @@ static inline void check_symmetry(subject_t *s, move_t move, float F)
     }
 }
 
+/* The largest torque in a direction. */
 static inline long double end_of(const subject_t *s, int direction)
 {
-    const int is_backward = s->model->more == MORE_IS_RATIO && direction < 0, is_forward = s->model->more == MORE_IS_RATIO;
-    return is_backward ? asymmetric_params(s->set).Fc_backward : is_forward ? s->set->p.Fc : whole_of(s->model, s->set);
+    if (s->model->more != MORE_IS_RATIO) {
+        return whole_of(s->model, s->set);
+    }
+    return direction < 0 ? asymmetric_params(s->set).Fc_backward : s->set->p.Fc;
 }
 
 /* Each direction ends at its Fc, or at the float nearest to the sum of several. */
