@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Ticks of each model on any plan, from rest: the contract of tests/lib/laws.h, and laws of single models. */
+/* Ticks of each model on any plan, from rest and from any bits: the contract of tests/lib/laws.h, and laws of single models. */
 #include "plans.h"
 #define HOLDS(condition, words) LAW(condition, words)
 #include "../lib/laws.h"
@@ -21,6 +21,22 @@ typedef struct {
     int64_t bits; /* of a state */
 } walk_t;
 
+/* A state from 64 bits. Kind 0: each word is an end of its type. Kind 1: w is next to an end of its range. */
+static any_state_t state_of(int64_t bits)
+{
+    const int kind = bits >> 4 & 3;
+    const int64_t end = ((int64_t)1 << 62) + ((int64_t)1 << 31) - 1 + (bits >> 6 & 3);
+    any_state_t state;
+    uint32_t words[sizeof state / sizeof(uint32_t)];
+    for (size_t i = 0; i < sizeof words / sizeof words[0]; i++) {
+        const uint32_t any = (uint32_t)((uint64_t)bits >> i % 2 * 32) ^ 0x9E3779B9u * (uint32_t)(i / 2);
+        words[i] = kind == 0 ? 0x80000000u - (any & 1u) : any;
+    }
+    memcpy(&state, words, sizeof state);
+    state.dahl.w = kind != 1 ? state.dahl.w : bits < 0 ? -end : end;
+    return state;
+}
+
 static void check_contract(const walk_t *walk)
 {
     static subject_t subject;
@@ -32,6 +48,7 @@ static void check_contract(const walk_t *walk)
         const set_t set = {walk->params, more_for(model, (float)walk->elements, walk->ratio, walk->breakaway)};
         if (subject_begin(&subject, model, &set)) {
             check_walk(&subject, walk->move, (size_t)walk->moves);
+            check_any_bits(&subject, state_of(walk->bits), walk->move[0]);
             check_ends(&subject);
         }
     }

@@ -55,20 +55,15 @@ static inline int fuzz_is_in_limits(float x)
     return x >= DAHL_TORQUE_MIN && x < DAHL_TORQUE_MAX;
 }
 
-/* Compare the travel of a count, sigma0 theta / Fc, with a limit, exactly: -1, 0, 1. */
-static inline int fuzz_compare_travel(const dahl_params_t *p, long double limit)
-{
-    long double left = (long double)p->sigma0 * (long double)p->theta_per_count, right = (long double)p->Fc * limit;
-    return (left > right) - (left < right);
-}
-
 static inline int fuzz_do_all(int (*test)(float), const dahl_params_t *p)
 {
     return test(p->sigma0) && test(p->Fc) && (p->theta_per_count == 0 || test(p->theta_per_count));
 }
 
+/* The products of the travel sigma0 theta / Fc with its limits are exact. */
 static inline dahl_err_t fuzz_judge(const dahl_params_t *p)
 {
+    const long double stretch = (long double)p->sigma0 * (long double)p->theta_per_count, Fc = p->Fc;
     if (!fuzz_do_all(fuzz_is_positive, p)) {
         return DAHL_ERR_PARAM;
     }
@@ -78,7 +73,7 @@ static inline dahl_err_t fuzz_judge(const dahl_params_t *p)
     if (p->theta_per_count == 0) {
         return DAHL_OK;
     }
-    return fuzz_compare_travel(p, DAHL_TRAVEL_MIN) >= 0 && fuzz_compare_travel(p, DAHL_TRAVEL_MAX) < 0 ? DAHL_OK : DAHL_ERR_RANGE;
+    return stretch >= Fc * DAHL_TRAVEL_MIN && stretch < Fc * DAHL_TRAVEL_MAX ? DAHL_OK : DAHL_ERR_RANGE;
 }
 
 /* The travel of a move, in presliding lengths. */

@@ -135,8 +135,8 @@ static void check_written(const dahl_can_frame_t *frame)
     char text[TEXT_FRAME_MAX + 1], element[TEXT_FRAME_MAX + 1];
     dahl_can_frame_t back;
     size_t length = text_from_frame(text, frame);
-    if (frame->flags & DAHL_CAN_FRAME_FD) {
-        LAW(length == 0 && text_from_send(text, frame) == 0, "CAN FD is not written");
+    if (frame->flags & (DAHL_CAN_FRAME_FD | DAHL_CAN_FRAME_REMOTE | DAHL_CAN_FRAME_ERROR)) {
+        LAW(length == 0 && text_from_send(text, frame) == 0, "a remote, error or FD frame is not written");
         return;
     }
     LAW(length > 4 && length < TEXT_FRAME_MAX && text[0] == '<' && text[length - 1] == '>', "a frame is written as an element");
@@ -164,6 +164,8 @@ static void check_words(const char *element)
     }
     if (good) {
         LAW(is_frame(&frame), "an accepted frame is in range");
+        check_written(&frame);
+        frame.flags |= frame.data[0] & 1u ? DAHL_CAN_FRAME_REMOTE : DAHL_CAN_FRAME_ERROR;
         check_written(&frame);
     }
 }

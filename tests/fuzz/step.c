@@ -6,7 +6,7 @@
 #define ONE ((int64_t)1 << 62)
 #define PAST ((int64_t)1 << 31) /* a step exceeds 1 by less */
 
-enum { COUNTS, ANGLE, REST, SET, CHANGE, PLACE, BETWEEN, UNITS, TRAVELS, KINDS };
+enum { COUNTS, ANGLE, SET, CHANGE, PLACE, BETWEEN, UNITS, TRAVELS, KINDS };
 enum { STEPS_MAX = 12 };
 
 typedef struct {
@@ -137,22 +137,12 @@ static void move_angle(walk_t *walk, float dtheta, int exact)
     }
 }
 
-static void rest(walk_t *walk)
-{
-    const dahl_plan_t *plan = &walk->plan->plan;
-    int64_t w = walk->state.w;
-    dahl_step_counts(plan, &walk->state, 0);
-    dahl_step_counts_q30(plan, &walk->state, 0);
-    dahl_step(plan, &walk->state, -0.0f);
-    dahl_step(plan, &walk->state, fuzz_float_of(0xffc00001u));
-    dahl_set_torque(plan, &walk->state, fuzz_float_of(0x7f800001u));
-    LAW(walk->state.w == w, "0 counts, an angle of 0 and NaN keep the state");
-}
-
 static void set(walk_t *walk, float F)
 {
-    float Fc = walk->plan->params.Fc;
+    const float Fc = walk->plan->params.Fc;
+    const int64_t w = walk->state.w;
     dahl_set_torque(&walk->plan->plan, &walk->state, F);
+    LAW(!isnan(F) || walk->state.w == w, "NaN keeps the state");
     if (!isnan(F)) {
         float wanted = fminf(fmaxf(F, -Fc), Fc);
         float got = dahl_torque(&walk->plan->plan, &walk->state);
@@ -186,6 +176,7 @@ static void place(walk_t *walk, uint64_t value, uint32_t size)
     int64_t w = (int64_t)(value % (uint64_t)(ONE + PAST));
     w = size == 0 ? w : w >> (value >> 58);
     walk->state.w = size == 2 ? (int64_t)value : value >> 63 ? -w : w;
+    LAW(dahl_state_ok(&walk->state) == is_in_range(walk->state.w), "dahl_state_ok() is the range to the bit");
     w = is_in_range(walk->state.w) ? walk->state.w : walk->state.w < 0 ? -ONE : ONE;
     check_torque(walk, w, dahl_torque(&walk->plan->plan, &walk->state));
     dahl_step_counts(&walk->plan->plan, &walk->state, 0);
@@ -236,7 +227,6 @@ static void act(walk_t *walk, fuzz_bytes_t *bytes)
     switch (what % KINDS) {
     case COUNTS: move_counts(walk, any_counts(bytes, size), what >> 7); break;
     case ANGLE: move_angle(walk, any_angle(walk, bytes, size), what >> 7); break;
-    case REST: rest(walk); break;
     case SET: set(walk, any_torque(walk, bytes, size)); break;
     case CHANGE: change(walk); break;
     case PLACE: place(walk, fuzz_u64(bytes), size); break;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The contract of every model along a walk. Torque and Q30 result keep their bounds against the exact solution and leave the
- * same state; 0 counts change no bit; both ends agree, and for slip elements the mirrored walk and split travel. Define
- * HOLDS(condition, words) before the include.
+ * The contract of every model. Along a walk torque and Q30 result keep their bounds against the exact solution and leave the
+ * same state; 0 counts change no bit; both ends agree, and for slip elements the mirrored walk and split travel. From any bits
+ * a call first clamps the state, and the torque keeps its limits. Define HOLDS(condition, words) before the include.
  */
 #ifndef LAWS_H
 #define LAWS_H
@@ -62,21 +62,32 @@ static inline void check_symmetry(subject_t *s, move_t move, float F)
     }
 }
 
+/* The largest torque in a direction. */
+static inline long double end_of(const subject_t *s, int direction)
+{
+    if (s->model->more != MORE_IS_RATIO) {
+        return whole_of(s->model, s->set);
+    }
+    return direction < 0 ? asymmetric_params(s->set).Fc_backward : s->set->p.Fc;
+}
+
 /* Each direction ends at its Fc, or at the float nearest to the sum of several. */
+static inline void check_end(subject_t *s, int direction)
+{
+    const long double whole = whole_of(s->model, s->set), end = end_of(s, direction);
+    const int is_asymmetric = s->model->more == MORE_IS_RATIO;
+    const long double slack = is_asymmetric ? 0x1p-23L * whole : (float)end == end ? 0 : 0.51L * ulp_of_sum(whole);
+    float F = 0;
+    for (int i = 0; i < ALL_THE_WAY; i++) {
+        F = subject_step(s, &s->state, direction < 0 ? INT32_MIN : INT32_MAX, ONE_Q30);
+    }
+    HOLDS(fabsl(F - direction * end) <= slack, "all the way in one direction is its Fc");
+}
+
 static inline void check_ends(subject_t *s)
 {
-    const int is_asymmetric = s->model->more == MORE_IS_RATIO;
-    const long double whole = whole_of(s->model, s->set), backward = is_asymmetric ? asymmetric_params(s->set).Fc_backward : whole;
-    const long double forward = is_asymmetric ? s->set->p.Fc : whole, slack = is_asymmetric ? 0x1p-23L * whole : 0.51L * ulp_of_sum(whole);
-    float F = 0, G = 0;
-    for (int i = 0; i < ALL_THE_WAY; i++) {
-        F = subject_step(s, &s->state, INT32_MAX, ONE_Q30);
-    }
-    for (int i = 0; i < ALL_THE_WAY; i++) {
-        G = subject_step(s, &s->state, INT32_MIN, ONE_Q30);
-    }
-    HOLDS(fabsl(F - forward) <= ((float)forward == forward && !is_asymmetric ? 0 : slack), "all the way forward is Fc");
-    HOLDS(fabsl(G + backward) <= ((float)backward == backward && !is_asymmetric ? 0 : slack), "all the way backward is -Fc");
+    check_end(s, 1);
+    check_end(s, -1);
 }
 
 static inline void check_walk(subject_t *s, const move_t *moves, size_t count)
@@ -87,6 +98,45 @@ static inline void check_walk(subject_t *s, const move_t *moves, size_t count)
         check_exact(s, move, F);
         check_symmetry(s, move, F);
     }
+}
+
+static inline void check_limits(const subject_t *s, move_t move, float F)
+{
+    const long double c = s->model->has_load ? load_in_range(move) * 0x1p-30L : 1;
+    const long double slack = s->model->ulps * ulp_now(s->model, s->set, move);
+    HOLDS(F <= c * end_of(s, 1) + slack && F >= -c * end_of(s, -1) - slack, "the torque stays within its limits");
+    HOLDS(s->model->step != dahl_model_step || fabsf(F) <= s->set->p.Fc, "the torque stays within Fc to the bit");
+}
+
+/* The Q30 result after a move that left the state `after` and the torque F. */
+static inline void check_q30(const subject_t *s, any_state_t before, const any_state_t *after, move_t move, float F)
+{
+    const long double whole = whole_of(s->model, s->set);
+    const long double slack = s->model->q30_error * whole + s->model->ulps * ulp_now(s->model, s->set, move);
+    const int32_t q30 = s->model->step_q30(&s->plan, &before, move);
+    HOLDS(fabsl(q30 * (long double)DAHL_Q30 * whole - F) <= slack, "both forms agree");
+    HOLDS(load_in_range(move) > ONE_Q30 || (q30 <= (int32_t)ONE_Q30 && q30 >= -(int32_t)ONE_Q30), "a ratio is at most 2^30");
+    HOLDS(memcmp(&before, after, sizeof before) == 0, "both forms leave the same state");
+}
+
+/* A move from any bits has the result that it has after a rest under the load before. */
+static inline void check_any_bits(const subject_t *s, any_state_t bits, move_t move)
+{
+    const uint32_t load_before = s->model->has_load == 1 ? bits.loaded.load_q30 : move.load_q30;
+    any_state_t state = bits, at_rest = bits, clamped = bits;
+    const float F0 = subject_step(s, &at_rest, 0, move.load_q30), F = subject_step(s, &state, move.counts, move.load_q30);
+    check_limits(s, move, F0);
+    check_limits(s, move, F);
+    HOLDS(move.counts > 0 ? F >= F0 : move.counts < 0 ? F <= F0 : F == F0, "the torque follows the direction of the move");
+    (void)subject_step(s, &clamped, 0, load_before);
+    HOLDS(subject_step(s, &clamped, move.counts, move.load_q30) == F, "a call clamps the state first");
+    HOLDS(memcmp(&clamped, &state, sizeof state) == 0, "a call clamps the state first");
+    HOLDS(s->model->prepare != dahl_model_prepare || dahl_state_ok(&state.dahl), "a call leaves a state in range");
+    if (s->model->step_q30 != NULL) {
+        check_q30(s, bits, &state, move, F);
+    }
+    HOLDS(subject_step(s, &state, 0, move.load_q30) == F, "0 counts keep the torque");
+    HOLDS(memcmp(&clamped, &state, sizeof state) == 0, "0 counts keep the state");
 }
 
 #endif

@@ -365,16 +365,6 @@ static const model_t models[] = {
 };
 enum { MODELS = sizeof models / sizeof models[0] };
 
-static inline const model_t *model_named(const char *name)
-{
-    for (size_t i = 0; i < MODELS; i++) {
-        if (strcmp(models[i].name, name) == 0) {
-            return &models[i];
-        }
-    }
-    return NULL;
-}
-
 static inline const model_t *model_with(more_t more)
 {
     for (size_t i = 0; i < MODELS; i++) {

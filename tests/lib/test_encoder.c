@@ -27,17 +27,6 @@ static int64_t wheel(uint32_t modulus)
     return modulus == 0 ? (int64_t)1 << 32 : (int64_t)modulus;
 }
 
-static void test_the_number_of_jumps_does_not_wrap(void)
-{
-    dahl_encoder_t encoder = encoder_for(0, +1, 1);
-    (void)dahl_encoder_move(&encoder, 0);
-    encoder.jumps = UINT32_MAX - 1;
-    (void)dahl_encoder_move(&encoder, 1000);
-    TEST_ASSERT_EQUAL_UINT32(UINT32_MAX, encoder.jumps);
-    (void)dahl_encoder_move(&encoder, 0);
-    TEST_ASSERT_EQUAL_UINT32(UINT32_MAX, encoder.jumps);
-}
-
 static void test_an_encoder_of_zeros_never_moves(void)
 {
     dahl_encoder_t encoder = {0};
@@ -92,7 +81,7 @@ static int32_t expected_move(counter_t *counter, uint32_t reading)
         return 0;
     }
     if (counter->largest_step != 0 && llabs(way) > (int64_t)counter->largest_step) {
-        counter->jumps++;
+        counter->jumps += counter->jumps != UINT32_MAX; /* does not wrap */
         return 0;
     }
     return (int32_t)way;
@@ -108,7 +97,8 @@ static uint32_t any_reading(motion_t *m, const counter_t *counter)
 static void check_counter(motion_t *m, uint32_t modulus, uint32_t largest_step, int sign)
 {
     dahl_encoder_t encoder = encoder_for(modulus, sign, largest_step);
-    counter_t counter = {modulus, largest_step, 0, 0, sign, 0};
+    counter_t counter = {modulus, largest_step, 0, sign < 0 ? UINT32_MAX - 3 : 0, sign, 0};
+    encoder.jumps = counter.jumps;
     for (int t = 0; t < TEST_TICKS / 1000; t++) {
         uint32_t reading = any_reading(m, &counter);
         if (motion_random(m) % 64u == 0) {

@@ -45,17 +45,6 @@ static inline bool feed(uint32_t counter, int32_t count)
     return give(&frame);
 }
 
-static inline dahl_node_status_t status_now(void)
-{
-    dahl_can_frame_t out;
-    dahl_node_status_t status;
-    now_us += DAHL_NODE_STATUS_US;
-    TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us, &out));
-    TEST_ASSERT_EQUAL_HEX32(DAHL_FRAMES_ID_STATUS | NUMBER, out.id);
-    TEST_ASSERT_EQUAL(DAHL_FRAMES_GOOD, dahl_frames_unpack_status(&out, &status));
-    return status;
-}
-
 static inline dahl_param_reply_t ask(uint8_t param, uint8_t write, uint32_t value)
 {
     const dahl_param_write_t asked = {.value = value, .counter = 5, .param = param, .write = write};

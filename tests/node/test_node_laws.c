@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* The laws of the node's fuzzer for random frames at random times. Each frame increases one count, the bristle moves only with
- * an answer, a timeout ends only after enough good frames, and a twin with another clock and zero sends the same frames. */
+ * an answer, and a timeout ends only after enough good frames. */
 #include <unity.h>
 
 #define LAW(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)

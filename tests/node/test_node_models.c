@@ -178,7 +178,7 @@ static void check_mix(const dahl_node_parallel_params_t *of)
 static void test_a_mix_answers_the_sum(void)
 {
     dahl_node_parallel_params_t all[] = {mix,
-                                         {2, 0, 1e-4f, {100.0f, 60.0f}, {0.25f, 5.0f}},
+                                         {2, 0, 1e-4f, {1e-4f, 6e-5f}, {2.5e-7f, 5.1e-6f}},
                                          {1, 1, 1e-4f, {100.0f}, {0.25f}},
                                          {3, 2, 1e-4f, {1e9f, 1e-9f, 1.0f}, {1e7f, 1e-11f, 0.1f}}, /* far apart */
                                          {8, 0x55u, 1e-4f, {0}, {0}}};

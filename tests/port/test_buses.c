@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Loopback, the bus over a serial port, and the text that the socketcand protocol writes. test_socketcand.c has its laws. */
+/* Loopback, the queue of frames, and the bus over a serial port. */
 #include <string.h>
 #include <unity.h>
 
@@ -8,7 +8,6 @@
 #include "frame_queue.h"
 #include "loopback/loopback.h"
 #include "slcan/serial_bus.h"
-#include "socketcand/text.h"
 
 static uint64_t clock_ns;
 static uint32_t waited_us;
@@ -183,28 +182,6 @@ static void test_a_frame_takes_the_bits_of_its_form(void)
     for (size_t i = 0; i < sizeof known / sizeof known[0]; i++) {
         TEST_ASSERT_EQUAL_UINT32_MESSAGE(known[i].bits, can_frame_bits(&known[i].frame), "frame by number");
     }
-}
-
-/* Remote, error and FD frames have no text. The longest text writes no byte behind its end. */
-static void test_plain_frames_have_a_text_within_its_buffer(void)
-{
-    static const char longest[] = "< frame 1FFFFFFF 18446744073709.551615 0102030000000000 >#";
-    static const char longest_send[] = "< send 1FFFFFFF 8 01 02 03 00 00 00 00 00 >#";
-    char text[TEXT_FRAME_MAX];
-    dahl_can_frame_t frame = {.id = 0x1FFFFFFF, .length = 8, .data = {1, 2, 3}, .time_us = UINT64_MAX};
-    for (unsigned flags = 0; flags < 32; flags++) {
-        frame.flags = (uint8_t)flags;
-        bool plain = (flags & (DAHL_CAN_FRAME_REMOTE | DAHL_CAN_FRAME_ERROR | DAHL_CAN_FRAME_FD)) == 0;
-        TEST_ASSERT_EQUAL(plain, text_from_frame(text, &frame) != 0);
-        TEST_ASSERT_EQUAL(plain, text_from_send(text, &frame) != 0);
-    }
-    frame.flags = DAHL_CAN_FRAME_EXTENDED;
-    memset(text, '#', sizeof text);
-    TEST_ASSERT_EQUAL(sizeof longest - 2, text_from_frame(text, &frame));
-    TEST_ASSERT_EQUAL_STRING_LEN(longest, text, sizeof longest - 1);
-    memset(text, '#', sizeof text);
-    TEST_ASSERT_EQUAL(sizeof longest_send - 2, text_from_send(text, &frame));
-    TEST_ASSERT_EQUAL_STRING_LEN(longest_send, text, sizeof longest_send - 1);
 }
 
 static dahl_can_frame_t taken;

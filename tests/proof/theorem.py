@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import re
 from fractions import Fraction
 
@@ -32,10 +31,6 @@ def value_of(text: str) -> mpf:
 
 def float32(x: float) -> float:
     return float(np.float32(x))
-
-
-def floats(*values: float) -> ctypes.Array[ctypes.c_float]:
-    return (ctypes.c_float * len(values))(*values)
 
 
 def travel_error(k: dict[str, mpf], u: mpf) -> mpf:
