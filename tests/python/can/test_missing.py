@@ -149,6 +149,7 @@ def silenced(ticks: int) -> list[can.Message]:
     return [frame for frame in held if frame.arbitration_id != Status.base]
 
 
+SILENT_SINCE_A_LOSS = [("angles", 3), ("silent", 3), ("bus", 2), ("silent", 1), ("normal", 5)]
 FOREIGN = ("is_extended_id", "is_remote_frame", "is_error_frame", "is_fd")
 CASES = {
     "a pause": (angles(range(100), lambda n: n + 6000 * (n > 50)), (0, 0)),
@@ -171,6 +172,10 @@ CASES = {
     "an id of another sender": (spoiled_answers(range(40, 57), range(57, 60)), (0, 0)),
     "a gap, then 16 angles without an answer": (silenced(16), (0, 0)),
     "a gap, then 17 angles without an answer": (silenced(17), (5, 5)),
+    "a gap of the bus of a silent node": (
+        record([("normal", 30), *SILENT_SINCE_A_LOSS])[0],
+        (3, 3),
+    ),
     "a restart, by an answer": (restarted(FrictionTorque), (0, 0)),
     "a restart, by a Status": (restarted(Status), (0, 0)),
 }
