@@ -22,7 +22,6 @@ import pytest
 from can_socket import BUS_OFF
 from dahl import codec, node
 from dahl.can import rig
-from dahl.can.async_bus import AsyncBus
 from dahl.codec import EncoderState, Param, ParamWrite, Reset, State, What
 from loop_tools import wait_until
 
@@ -236,29 +235,6 @@ def test_ask_returns_the_answer_to_its_frame():
     assert node.ask(Waiting((), [none]), ParamWrite(77, counter=4)).param == Param.NONE
     with pytest.raises(dahl.RunError, match=r"ParamReply of node 0 in 0\.02 s"):
         node.ask(Waiting((), [none]), asked, timeout=0.02)
-
-
-class OneAtATime(Waiting):
-    """A silent bus that counts calls during another call."""
-
-    calls = overlaps = 0
-
-    def recv(self, timeout=None):
-        self.calls += 1
-        self.overlaps += self.calls > 1
-        time.sleep(0.005)
-        self.calls -= 1
-
-
-def test_calls_within_asyncio_take_turns():
-    async def ask_twice() -> list[object]:
-        one = AsyncBus(bus)
-        asks = (one.ask(EncoderState(count), timeout=0.1) for count in range(2))
-        return await asyncio.gather(*asks, return_exceptions=True)
-
-    bus = OneAtATime()
-    assert [type(error) for error in asyncio.run(ask_twice())] == [dahl.Timeout] * 2
-    assert bus.overlaps == 0
 
 
 def test_a_missing_answer_is_named_with_node_and_frame(ends):
