@@ -248,6 +248,18 @@ def test_a_missing_answer_is_named_with_node_and_frame(ends):
         node.ask(busy, Reset(What.ERRORS), timeout=0.05)
 
 
+def test_a_client_waits_for_its_default_time(monkeypatch):
+    """By a clock that only recv() advances."""
+    clock, silent = SimpleNamespace(now_s=0.0), Waiting()
+    monkeypatch.setattr(node, "time", SimpleNamespace(monotonic=lambda: clock.now_s))
+    silent.recv = lambda seconds: setattr(clock, "now_s", clock.now_s + seconds)
+    node.expect_silence(silent)
+    assert clock.now_s == pytest.approx(0.1)
+    with pytest.raises(dahl.Timeout, match="in 1 s"):
+        node.ask(silent, EncoderState(0))
+    assert clock.now_s == pytest.approx(1.1)
+
+
 SPOILED = codec.pack(EncoderState(5))
 SPOILED.data[5] ^= 1
 STATUS = codec.pack(codec.Status(1, State.OK, codec.Errors(0), 0, 0, 0, 0, 2, 25))
