@@ -180,6 +180,7 @@ NUMBERS = ("ignored", "params", "format", "repeated", "stale", "bus_off")
 UNKNOWN = {f"counts.{name}": lambda one, name=name: getattr(one.counts, name) for name in NUMBERS}
 UNKNOWN |= {"copy": copy.copy, "receive": lambda one: one.receive(None)}
 UNKNOWN |= {"tick": lambda one: one.tick(1.0), "==": lambda one: one == dahl.Node(one.friction)}
+UNKNOWN |= {"counts": lambda one: one.counts == one.counts}
 
 @pytest.mark.dahl(timeout=0.5)
 def test_a_count_is_known_if_it_is_0_or_alone_in_a_sum_of_status(dahl_bus, dahl_node):
@@ -199,7 +200,7 @@ def test_a_count_is_known_if_it_is_0_or_alone_in_a_sum_of_status(dahl_bus, dahl_
     assert (dahl_node.counts.jump, dahl_node.counts.invalid, dahl_node.counts.ok) == (0, 0, 3)
     with pytest.raises(AttributeError, match="okay"):
         dahl_node.counts.okay
-    assert dahl_node == dahl_node and dahl_node in [dahl_node]
+    assert dahl_node == dahl_node and dahl_node in [dahl_node] and dahl_node.counts != 5
 
 @pytest.mark.dahl(status_period=0)
 def test_a_status_that_a_property_did_not_cause_is_received(dahl_bus, dahl_node):
