@@ -135,7 +135,7 @@ def test_a_recorder_that_was_stopped_records_the_frames_before_its_end(
     assert (done.returncode, done.stdout) == (0, f"{len(held)} frames in run.log\n")
 
 
-def test_a_recorder_that_loses_its_bus_says_how_late_it_was(stopped):
+def test_a_recorder_that_loses_its_bus_reports_its_delay(stopped):
     def lose() -> None:
         raise can.CanOperationError("cable out")
 

@@ -81,7 +81,7 @@ def machine(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def controllers(tmp_path_factory, library):
-    """Do the same with controllers.sh, beside the helper that makes a controller go bus-off."""
+    """Do the same with controllers.sh. A helper makes a controller go bus-off meanwhile."""
     if not shutil.which("gdb"):
         pytest.skip("gdb is not installed (tools/setup.sh vm installs it where it can)")
     folder = tmp_path_factory.mktemp("controllers")

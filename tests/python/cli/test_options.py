@@ -89,10 +89,10 @@ def refusal_of(dahl, verb: str, *words: str) -> str:
     option is named.
     """
     option = words[0].partition("=")[0]
-    beside = [one for one in NEEDED.get(verb, []) if one.partition("=")[0] != option]
+    needed = [one for one in NEEDED.get(verb, []) if one.partition("=")[0] != option]
     if option == "--counts-per-turn" and verb == "plan":
-        beside.remove("--theta-per-count=0")
-    code, line = complaint(dahl(verb, *beside, *words, "--no-such-option"))
+        needed.remove("--theta-per-count=0")
+    code, line = complaint(dahl(verb, *needed, *words, "--no-such-option"))
     assert code == 2 and f"dahl {verb} --help" in line or "dahl --help" in line
     return line
 
@@ -165,10 +165,10 @@ def test_a_missing_required_option_is_named(verb, missing, dahl):
     assert code == 2 and name in line and not list(Path.cwd().iterdir())
 
 
-@pytest.mark.parametrize(("words", "told"), [("", "required"), ("x", "'x'"), ("demo -y", "-y")])
-def test_an_unknown_command_or_option_is_named(words, told, dahl):
+@pytest.mark.parametrize(("words", "named"), [("", "required"), ("x", "'x'"), ("demo -y", "-y")])
+def test_an_unknown_command_or_option_is_named(words, named, dahl):
     code, line = complaint(dahl(*words.split()))
-    assert code == 2 and told in line and "--help" in line
+    assert code == 2 and named in line and "--help" in line
 
 
 # --- options in texts -----------------------------------------------------------------------------
