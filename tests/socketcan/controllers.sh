@@ -3,13 +3,13 @@
 # Usage: tests/socketcan/controllers.sh DAHL-LOOP SCENE PYTHON FOLDER
 #
 # Run the node on can0 and its clients on can1, which are controllers of tools/vm.sh. Each case leaves its files in FOLDER/CASE, for
-# tests/python/can/test_can_controllers.py. Run bus_off.sh outside the virtual machine at the same time.
+# tests/python/can/test_socketcan.py. FOLDER/test_rig.py is a test of the pytest plugin. Run bus_off.sh outside the virtual machine
+# at the same time.
 set -u
 LOOP=$1
 SCENE=$2
 PYTHON=$3
 OUT=$4
-TESTS=$(dirname "$(dirname "$(readlink -f "$0")")")
 declare -A PROCESS # by role: node, encoder
 
 begin() { # CASE
@@ -36,38 +36,25 @@ stop() { # ROLE
     finish "$1"
 }
 
-in_lockstep() { # CASE, BUS of the node, BUS of the encoder
-    begin "$1"
-    candump -n 2000 -T 30000 -r 8000000 -L "$3,100:7EF" >"$HERE/candump.log" & # ids 100 and 110
+in_lockstep() {
+    begin lockstep
+    candump -n 2000 -T 30000 -r 8000000 -L can1,100:7EF >"$HERE/candump.log" & # ids 100 and 110
     local witness=$!
-    start node "$2"
-    start encoder "$3" --lockstep --seconds 1
+    start node can0
+    start encoder can1 --lockstep --seconds 1
     finish encoder
     stop node
     wait "$witness"
 }
 
-can_utils() {
-    begin can_utils
-    start node can0
-    cansend can1 100#0011223344556677
-    cansend can1 100#00112233
-    cansend can1 00000100#0011223344556677
-    cansend can1 100#R # without a length: QEMU 7.2 stores data for a remote frame, but removes only its head
-    cansend can1 7FF#00
-    sleep 1
-    stop node
-}
-
-# The fault table by the pytest plugin, without CAN FD frames and remote frames with a length (see can_utils). python-can imports
-# asammdf if it is there, and that imports pandas: too slow for an emulated processor.
-fault_table() {
-    begin fault_table
+# python-can imports asammdf if it is there, and that imports pandas: too slow for an emulated processor.
+plugin() {
+    begin plugin
     start node can0
     PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 \
         "$PYTHON" -c 'import sys; sys.modules["asammdf"] = None; import pytest; sys.exit(pytest.main())' \
-        -c /dev/null --noconftest -p dahl.pytest_plugin -p no:cacheprovider "$TESTS/python/can/test_fault_table.py" \
-        -k 'not FD and not REMOTE' --dahl-interface socketcan --dahl-channel can1 --junitxml "$HERE/junit.xml" >"$HERE/pytest.out" 2>&1
+        -c /dev/null --noconftest -p dahl.pytest_plugin -p no:cacheprovider "$OUT/test_rig.py" \
+        --dahl-interface socketcan --dahl-channel can1 >"$HERE/pytest.out" 2>&1
     stop node
 }
 
@@ -102,8 +89,6 @@ bus_off() { # the kernel restarts the controller after 200 ms
 
 # With two processors, a sender fills the receive buffer (64 bytes) faster than the other processor handles its interrupts.
 echo 0 >/sys/devices/system/cpu/cpu1/online
-in_lockstep vcan vcan0 vcan0
-in_lockstep can can0 can1
-can_utils
+in_lockstep
 bus_off
-fault_table
+plugin

@@ -8,7 +8,9 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import signal
 import struct
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,6 +18,7 @@ import can
 import pytest
 from dahl import RunError, bus
 from dahl.sim import firmware
+from identify_tools import complaint
 
 PLAIN = {"is_extended_id": False}
 FD = PLAIN | {"is_fd": True}
@@ -86,40 +89,59 @@ def test_a_bus_that_is_not_ready_is_tried_again(monkeypatch):
 class Stopped:
     """A bus with a frame each ms by its own clock. The process stops at 0.2 s for 2 s."""
 
-    def __init__(self) -> None:
-        self.now_s, self.frames, self.last = 0.0, 0, 10**9
+    def __init__(self, last: int, at_stop: Callable[[], None], at_end: Callable[[], None]) -> None:
+        self.now_s, self.frames, self.last = 0.0, 0, last
+        self.at_stop, self.at_end = at_stop, at_end
 
     def recv(self, seconds: float) -> can.Message | None:
         arrival = self.frames / 1000
         if arrival > self.now_s + seconds or self.frames == self.last:
             self.now_s += seconds
+            if self.frames == self.last:
+                self.at_end()
             return None
         self.now_s = max(self.now_s, arrival)
         self.frames += 1
         if self.frames == 200:
             self.now_s += 2
+            self.at_stop()
         return can.Message(timestamp=arrival, arbitration_id=0x7FF, is_extended_id=False)
 
 
 @pytest.fixture
 def stopped(dahl, monkeypatch):
-    link = Stopped()
-    monkeypatch.setattr(bus, "time", SimpleNamespace(monotonic=lambda: link.now_s))
-    monkeypatch.setattr(can, "Bus", lambda **_: contextlib.nullcontext(link))
-
-    def run(verb: str, *words: object, last: int = 10**9) -> str:
-        link.last = last
-        done = dahl(verb, "-i", "virtual", "-c", "x", *words)
-        assert (done.returncode, done.stderr) == (0, "")
-        return done.stdout
+    def run(verb: str, *words: object, last=10**9, at_stop=lambda: None, at_end=lambda: None):
+        link = Stopped(last, at_stop, at_end)
+        monkeypatch.setattr(bus, "time", SimpleNamespace(monotonic=lambda: link.now_s))
+        monkeypatch.setattr(can, "Bus", lambda **_: contextlib.nullcontext(link))
+        return dahl(verb, "-i", "virtual", "-c", "x", *words)
 
     return run
 
 
-def test_a_recorder_that_was_stopped_records_the_frames_before_its_end(stopped, tmp_path):
-    stopped("record", "--seconds", 1, "-o", "run.log")
-    held = [round(frame.timestamp * 1000) for frame in can.LogReader(tmp_path / "run.log")]
-    assert held == [*range(len(held))] and len(held) in (1000, 1001)
+@pytest.mark.parametrize(
+    ("words", "at_stop", "frames"),
+    [
+        (("--seconds", 1), lambda: None, 1000),
+        ((), lambda: os.kill(os.getpid(), signal.SIGINT), 2200),  # all that came meanwhile
+    ],
+)
+def test_a_recorder_that_was_stopped_records_the_frames_before_its_end(
+    stopped, words, at_stop, frames
+):
+    done = stopped("record", *words, "-o", "run.log", at_stop=at_stop)
+    held = [round(frame.timestamp * 1000) for frame in can.LogReader("run.log")]
+    assert held == [*range(len(held))] and len(held) in (frames, frames + 1)
+    assert (done.returncode, done.stdout) == (0, f"{len(held)} frames in run.log\n")
+
+
+def test_a_recorder_that_loses_its_bus_reports_its_delay(stopped):
+    def lose() -> None:
+        raise can.CanOperationError("cable out")
+
+    done = stopped("record", "-o", "run.log", last=201, at_end=lose)
+    late = "the bus has gone: cable out, and reading was up to 2.0 s late"
+    assert (complaint(done), done.stdout) == ((1, late), "201 frames in run.log\n")
 
 
 @pytest.mark.parametrize(
@@ -133,7 +155,8 @@ def test_a_recorder_that_was_stopped_records_the_frames_before_its_end(stopped, 
 )
 def test_the_monitor_shows_how_far_it_was_behind(stopped, words, last, now_s, most_s):
     logging.getLogger("can").setLevel(logging.NOTSET)
-    assert f"behind  {now_s} s, at most {most_s} s" in stopped("monitor", *words, last=last)
+    done = stopped("monitor", *words, last=last)
+    assert f"behind  {now_s} s, at most {most_s} s" in done.stdout and done.returncode == 0
     assert not logging.getLogger("can").isEnabledFor(logging.WARNING)  # of split frames
 
 

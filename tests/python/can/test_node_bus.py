@@ -22,7 +22,6 @@ import pytest
 from can_socket import BUS_OFF
 from dahl import codec, node
 from dahl.can import rig
-from dahl.can.async_bus import AsyncBus
 from dahl.codec import EncoderState, Param, ParamWrite, Reset, State, What
 from loop_tools import wait_until
 
@@ -238,29 +237,6 @@ def test_ask_returns_the_answer_to_its_frame():
         node.ask(Waiting((), [none]), asked, timeout=0.02)
 
 
-class OneAtATime(Waiting):
-    """A silent bus that counts calls during another call."""
-
-    calls = overlaps = 0
-
-    def recv(self, timeout=None):
-        self.calls += 1
-        self.overlaps += self.calls > 1
-        time.sleep(0.005)
-        self.calls -= 1
-
-
-def test_calls_within_asyncio_take_turns():
-    async def ask_twice() -> list[object]:
-        one = AsyncBus(bus)
-        asks = (one.ask(EncoderState(count), timeout=0.1) for count in range(2))
-        return await asyncio.gather(*asks, return_exceptions=True)
-
-    bus = OneAtATime()
-    assert [type(error) for error in asyncio.run(ask_twice())] == [dahl.Timeout] * 2
-    assert bus.overlaps == 0
-
-
 def test_a_missing_answer_is_named_with_node_and_frame(ends):
     for kind in (TimeoutError, dahl.RunError):
         with pytest.raises(kind):
@@ -270,6 +246,18 @@ def test_a_missing_answer_is_named_with_node_and_frame(ends):
     busy = Waiting(itertools.repeat(reply(1)))
     with pytest.raises(dahl.RunError, match=r"Status of node 0 in 0\.05 s"):
         node.ask(busy, Reset(What.ERRORS), timeout=0.05)
+
+
+def test_a_client_waits_for_its_default_time(monkeypatch):
+    """By a clock that only recv() advances."""
+    clock, silent = SimpleNamespace(now_s=0.0), Waiting()
+    monkeypatch.setattr(node, "time", SimpleNamespace(monotonic=lambda: clock.now_s))
+    silent.recv = lambda seconds: setattr(clock, "now_s", clock.now_s + seconds)
+    node.expect_silence(silent)
+    assert clock.now_s == pytest.approx(0.1)
+    with pytest.raises(dahl.Timeout, match="in 1 s"):
+        node.ask(silent, EncoderState(0))
+    assert clock.now_s == pytest.approx(1.1)
 
 
 SPOILED = codec.pack(EncoderState(5))

@@ -203,9 +203,11 @@ STEP, TIMEOUT, STATUS = Param.STEP, Param.TIMEOUT, Param.STATUS
 
 
 @contextlib.contextmanager
-def attached(kept: list[Node], core, params, folder, port, number) -> Iterator[None]:
-    """Join the served bus as firmware does. Another member sends angles: some are lost, one has a
-    wrong CRC, and one is too far ahead.
+def attached(
+    kept: list[Node], counters: tuple[int, ...], core, params, folder, port, number
+) -> Iterator[None]:
+    """Join the served bus as firmware does. Another member sends angles with these counters; the
+    second one has a wrong CRC.
     """
     settings = {"interface": "socketcand", "channel": "vcan0", "host": "127.0.0.1", "port": port}
     kept.append(Node(Plan(*params), number))
@@ -213,43 +215,56 @@ def attached(kept: list[Node], core, params, folder, port, number) -> Iterator[N
         with pytest.raises(RunError, match=f"node {number} "):
             node.ask(bus, ParamWrite(Param.MODEL), number, timeout=0.2)
         notifier = can.Notifier(bus, [node.Listener(bus, kept[0])])
-        angles = [angle(number, counter) for counter in (0, 2, 4, 6, 15)]
-        angles[1].data[0] ^= 1
-        asked = other.send_periodic(angles, 0.02)
+        angles = [codec.pack(EncoderState(0, counter), number) for counter in counters]
+        if angles:
+            angles[1].data[0] ^= 1
+            other.send_periodic(angles, 0.02)
         try:
             yield
         finally:
-            asked.stop()
+            other.stop_all_periodic_tasks()
             notifier.stop()
 
 
-def angle(number: int, counter: int) -> can.Message:
-    return codec.pack(EncoderState(0, counter), number)
+@pytest.fixture
+def run_firmware(dahl, monkeypatch, tmp_path):
+    """Run `dahl node --target`. The emulator takes seconds, so its two calls are replaced."""
+
+    def run(number: int, scene: str, *counters: int) -> tuple[subprocess.CompletedProcess, Node]:
+        kept: list[Node] = []
+        monkeypatch.setattr("dahl.sim.firmware.build", lambda core: tmp_path / "node_image")
+        attach = partial(attached, kept, counters)
+        monkeypatch.setattr("dahl.sim.firmware.attach_firmware", attach)
+        (tmp_path / "own.ini").write_text(OWN_SCENE + scene)
+        words = ("--scene", "own.ini", "--target", "m4f", "--node", number, "--seconds", 1)
+        return dahl("node", *words), kept[0]
+
+    return run
 
 
 @pytest.mark.parametrize("number", [0, 15])
-def test_firmware_gets_the_settings_of_its_scene(dahl, monkeypatch, tmp_path, number):
-    """A setting that it cannot hold is refused: its timeout is in whole ms. The emulator takes
-    seconds, so its two calls are replaced.
-    """
-    kept: list[Node] = []
-    monkeypatch.setattr("dahl.sim.firmware.build", lambda core: tmp_path / "node_image")
-    monkeypatch.setattr("dahl.sim.firmware.attach_firmware", partial(attached, kept))
-    more = "max_step = 2000\ntimeout_ms = 9000\n[status]\nperiod_ms = 70\n"
-    (tmp_path / "own.ini").write_text(OWN_SCENE + more)
-    words = ("node", "--scene", "own.ini", "--target", "m4f", "--node", number, "--seconds", 1)
-    done = dahl(*words)
+def test_firmware_gets_the_settings_of_its_scene(run_firmware, number):
+    """Angles are lost, spoiled and too far ahead."""
+    scene = "max_step = 2000\ntimeout_ms = 9000\n[status]\nperiod_ms = 70\n"
+    done, kept = run_firmware(number, scene, 0, 2, 4, 6, 15)
     assert done.returncode == 0, done.stderr
     for param, value in {STEP: 2000, TIMEOUT: 9, STATUS: 0.07}.items():
-        reply = codec.unpack(kept[0].receive(codec.pack(ParamWrite(param), number)))
+        reply = codec.unpack(kept.receive(codec.pack(ParamWrite(param), number)))
         assert reply.si == pytest.approx(value)
     counts = counted(done.stdout.splitlines())
-    assert 0 < counts["answers"] < counts["frames"] and 0 < counts["lost"] <= kept[0].counts.lost
-    assert 0 < counts["corrupt"] <= kept[0].counts.crc
-    repeated, wrong = kept[0].counts.repeated, kept[0].counts.wrong_sequence
-    assert 0 < counts["out_of_step"] <= repeated + wrong
+    assert 0 < counts["answers"] < counts["frames"] and 0 < counts["lost"] <= kept.counts.lost
+    assert 0 < counts["corrupt"] <= kept.counts.crc
+    assert 0 < counts["out_of_step"] <= kept.counts.repeated + kept.counts.wrong_sequence
     assert counts.keys() == {"frames", "answers", "lost", "corrupt", "out_of_step"}
-    kept.clear()
-    (tmp_path / "own.ini").write_text(OWN_SCENE + "timeout_ms = 9000.4\n")
-    code, said = complaint(dahl(*words))
+
+
+def test_firmware_that_gets_no_frame_and_sends_none(run_firmware):
+    done, _ = run_firmware(0, "[status]\nperiod_ms = 60000\n")
+    assert done.returncode == 0 and done.stdout.endswith(" s: no frame came\n")
+
+
+def test_firmware_that_cannot_hold_a_setting_is_refused(run_firmware):
+    """Its timeout is in whole ms."""
+    done, _ = run_firmware(0, "timeout_ms = 9000.4\n")
+    code, said = complaint(done)
     assert code == 2 and "timeout = 9.0004" in said and said.endswith(" 9")

@@ -240,7 +240,7 @@ class AgainstTheModel(RuleBasedStateMachine):
     @rule(hours=HOURS, is_off=st.booleans(), is_ticked=st.booleans())
     def long_time_without_a_call(self, hours: int, is_off: bool, is_ticked: bool) -> None:
         """The clock of the C wraps meanwhile."""
-        if self.now_us + hours > 2**53:  # us that a float of seconds still tells
+        if self.now_us + hours > 2**53:  # us that a float of seconds can still hold
             return
         if is_off:
             self.bus_off(pause=0, times=1)

@@ -10,7 +10,6 @@ import subprocess
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import NamedTuple
 
 import dahl.node  # noqa: F401  # pytester forgets what it imports, and dahl.Node would be two classes
@@ -22,8 +21,10 @@ from dahl.codec import Param, ParamWrite
 from loop_tools import client, serving
 
 pytest_plugins = ["pytester"]
-README = re.findall(r"```python\n(from dahl.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
-PAGE = re.findall(r"```python\n(.*?)```", (ROOT / "docs/python.md").read_text(), re.DOTALL)[-1]
+README, PAGE = (  # the test of the readme, the last example of the page
+    re.findall(r"```python\n(.*?)```", (ROOT / name).read_text(), re.DOTALL)[-1]
+    for name in ("README.md", "docs/python.md")
+)
 SCENE = "[friction]\nsigma0 = 100\nFc = 0.5\ntheta_per_count = 3.8e-4\n"
 
 
@@ -50,16 +51,6 @@ def outcome(
         return Outcome(int(done.ret), (done.outlines or [""])[-1], text)
 
     return run
-
-
-def test_the_example_of_the_readme(outcome):
-    (example,) = README
-    assert len([line for line in example.splitlines() if line]) <= 5
-    done = outcome(example)
-    assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
-    assert "dahl.node" not in {thread.name for thread in threading.enumerate()}
-    wrong = outcome(example.replace("ratio == 1", "ratio == 0.5"))
-    assert (wrong.code, wrong.last[:8]) == (1, "1 failed"), wrong.said
 
 
 def test_the_bus_is_opened_with_each_option(outcome):
@@ -167,7 +158,8 @@ def test_the_same_tests_run_on_a_simulated_node_and_on_a_rig(outcome, tmp_path, 
         options = {"h": (), "o": bus, "s": [*bus, "--dahl-serve"]}[where[0]]
         done = outcome(SAME, *options)
         assert (done.code, done.last[:8]) == (0, "4 passed"), done.said
-        readme = outcome(f"{README[0]}    assert dahl_node.counts.ok == 2\n", *options)
+        assert "dahl.node" not in {thread.name for thread in threading.enumerate()}
+        readme = outcome(f"{README}    assert dahl_node.counts.ok == 2\n", *options)
         assert (readme.code, readme.last[:8]) == (0, "1 passed"), readme.said
         assert parameters(bus, 9 if where[0] == "s" else 0) == before
 
@@ -179,9 +171,7 @@ def parameters(options: list[str], number: int) -> list[int]:
         return [reply.value for reply in replies]
 
 
-def test_an_unknown_value_of_a_rig_is_an_error(outcome, tmp_path, dahl_loop):
-    """Its Status has sums of counters, so a single counter is known only if it is 0."""
-    text = """
+ON_A_RIG = """
 import copy, dahl, pytest, time
 from dahl import codec, node
 from dahl.codec import EncoderState
@@ -190,28 +180,42 @@ NUMBERS = ("ignored", "params", "format", "repeated", "stale", "bus_off")
 UNKNOWN = {f"counts.{name}": lambda one, name=name: getattr(one.counts, name) for name in NUMBERS}
 UNKNOWN |= {"copy": copy.copy, "receive": lambda one: one.receive(None)}
 UNKNOWN |= {"tick": lambda one: one.tick(1.0), "==": lambda one: one == dahl.Node(one.friction)}
+UNKNOWN |= {"counts": lambda one: one.counts == one.counts}
 
 @pytest.mark.dahl(timeout=0.5)
-def test_unknown(dahl_bus, dahl_node):
-    node.ask(dahl_bus, EncoderState(0))
-    short = codec.pack(EncoderState(0, 1))
+def test_a_count_is_known_if_it_is_0_or_alone_in_a_sum_of_status(dahl_bus, dahl_node):
+    for counter in range(3):
+        dahl_bus.send(codec.pack(EncoderState(0, counter)))
+    assert dahl_node.counts.ok == 3  # it covers the frames just sent
+    short = codec.pack(EncoderState(0, 3))
     short.dlc, short.data = 7, short.data[:7]
-    for frame in (EncoderState(0, 0), EncoderState(0, 9), short):
-        dahl_bus.send(frame if frame is short else codec.pack(frame))
+    for frame in (codec.pack(EncoderState(0, 2)), codec.pack(EncoderState(0, 12)), short):
+        dahl_bus.send(frame)
     while dahl_node.state != codec.State.STALE:
         time.sleep(0.1)
     for name, call in UNKNOWN.items():
         with pytest.raises(dahl.RunError) as caught:
             call(dahl_node)
         assert f"dahl_node.{name}" in str(caught.value)
-    assert (dahl_node.counts.jump, dahl_node.counts.invalid, dahl_node.counts.ok) == (0, 0, 1)
+    assert (dahl_node.counts.jump, dahl_node.counts.invalid, dahl_node.counts.ok) == (0, 0, 3)
     with pytest.raises(AttributeError, match="okay"):
         dahl_node.counts.okay
-    assert dahl_node == dahl_node and dahl_node in [dahl_node]
+    assert dahl_node == dahl_node and dahl_node in [dahl_node] and dahl_node.counts != 5
+
+@pytest.mark.dahl(status_period=0)
+def test_a_status_that_a_property_did_not_cause_is_received(dahl_bus, dahl_node):
+    assert dahl_node.errors == 0
+    dahl_bus.send(codec.pack(codec.Reset(codec.What.ERRORS)))
+    assert dahl_node.friction.Fc == 0.5
+    kinds = [type(codec.unpack(message)) for message in iter(lambda: dahl_bus.recv(0.2), None)]
+    assert kinds == [codec.Status]
 """
+
+
+def test_an_unknown_value_of_a_rig_is_an_error(outcome, tmp_path, dahl_loop):
     with rig(tmp_path) as (options, _):
-        done = outcome(text, *options)
-    assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
+        done = outcome(ON_A_RIG, *options)
+    assert (done.code, done.last[:8]) == (0, "2 passed"), done.said
 
 
 def test_a_rig_of_another_model_keeps_it(outcome, tmp_path, dahl_loop):
@@ -235,22 +239,6 @@ def test_another_model(dahl_node): pass
     assert (done.code, done.last[:18]) == (1, "1 passed, 2 errors"), done.said
     assert "refuses SIGMA0 = 50" in done.said and "dahl_node.friction" in done.said
     assert "rig.py" not in done.said
-
-
-def test_the_counts_of_a_rig_cover_the_frames_just_sent(outcome, tmp_path, dahl_loop):
-    with rig(tmp_path) as (options, _):
-        done = outcome(
-            """
-from dahl import codec
-
-def test_sent(dahl_bus, dahl_node):
-    for counter in range(3):
-        dahl_bus.send(codec.pack(codec.EncoderState(0, counter)))
-    assert dahl_node.counts.ok == 3
-""",
-            *options,
-        )
-    assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
 
 
 # --- no rig, and several tests at once ------------------------------------------------------------
@@ -363,35 +351,26 @@ def test_bad(dahl_bus):
     assert "(3 earlier frames are left out)" in done.said and done.said.count("-> 7FF#") == 200
 
 
-NODES = """
-import dahl, pytest
-from dahl import codec, node
-from dahl.codec import EncoderState
-
-def test_two(dahl_bus, dahl_node, dahl_make_node):
+SEVERAL_NODES = """
+def test_more(dahl_bus, dahl_node, dahl_make_node):
     third = dahl_make_node(number=3, friction=dahl.Plan(50, 2, 1e-3), gain=0.5)
-    assert (dahl_node.number, third.number, third.friction.Fc) == (0, 3, 2)
-    for number, ratio in ((0, 1), (3, 0.5)):
-        node.ask(dahl_bus, EncoderState(0), number)
-        assert node.ask(dahl_bus, EncoderState(10**6, 1), number).ratio == ratio
+    assert (dahl_node.number, dahl_make_node().number, third.number) == (0, 1, 3)
+    assert third.friction.Fc == 2
+    for number, ratio in ((0, 1), (1, 1), (3, 0.5)):
+        node.ask(dahl_bus, codec.EncoderState(0), number)
+        assert node.ask(dahl_bus, codec.EncoderState(10**6, 1), number).ratio == ratio
     assert (dahl_node.counts.ok, third.counts.ok) == (2, 2)
-    with pytest.raises(dahl.Error, match="number = 3"):
-        dahl_make_node(number=3)
-    with pytest.raises(dahl.Error, match="gain = 2"):
-        dahl_make_node(number=2, gain=2)
-
-def test_one(dahl_bus, dahl_make_node):
-    assert dahl_make_node().number == 1
-    node.ask(dahl_bus, EncoderState(0), 1)
+    for wrong, said in (({"number": 3}, "number = 3"), ({"number": 2, "gain": 2}, "gain = 2")):
+        with pytest.raises(dahl.Error, match=said):
+            dahl_make_node(**wrong)
 """
 
 
 @pytest.mark.parametrize("where", ["here", "on a rig"])
-@pytest.mark.parametrize("text", [NODES, PAGE], ids=["two nodes", "example of the page"])
-def test_a_test_may_have_more_nodes(outcome, tmp_path, dahl_loop, text, where):
+def test_a_test_may_have_more_nodes(outcome, tmp_path, dahl_loop, where):
     with rig(tmp_path, "", "--nodes", "4") as (options, _):
-        done = outcome(text, *options if where != "here" else ())
-    assert (done.code, done.last[:8]) == (0, "2 passed"), done.said
+        done = outcome(PAGE + SEVERAL_NODES, *options if where != "here" else ())
+    assert (done.code, done.last[:8]) == (0, "3 passed"), done.said
 
 
 def test_async_tests_need_no_plugin(outcome):
@@ -457,13 +436,6 @@ def test_each_test_that_uses_the_bus_has_the_mark(outcome):
     assert (done.code, done.last[:23]) == (0, "1 passed, 1 deselected "), done.said
 
 
-def test_each_option_has_a_help():
-    options: dict[str, str] = {}
-    group = SimpleNamespace(addoption=lambda name, **how: options.update({name: how["help"]}))
-    pytest_plugin.pytest_addoption(SimpleNamespace(getgroup=lambda *_: group))
-    assert len(options) == 4 and all(options.values())
-
-
 # --- errors ---------------------------------------------------------------------------------------
 
 
@@ -493,7 +465,7 @@ REFUSED = [
 @pytest.mark.parametrize(("options", "message"), REFUSED)
 def test_wrong_options_of_the_bus_are_refused_and_no_test_runs(outcome, options, message):
     """A test of can0 must not pass on another bus. No internal frames are shown."""
-    done = outcome(README[0], *options)
+    done = outcome(README, *options)
     assert done.code in (1, pytest.ExitCode.USAGE_ERROR) and "passed" not in done.said
     assert message in done.said
     assert "open_bus" not in done.said and "During handling" not in done.said

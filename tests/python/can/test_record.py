@@ -1,26 +1,23 @@
 # SPDX-License-Identifier: MIT
-"""`dahl record` writes logs that can be drawn and keeps old files. It counts the frames that are
-missing in its log, and only those that a slow recorder can have lost.
+"""`dahl record` writes logs that can be drawn, keeps old files, and reports the frames that are
+missing in its log.
 """
 
 from __future__ import annotations
 
 import itertools
-import re
 import resource
-import signal
 import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Container
 from pathlib import Path
 from types import SimpleNamespace
 
 import can
 import numpy as np
 import pytest
-from bus_frames import ANGLE, ERRORS, bus_of, frames, new_channel, sending
+from bus_frames import ANGLE, bus_of, frames, new_channel, sending
 from identify_tools import complaint
 from loop_tools import SCENES, read_log, serving, wait_until
 
@@ -34,10 +31,6 @@ def served(tmp_path):
     limits = ("--wait-clients", "1", "--seconds", "120")
     with serving(tmp_path / "loop", SCENES / "steering.ini", *limits) as (_, port):
         yield bus_of(port)
-
-
-def angles(log: Path) -> list[can.Message]:
-    return [frame for frame in can.LogReader(log) if frame.arbitration_id == 0x100]
 
 
 # --- the log --------------------------------------------------------------------------------------
@@ -56,7 +49,7 @@ def test_a_record_of_each_format_has_the_frames_of_the_bus_and_can_be_drawn(dahl
     with serving(tmp_path / "loop", SCENES / "steering.ini", *limits) as (_, port):
         done = dahl("record", *bus_of(port), "-o", log, "--frames", "400")
     assert (done.returncode, done.stderr, done.stdout) == (0, "", f"400 frames in {log}\n")
-    held = angles(log)
+    held = [frame for frame in can.LogReader(log) if frame.arbitration_id == 0x100]
     bus = [one for one in read_log(tmp_path / "loop" / "run.log") if one.id == 0x100][: len(held)]
     assert len(held) >= 180 and [bytes(one.data) for one in held] == [one.data for one in bus]
     shifts = np.array([one.timestamp for one in held]) - [one.time for one in bus]
@@ -108,7 +101,7 @@ def test_the_end_of_the_server_is_an_error_and_the_log_is_whole(dahl, tmp_path):
     with serving(tmp_path / "loop", SCENES / "segments.ini", *limits) as (_, port):
         code, said = complaint(dahl("record", *bus_of(port), "-o", "run.log"))
     assert code == 1 and "bus has gone" in said
-    assert len(angles("run.log")) >= 300
+    assert sum(one.arbitration_id == 0x100 for one in can.LogReader("run.log")) >= 300
 
 
 # --- frames that a format cannot hold -------------------------------------------------------------
@@ -152,17 +145,6 @@ def test_a_trc_without_frames_keeps_the_old_file(dahl):
 # --- old files and no bus -------------------------------------------------------------------------
 
 
-def test_force_overwrites_a_log(served, dahl):
-    log = Path("run.log")
-    log.write_text("mine")
-    assert dahl("record", *served, "-o", log, "--frames", "10", "--force").returncode == 0
-    assert log.read_text().count("\n") == 10
-    log.unlink()
-    log.symlink_to("/dev/full")
-    done = dahl("record", *served, "-o", log, "--frames", "10", "--force")
-    assert complaint(done) == (1, "run.log: No space left on device")
-
-
 @pytest.mark.parametrize("old", ["an old run", ""])
 def test_a_silent_bus_is_announced_and_keeps_the_old_file(dahl, monkeypatch, old):
     monkeypatch.setattr("dahl.commands.record.SILENCE_NOTICE_S", -1)
@@ -185,148 +167,20 @@ def test_a_missing_server_is_refused_in_one_line(dahl, monkeypatch, tmp_path):
 
 # --- missing frames -----------------------------------------------------------------------------
 
-PERIOD, OFFSET = 0.001, 5  # s between two angles; the counter of the first one
-SEEN = {"EncoderState": 0x100, "FrictionTorque": 0x110, "Status": 0x120}
-STATUS = {f"Error{name}": 0 for name in ERRORS} | {"State": "OK", "Timeout": 100}
-STATUS |= dict.fromkeys(("Lost", "Corrupt", "OutOfStep", "VersionMajor", "VersionMinor"), 0)
-Tick = tuple[str, int]  # name of a message, number of its tick
 
-
-def ticks(numbers: range, *names: str) -> list[Tick]:
-    return [(name, number) for number in numbers for name in names]
-
-
-BOTH = ticks(range(100), "EncoderState", "FrictionTorque")
-ANGLES, ANSWERS = (ticks(range(100), name) for name in ("EncoderState", "FrictionTorque"))
-
-
-def without(sent: list[Tick], numbers: Container[int], *names: str) -> list[Tick]:
-    return [one for one in sent if not (one[1] in numbers and one[0] in (names or SEEN))]
-
-
-@pytest.fixture
-def record(dahl):
-    """Record messages; returns the bounds of the reported number of missing frames, or None."""
-
-    def run(messages: list[can.Message]) -> tuple[int, int] | None:
-        channel = new_channel()
-        with sending(channel, messages):
-            words = ("-i", "virtual", "-c", channel, "--frames", len(messages))
-            done = dahl("record", *words, "-o", "run.log", "--force")
-        assert done.stdout == f"{len(messages)} frames in run.log\n"
-        if done.returncode == 0:
-            assert done.stderr == ""
-            return None
-        code, line = complaint(done)
-        bounds = re.fullmatch(r"run\.log: (\d+)(?: to (\d+))? frames are missing", line)
-        assert code == 1 and bounds
-        return int(bounds[1]), int(bounds[2] or bounds[1])
-
-    return run
-
-
-@pytest.fixture
-def recorded(record, dbc):
-    def run(
-        sent: list[Tick], change: Callable[[str, int], dict] = lambda *_: {}, spoil: int = -1
-    ) -> tuple[int, int] | None:
-        messages = []
-        for name, number in sent:
-            signals = {"Counter": (number + OFFSET) % 16, "EchoCounter": (number + OFFSET) % 16}
-            signals |= {"Valid": 1, "Count": number, "State": "OK", "TorqueRatio": 0.5}
-            if name == "Status":
-                signals = STATUS | {"Counter": signals["Counter"]}
-            signals |= change(name, number)
-            moment = 1e9 + number * PERIOD + 1e-4 * list(SEEN).index(name)
-            messages.append((name, signals.pop("moment", moment), signals))
-        made = list(frames(dbc, *messages))
-        if spoil >= 0:
-            made[spoil].data[0] ^= 1
-        return record(made)
-
-    return run
-
-
-@pytest.mark.parametrize(
-    ("sent", "missing"),
-    [
-        pytest.param(BOTH[61:143], None, id="begun and ended in the middle"),
-        pytest.param(without(BOTH, range(40, 45)), (10, 10), id="a stretch"),
-        pytest.param(without(BOTH, range(30, 60)), (28, 60), id="more than the counter holds"),
-        pytest.param(without(ANGLES[:30], range(3, 22)), (3, 19), id="after a period of 3 frames"),
-        pytest.param(without(BOTH, range(40, 56)), None, id="16, which a pause would be too"),
-        pytest.param(without(BOTH, range(40, 43), "EncoderState"), (3, 3), id="but answered"),
-        pytest.param(without(BOTH, range(40, 43), "FrictionTorque"), (3, 3), id="answers"),
-        pytest.param(without(ANGLES, range(98, 99)), (1, 1), id="the last but one"),
-        pytest.param(without(ANSWERS, range(40, 45)), (5, 5), id="no encoder"),
-        pytest.param(
-            without(without(ANGLES, range(20, 22)), range(50, 57)), (9, 9), id="two stretches"
-        ),
-        pytest.param(without(ANGLES, (20, 21, 26, 27, 28)), (5, 5), id="one soon after another"),
-    ],
-)
-def test_a_gap_of_the_counters_is_counted(recorded, sent, missing):
-    assert recorded(sent) == missing
-
-
-def answer_of(name: str, place: int) -> dict:
-    return {"Counter": place % 16} if name == "FrictionTorque" else {}
-
-
-@pytest.mark.parametrize("late", [0, 3])
-def test_angles_that_no_node_answered_are_not_missing(recorded, late):
-    absent = (21, 22, 40, 60, 61, 62, 63, 98)
-    numbers = [number for number in range(100) if number not in absent]
-    place = {number: place for place, number in enumerate(numbers)}
-    sent = [
-        one
-        for at, number in enumerate(numbers)
-        for one in [("EncoderState", number)]
-        + [("FrictionTorque", numbers[at - late])] * (at >= late)
-    ]
-    assert recorded(sent, lambda name, n: answer_of(name, place[n])) is None
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        pytest.param(lambda _, n: {"moment": 1e9 + n * PERIOD + 6 * (n >= 50)}, id="pause"),
-        pytest.param(lambda _, n: {"Counter": min(n, 50) % 16, "Count": n // 2}, id="stuck"),
-        pytest.param(lambda _, n: {"Counter": (n - (n > 50)) % 16}, id="repeated"),
-        pytest.param(
-            lambda _, n: {"Counter": (n - (n > 50)) % 16, "moment": 1e9 + n / 10}, id="slow"
-        ),
-        pytest.param(lambda *_: {"moment": 0.0}, id="no time stamps"),
-    ],
-)
-def test_pauses_and_repeated_counters_are_no_gap(recorded, change):
-    assert recorded(ANGLES, change) is None
-
-
-@pytest.mark.parametrize("other", ["EncoderState", "Status"])
-def test_a_restart_of_node_and_encoder_is_no_gap(recorded, other):
-    """After 50 ticks."""
-
-    def change(_: str, number: int) -> dict:
-        new = {"Counter": (number - 50) % 16, "State": "Init" if number == 50 else "OK"}
-        return new if number >= 50 else {}
-
-    assert recorded(ticks(range(100), other, "FrictionTorque"), change) is None
-
-
-def test_a_frame_with_a_wrong_crc_is_recorded(recorded):
-    assert recorded(ANGLES, spoil=50) is None
-    assert recorded(without(ANGLES, range(70, 73)), spoil=50) == (3, 3)
-
-
-def test_each_node_has_its_own_counters(record, dbc):
-    lost = {(7, 20), (7, 21), (15, 33)}
-    both = [(node, n) for n in range(60) for node in (0, 7, 15) if (node, n) not in lost]
-    signals = ((1e9 + n * PERIOD, ANGLE | {"Counter": (n + node) % 16}) for node, n in both)
-    made = list(frames(dbc, *(("EncoderState", *each) for each in signals)))
-    for message, (node, _) in zip(made, both, strict=True):
-        message.arbitration_id += node
-    assert record(made) == (3, 3)
+@pytest.mark.parametrize(("last", "missing"), [(3, ""), (6, "3"), (22, "3 to 19")])
+def test_a_log_that_lacks_frames_replaces_the_old_one_and_exits_with_1(dahl, dbc, last, missing):
+    """By counter and time: test_missing.py."""
+    channel, numbers, log = new_channel(), (0, 1, 2, last), Path("run.log")
+    log.write_text("an old run")
+    sent = frames(dbc, *(("EncoderState", n / 1e3, ANGLE | {"Counter": n % 16}) for n in numbers))
+    with sending(channel, sent):
+        words = ("-i", "virtual", "-c", channel, "--frames", 4, "-o", log, "--force")
+        done = dahl("record", *words)
+    said = f"error: run.log: {missing} frames are missing\n" if missing else ""
+    wanted = (int(bool(missing)), "4 frames in run.log\n", said)
+    assert (done.returncode, done.stdout, done.stderr) == wanted
+    assert [one.timestamp for one in can.LogReader(log)] == [n / 1e3 for n in numbers]
 
 
 def test_faults_on_the_bus_are_no_loss_of_the_recorder(dahl, tmp_path):
@@ -335,39 +189,6 @@ def test_faults_on_the_bus_are_no_loss_of_the_recorder(dahl, tmp_path):
     with serving(tmp_path / "loop", SCENES / "fault-storm.ini", *words) as (_, port):
         done = dahl("record", *bus_of(port), "-o", "run.log", "--frames", "3000")
     assert (done.returncode, done.stderr) == (0, "")
-
-
-# --- a recorder that is stopped -------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("is_dropped", [False, True])
-def test_a_stopped_recorder_records_what_waits_or_reports_that_it_was_dropped(
-    root, tmp_path, is_dropped
-):
-    """Its log has whole lines without a gap. It ends by Ctrl-C or if the server drops it."""
-    record, log, bus_log = None, tmp_path / "run.log", tmp_path / "loop" / "run.log"
-    limits = ("--wait-clients", "1", "--until-idle", "--set", "motion.seconds=60")
-    with serving(tmp_path / "loop", SCENES / "steering.ini", *limits) as (server, port):
-        words = [sys.executable, "-m", "dahl", "record", *bus_of(port), "-o", log]
-        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-        with subprocess.Popen(list(map(str, words)), cwd=root, **pipes) as record:
-            wait_until(lambda: log.exists() and log.stat().st_size > 5000, 60)
-            record.send_signal(signal.SIGSTOP)
-            waiting = bus_log.stat().st_size
-            if is_dropped:
-                assert "too slowly" in server.stderr.readline()
-            else:
-                wait_until(lambda: bus_log.stat().st_size > waiting + 3000 * 44, 60)
-            record.send_signal(signal.SIGCONT)
-            record.send_signal(signal.SIGINT)
-            out, errors = record.communicate(timeout=60)
-    held = list(can.LogReader(log))
-    counters = [one.data[1] & 15 for one in held if one.arbitration_id == 0x100]
-    assert {(b - a) % 16 for a, b in zip(counters, counters[1:], strict=False)} == {1}
-    assert (record.returncode, out) == (int(is_dropped), f"{len(held)} frames in {log}\n")
-    late = r"error: the bus has gone: .* \d+\.\d s late\n"
-    assert re.fullmatch(late if is_dropped else "", errors)
-    assert (1000 if is_dropped else 2000) < len(held) <= len(read_log(bus_log))
 
 
 def test_frames_that_the_kernel_dropped_are_missing(dahl, monkeypatch):

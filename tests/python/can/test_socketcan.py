@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""dahl-loop on a real SocketCAN, with can-utils as foreign clients.
+"""dahl-loop on a real SocketCAN, with can-utils as foreign clients; then on two emulated SJA1000
+controllers.
 
-On this kernel if its vcan0 is up, else in a virtual machine (tools/vm.sh). One boot runs all cases
-(tests/socketcan/run.sh). Each test reads the files of one case.
+The first runs on this kernel if its vcan0 is up, else in a virtual machine (tools/vm.sh). One boot
+runs all cases (tests/socketcan/run.sh and controllers.sh). Each test reads the files of one case.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,11 +19,16 @@ import pytest
 from conftest import ROOT, built
 from dahl import bus
 from loop_tools import SCENES, counts_of, read_log, run, torques_of
+from test_pytest_plugin import SAME
 
 pytestmark = pytest.mark.checks
 
 SCENE = SCENES / "steering.ini"
+SCRIPTS = ROOT / "tests/socketcan"
 ABSENT = 77  # vm.sh's code for what cannot be had here
+VM_SECONDS = 280
+BUS_OFF, RESTARTED = 0x20000040, 0x20000100  # error frames, linux/can/error.h
+TORQUE = 0x110
 
 
 @dataclass
@@ -37,27 +44,55 @@ class Case:
     def errors(self, name: str) -> str:
         return (self.folder / f"{name}.err").read_text()
 
+    def counted(self) -> dict[str, int]:
+        """The counts of the node that are not 0."""
+        return {name: count for name, count in self.summary("node")["node"].items() if count}
+
     def frames(self, name: str) -> list[tuple[str, str]]:
         """(time, id#data) of each line of a log."""
         lines = (self.folder / f"{name}.log").read_text().splitlines()
         return [(line.split()[0], line.split()[2]) for line in lines]
 
 
-@pytest.fixture(scope="module")
-def machine(tmp_path_factory):
-    """Run all cases; returns a function from the name of a case to its files."""
-    if not shutil.which("candump"):
-        pytest.skip("can-utils are not installed (tools/setup.sh installs them where it can)")
-    folder = tmp_path_factory.mktemp("socketcan")
-    words = [ROOT / "tests/socketcan/run.sh", built("host_sim", "dahl-loop"), SCENE, folder]
-    if not (bus.has_socketcan() and bus.vcan_is_up()):
-        words = [ROOT / "tools/vm.sh", folder, *words]
-    done = subprocess.run(
-        [str(word) for word in words], capture_output=True, text=True, timeout=280, check=False
-    )
+def run_cases(words: list[object]) -> None:
+    command = ["env", f"DAHL_VM_SECONDS={VM_SECONDS}", *map(str, words)]
+    limit = VM_SECONDS + 15
+    done = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
     if done.returncode == ABSENT:
         pytest.skip(done.stdout.strip())
     print(done.stdout, done.stderr)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def can_utils() -> None:
+    if not shutil.which("candump"):
+        pytest.skip("can-utils are not installed (tools/setup.sh installs them where it can)")
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory):
+    """Run all cases of run.sh; returns a function from the name of a case to its files."""
+    folder = tmp_path_factory.mktemp("socketcan")
+    words = [SCRIPTS / "run.sh", built("host_sim", "dahl-loop"), SCENE, folder]
+    is_here = bus.has_socketcan() and bus.vcan_is_up()
+    run_cases(words if is_here else [ROOT / "tools/vm.sh", folder, *words])
+    return lambda name: Case(folder / name)
+
+
+@pytest.fixture(scope="module")
+def controllers(tmp_path_factory, library):
+    """Do the same with controllers.sh. A helper makes a controller go bus-off meanwhile."""
+    if not shutil.which("gdb"):
+        pytest.skip("gdb is not installed (tools/setup.sh vm installs it where it can)")
+    folder = tmp_path_factory.mktemp("controllers")
+    (folder / "test_rig.py").write_text(SAME)
+    words = [SCRIPTS / "controllers.sh", built("host_sim", "dahl-loop"), SCENE, sys.executable]
+    with subprocess.Popen([str(SCRIPTS / "bus_off.sh"), str(folder)]) as helper:
+        try:
+            machine = [ROOT / "tools/vm.sh", folder, "env", f"DAHL_LIBRARY={library}"]
+            run_cases([*machine, *words, folder])
+        finally:
+            helper.terminate()
     return lambda name: Case(folder / name)
 
 
@@ -91,10 +126,9 @@ def test_two_processes_behind_kernel_filters(machine):
 
 def test_cansend_disturbs_nothing_and_is_counted(machine):
     """A wrong CRC; a short, an extended and a remote frame; two of CAN FD. 7FF is filtered out."""
-    summary = machine("disturb").summary("node")
-    seen = {name: count for name, count in summary["node"].items() if count}
-    assert seen == {"crc": 1, "format": 5, "bus_off": 1}
-    assert summary["bus_counts"]["error_frames"] == 1
+    case = machine("disturb")
+    assert case.counted() == {"crc": 1, "format": 5, "bus_off": 1}
+    assert case.summary("node")["bus_counts"]["error_frames"] == 1
 
 
 def test_noise_on_the_encoders_own_id_loses_no_answer(machine):
@@ -168,3 +202,36 @@ def test_an_interface_that_goes_down_is_reported_once(machine):
     assert summary["ticks"] > 100
     assert case.code("absent") == 1
     assert case.errors("absent").count("\n") == 1
+
+
+# --- controllers ----------------------------------------------------------------------------------
+
+
+def test_controllers_carry_each_frame_of_a_loop(controllers, tmp_path):
+    """candump on the encoder's side has the counts and torques of a run in one process."""
+    case, alone = controllers("lockstep"), run(tmp_path, SCENE, "--virtual", "--seconds", "1")
+    assert (case.code("encoder"), case.code("node"), case.counted()) == (0, 0, {"ok": 1000})
+    encoder = case.summary("encoder")
+    assert (encoder["frames_sent"], encoder["frames_lost"]) == (1000, 0)
+    seen, same = read_log(case.folder / "candump.log"), read_log(alone.log)
+    assert (counts_of(seen), torques_of(seen)) == (counts_of(same), torques_of(same))
+
+
+def test_the_pytest_plugin_tests_a_node_behind_controllers(controllers):
+    said = (controllers("plugin").folder / "pytest.out").read_text()
+    assert " 4 passed" in said and "failed" not in said and "skipped" not in said, said
+
+
+def test_a_bus_off_of_a_controller_is_counted_and_the_torque_comes_back(controllers):
+    """By the driver, which restarts the controller after 200 ms, and by the node."""
+    case = controllers("bus_off")
+    (interface,) = case.summary("can0")
+    assert interface["linkinfo"]["info_data"]["state"] == "ERROR-ACTIVE"
+    counts = interface["linkinfo"]["info_xstats"]
+    assert (counts["bus_off"], counts["restarts"]) == (1, 1)
+    assert (case.code("node"), case.counted()["bus_off"]) == (0, 1)
+    assert case.counted()["rearm"] >= 2
+    log = [frame.id for frame in read_log(case.folder / "node.log")]
+    assert TORQUE in log[: log.index(BUS_OFF)]
+    assert TORQUE in log[log.index(RESTARTED, log.index(BUS_OFF)) :]
+    assert {frame.id for frame in read_log(case.folder / "candump.log")} == {TORQUE}

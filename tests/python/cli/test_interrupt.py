@@ -120,7 +120,7 @@ def asked(number=signal.SIGINT):
     os.kill(os.getpid(), number)
 
 class Bus:
-    '''A bus on which nobody speaks.'''
+    '''A silent bus.'''
     def __enter__(self):
         return self
     def __exit__(self, *_):

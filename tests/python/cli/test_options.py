@@ -22,6 +22,7 @@ FINITE, ABOVE_0, TIME = (-1e30, 1e30), (1e-30, 1e30), (0.001, 1e9)
 NODES, FRAMES, PORT = (0, 15), (1, 2**63), (0, 65535)  # of integers whole numbers, else any
 MODELS = tuple(name for name, model in models.table().items() if model.has_plan)
 FLAG, TEXT, NUMBER = "a flag", "any text", "any number"  # else (least, most), or all choices
+UNKNOWN = "unrecognized arguments: --no-such-option"
 LIVE = {"--frames": FRAMES, "--seconds": TIME}
 BUS = {"-i/--interface": TEXT, "-c/--channel": TEXT, "-b/--bitrate": NUMBER, "--fd": FLAG}
 BUS |= {"--data-bitrate": NUMBER, "--timing": TEXT, "--bus-kwargs": TEXT, "--host": TEXT}
@@ -89,10 +90,10 @@ def refusal_of(dahl, verb: str, *words: str) -> str:
     option is named.
     """
     option = words[0].partition("=")[0]
-    beside = [one for one in NEEDED.get(verb, []) if one.partition("=")[0] != option]
+    needed = [one for one in NEEDED.get(verb, []) if one.partition("=")[0] != option]
     if option == "--counts-per-turn" and verb == "plan":
-        beside.remove("--theta-per-count=0")
-    code, line = complaint(dahl(verb, *beside, *words, "--no-such-option"))
+        needed.remove("--theta-per-count=0")
+    code, line = complaint(dahl(verb, *needed, *words, "--no-such-option"))
     assert code == 2 and f"dahl {verb} --help" in line or "dahl --help" in line
     return line
 
@@ -118,7 +119,7 @@ def beyond(takes: Any) -> list[str]:
 def test_an_option_accepts_its_range_and_nothing_beyond(dahl, verb, names):
     takes = OPTIONS[verb][names]
     if takes == FLAG:
-        assert "--no-such-option" in refusal_of(dahl, verb, names)
+        assert UNKNOWN in refusal_of(dahl, verb, names)
         assert "ignored explicit argument" in refusal_of(dahl, verb, f"{names}=1")
         return
     if names in ("-i/--interface", "--timing"):  # python-can's own choices and forms
@@ -127,7 +128,7 @@ def test_an_option_accepts_its_range_and_nothing_beyond(dahl, verb, names):
     for name in names.split("/"):
         for value in samples(takes):
             word = f"{name}={value}" if name[:2] == "--" else name + value
-            assert "--no-such-option" in refusal_of(dahl, verb, word)
+            assert UNKNOWN in refusal_of(dahl, verb, word)
     for value in () if takes == TEXT else beyond(takes):
         line = refusal_of(dahl, verb, f"{names.split('/')[-1]}={value}")
         assert names.split("/")[-1] in line and value[:100] in line
@@ -165,10 +166,10 @@ def test_a_missing_required_option_is_named(verb, missing, dahl):
     assert code == 2 and name in line and not list(Path.cwd().iterdir())
 
 
-@pytest.mark.parametrize(("words", "told"), [("", "required"), ("x", "'x'"), ("demo -y", "-y")])
-def test_an_unknown_command_or_option_is_named(words, told, dahl):
+@pytest.mark.parametrize(("words", "named"), [("", "required"), ("x", "'x'"), ("demo -y", "-y")])
+def test_an_unknown_command_or_option_is_named(words, named, dahl):
     code, line = complaint(dahl(*words.split()))
-    assert code == 2 and told in line and "--help" in line
+    assert code == 2 and named in line and "--help" in line
 
 
 # --- options in texts -----------------------------------------------------------------------------

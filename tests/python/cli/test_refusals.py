@@ -197,6 +197,7 @@ WRONG_INPUT = {  # exit code 2
         plot table.csv --scene segments => table.csv: ... .blf
         plot broken.log --scene segments => broken.log:2: ... 100#0
         plot run.log => run.log ... --scene
+        plot run.log --scene segments -o x.gif => -o x.gif: ... .png, .svg, .pdf
         plot run.log --scene nowhere => nowhere
         report . => summary.json
         report whole => whole/loop.png: Is a directory

@@ -117,20 +117,17 @@ def test_identify_writes_the_files_of_its_name(dahl, tmp_path):
     assert "files" not in done.stdout and not Path("none").exists()
 
 
-def test_the_scene_of_excite_has_the_guess_and_the_encoder(dahl):
-    Path("known.json").write_text(json.dumps({"sigma0": 90, "Fc": 0.25, "linear": False}))
-    turns = ("--from", "known.json", "--counts-per-turn", 16384)
-    done = dahl("excite", *turns, "--name", "A b", "-o", "out")
-    assert done.returncode == 0 and "out/a_b.csv, out/a_b.ini" in done.stdout
-    scene = scene_of(Path("out/a_b.ini"))
-    friction = {key: float(value) for key, value in scene["friction"].items()}
-    assert friction == pytest.approx({"sigma0": 90, "Fc": 0.25, "theta_per_count": COUNT})
-    motion = {key: scene["motion"][key] for key in ("kind", "file", "angle", "counts_per_unit")}
-    assert [*motion.values()] == ["log", "a_b.csv", "counts", "1"]
-    same = dahl("excite", *turns, "--noise", 0.05, "--within", 1, "--rate", 1000, "-o", "same")
-    assert same.returncode == 0
-    assert Path("same/excite.csv").read_text() == Path("out/a_b.csv").read_text()
-    Path("known.json").write_text(json.dumps({"sigma0": 3e4, "Fc": 2.7, "linear": True}))
-    linear = ("--from", "known.json", "--mm", "--counts-per-turn", 10000)
-    assert dahl("excite", *linear, "-o", "out").returncode == 0
-    assert float(scene_of(Path("out/excite.ini"))["friction"]["Fc"]) == 2.7
+@pytest.mark.parametrize("is_linear", [False, True])
+def test_excite_reads_its_guess_from_an_identification(dahl, is_linear):
+    """The motion is that of the same guess by options, with the default noise, width and rate."""
+    sigma0, torque, counts = (3e4, 2.7, 10000) if is_linear else (90, 0.25, 16384)
+    Path("known.json").write_text(json.dumps({"sigma0": sigma0, "Fc": torque, "linear": is_linear}))
+    encoder = ("--counts-per-turn", counts, *["--mm"] * is_linear)
+    options = ("--sigma0", sigma0, "--fc", torque, "--noise", 0.05, "--within", 1, "--rate", 1000)
+    assert dahl("excite", "--from", "known.json", *encoder, "-o", "out").returncode == 0
+    assert dahl("excite", *options, *encoder, "-o", "same").returncode == 0
+    for name in ("excite.csv", "excite.ini"):
+        assert Path("out", name).read_text() == Path("same", name).read_text()
+    friction = {key: float(value) for key, value in scene_of("out/excite.ini")["friction"].items()}
+    count = 1e-3 / counts if is_linear else COUNT
+    assert friction == pytest.approx({"sigma0": sigma0, "Fc": torque, "theta_per_count": count})

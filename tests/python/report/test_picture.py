@@ -208,8 +208,8 @@ def test_missing_answers_new_starts_and_restarts_are_marked(library, steady, pic
         strokes = {one.get_label().split()[0]: one.get_segments() for one in axes.collections}
         found = [[stroke[0][0] for stroke in strokes[name]] for name in ("no", "new", "restart,")]
         assert found == [pytest.approx(one, abs=1e-6) for one in (times, [0.316], [0.3465])]
-        heights = [strokes[name][0][1][1] for name in ("no", "new", "restart,")]
-        assert heights == [0.08, 1, 1]
+        heights = [strokes[name][0][:, 1].tolist() for name in ("no", "new", "restart,")]
+        assert heights == [[0, 0.08], [0, 1], [0, 1]]
         words = [text.get_text() for text in axes.get_legend().get_texts()]
         assert [re.findall(r"\d+", one) for one in words] == [[str(len(times))], ["1"], ["1"]]
 

@@ -13,12 +13,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from bus_runs import FC, SIGMA0, THETA, Run
-from dahl import Asymmetric, Error, Friction, Loaded, Plan
+from dahl import Friction, Loaded, Plan
 from dahl.binding import models
-from dahl.codec import FrictionTorque, Param, ParamWrite, Reset, What
+from dahl.codec import EncoderState, FrictionTorque, Param, ParamWrite, Reset, What
 from dahl.report import traces
 from dahl.sim import scene
 from dahl.sim.scene import Measured, Recorded, Scene
+from hypothesis import given
+from hypothesis import strategies as st
 from log_reading import run as command
 from model_examples import THETA as THETA_OF_MODELS
 from model_examples import keys, made
@@ -57,35 +59,90 @@ START = [0, 20, 30]  # counts of it, from the first
 # --- ticks that are used --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("state", [3, 5, 6], ids=["WrongSequence", "Stale", "Init"])
-def test_a_new_start_adds_no_travel(run, state):
-    run.tick(3, 4000, state=state, used=False)
-    run.tick(4, 4010)
-    assert ticks_of(run)[1] == [*START, 4500, 4510] and error_of(run) <= BOUND
+class History:
+    """A run, and the ticks that its report must find: row, path in counts, new start, relaxed."""
+
+    def __init__(self) -> None:
+        self.run, self.row, self.path, self.sent = Run(), 0, 0, 0
+        self.run.answers = 0
+        self.found: list[tuple[int, int, bool, bool]] = []
+        self.times: list[float] = []
+        self.answer(*self.angle(0), STATES["init"])
+
+    def angle(self, move: int, valid: bool = True) -> tuple[int, int, float]:
+        """Send an angle; return its row, path and time."""
+        self.path += move
+        self.run.send(self.row, wrapped(self.path), valid)
+        self.sent += valid
+        self.row += 1
+        return self.row - 1, self.path, self.run.frames[-1].timestamp
+
+    def answer(self, row: int, path: int, time: float, state: int = 0, relaxes=False) -> None:
+        starts = state in NEW_STARTS
+        self.run.answer(row, wrapped(path), state, used=not starts)
+        self.found.append((row, path, starts, relaxes))
+        self.times.append(time)
+
+    def play(self, event: str, ticks: int, move: int) -> None:
+        """Each event ends with an answered tick."""
+        self.row += ticks * (event == "gap")
+        for _ in range(ticks * UNANSWERED.get(event, 0)):
+            self.angle(move)
+        for asked in [self.angle(move) for _ in range(ticks * (event == "late"))]:
+            self.answer(*asked)
+        if event == "disowned":
+            self.angle(move, valid=False)
+        if event in RESETS:
+            self.run.add(Reset(RESETS[event]))
+        if event == "restart":
+            self.run.bearing = Friction(Plan(SIGMA0, FC, THETA))
+        if event in FOREIGN:
+            self.add_foreign(event)
+        self.answer(*self.angle(move), STATES.get(event, 0), event == "restart")
+
+    def add_foreign(self, kind: str) -> None:
+        """Add an angle and its answer that the report must leave out."""
+        counter = self.row % 16
+        self.run.add(EncoderState(7, counter))
+        self.run.add(FrictionTorque(0, 0, 0, counter))
+        for frame in self.run.frames[-2:]:
+            frame.arbitration_id += kind == "node"
+            frame.data[0] ^= kind == "crc"
+            if kind.startswith("is_"):
+                setattr(frame, kind, True)
 
 
-@pytest.mark.parametrize("state", [0, 2], ids=["OK", "Lost"])
-def test_travel_over_lost_frames_counts(run, state):
-    run.send(3, -460)  # not answered
-    run.send(4, 77, valid=False)  # disowned by the encoder itself
-    run.tick(5, -400, state=state)
-    assert ticks_of(run) == ([0, 1, 2, 5], [*START, 100])
-    numbers = summed(run)
-    assert (numbers["frames_recorded"], numbers["frames_not_recorded"]) == (5, 1)
-    assert numbers["max_error_ulp_Fc"] <= BOUND
+def wrapped(path: int) -> int:
+    """The 32-bit count of an encoder that starts just below its highest count."""
+    return (path + 2**31 - 600 + 2**31) % 2**32 - 2**31
 
 
-def test_a_restart_after_a_gap_relaxes_its_own_tick(run):
-    """Two records before the Reset are lost. A Reset of errors relaxes no bristle."""
-    run.tick(5, -440, state=2)
-    run.add(Reset(What.RESTART))
-    run.bearing = Friction(Plan(SIGMA0, FC, THETA))
-    run.tick(6, -400, state=6, used=False)
-    run.tick(7, 300)
-    run.add(Reset(What.ERRORS))
-    run.tick(8, 310)
-    assert ticks_of(run)[0] == [0, 1, 2, 5, 6, 7, 8] and error_of(run) <= BOUND
-    assert np.flatnonzero(traces.trace_of(run.frames).relaxed).tolist() == [4]
+NEW_STARTS = (3, 5, 6)  # states of a node that starts anew at the count
+STATES = {"gap": 2, "wrong sequence": 3, "stale": 5, "init": 6, "restart": 6}  # of the answer
+UNANSWERED = {"unanswered": 1, "wrong sequence": 8, "stale": 8, "init": 8}  # angles for each tick
+RESETS = {"errors": What.ERRORS, "restart": What.RESTART}
+FOREIGN = ("is_extended_id", "is_remote_frame", "is_error_frame", "is_fd", "node", "crc")
+KINDS = sorted({*STATES, *UNANSWERED, *RESETS, *FOREIGN, "late", "disowned"})
+MOVES = st.sampled_from([0, 1, -3, 40, -700, 9000, 2**24])
+EVENTS = st.lists(st.tuples(st.sampled_from(KINDS), st.integers(1, 7), MOVES), max_size=12)
+
+
+@given(EVENTS)
+def test_a_report_uses_each_answered_tick_as_the_node_did(library, events):
+    """Travel over lost and unanswered frames counts. A new start adds none; a restart relaxes."""
+    history = History()
+    for event in events:
+        history.play(*event)
+    for node in (0, 5):
+        for frame in history.run.frames:
+            frame.arbitration_id += node
+        trace = traces.trace_of(history.run.frames, node)
+        path = trace.count - trace.count[0]
+        columns = (column.tolist() for column in (trace.row, path, trace.fresh, trace.relaxed))
+        assert [*zip(*columns, strict=True)] == history.found
+        assert trace.time.tolist() == history.times
+        assert (trace.recorded, trace.missing) == (history.sent, history.row - history.sent)
+        assert trace.not_recorded == 0 and traces.max_error_ulp(SCENE, trace) <= BOUND
 
 
 def test_a_load_holds_from_the_frame_that_writes_it(library):
@@ -122,21 +179,6 @@ def test_the_answers_of_each_model_are_compared_with_its_exact_torque(library, t
     assert error_of(run, played) <= bound
 
 
-@pytest.mark.parametrize("limits", [(FC, 0.7 * FC), (0.7 * FC, FC)])
-def test_an_asymmetric_torque_is_in_parts_of_its_larger_limit(library, limits):
-    """Either way round, at both ends."""
-    elements = tuple((SIGMA0, limit) for limit in limits)
-    run, scene = Run(), Scene(SCENE.path, "t", "asymmetric", elements, THETA)
-    assert (scene.sigma0, scene.Fc) == (SIGMA0, max(limits))
-    run.bearing = Asymmetric(SIGMA0, *limits, THETA)
-    run.tick(0, 0, state=6, used=False)
-    for number, count in enumerate((300, 9000, 8700, -9000), start=1):
-        run.tick(number, count)
-    torque = traces.trace_of(run.frames).torque(scene)
-    assert (torque.max(), torque.min()) == pytest.approx((limits[0], -limits[1]), rel=1e-6)
-    assert error_of(run, scene) <= BOUND_PARTS
-
-
 def test_an_error_of_the_node_is_seen(run):
     """A travel that it left out in spite of its state, and one unit of 2^-16 of Fc."""
     run.tick(3, 500, state=0, used=False)
@@ -146,33 +188,6 @@ def test_an_error_of_the_node_is_seen(run):
     run.send(3, -470)
     run.add(FrictionTorque(run.ratio + 2**14, echo=3))
     assert error_of(run) > 100
-
-
-@pytest.mark.parametrize("kind", ["is_extended_id", "is_error_frame", "is_fd", "node", "crc"])
-def test_frames_of_another_kind_or_node_are_left_out(run, kind):
-    before = summed(run)
-    run.tick(3, 7000)
-    for frame in run.frames[-2:]:
-        frame.arbitration_id += kind == "node"
-        frame.data[0] ^= kind == "crc"
-        if kind.startswith("is_"):
-            setattr(frame, kind, True)
-    assert summed(run) == before
-
-
-def test_the_node_of_the_scene_is_read(run):
-    for frame in run.frames:
-        frame.arbitration_id += 3
-    with pytest.raises(Error, match=r"no EncoderState"):
-        traces.trace_of(run.frames)
-    assert len(traces.trace_of(run.frames, node=3).row) == 3
-
-
-def test_a_count_that_wraps_is_one_path(library):
-    run = Run()
-    run.tick(0, 2**31 - 5, state=6, used=False)
-    run.tick(1, -(2**31) + 5)
-    assert ticks_of(run)[1] == [0, 10] and error_of(run) <= BOUND
 
 
 @pytest.mark.parametrize(
@@ -185,28 +200,6 @@ def test_a_frame_ahead_is_a_gap_and_a_later_one_is_late(run, step, pause, taken)
     run.tick(2 + step, -450, used=taken)
     assert ticks_of(run)[0] == [0, 1, 2] + [2 + step] * taken
     assert summed(run)["frames_not_recorded"] == (step - 1) * taken
-
-
-@pytest.mark.parametrize("ticks", [2, 57])
-def test_late_answers_belong_to_their_frames(run, ticks):
-    """The 4-bit echo alone would point to newer frames. A second answer to one frame is ignored."""
-    counts = [-470 + 3 * i * (-1) ** i for i in range(3, 3 + ticks)]
-    for counter, count in enumerate(counts, start=3):
-        run.send(counter, count)
-    for counter, count in enumerate(counts, start=3):
-        run.answer(counter, count)
-    run.add(FrictionTorque(-run.ratio, echo=(2 + ticks) % 16))
-    assert ticks_of(run)[1] == [*START, *(count + 500 for count in counts)]
-    assert error_of(run) <= BOUND
-
-
-def test_after_a_gap_a_new_start_answers_the_newest_frame(run):
-    for counter in range(3, 60):
-        run.send(counter, 100 * counter)
-    run.answer(59, 5900, state=5, used=False)
-    run.tick(60, 5910)
-    assert ticks_of(run) == ([0, 1, 2, 59, 60], [*START, 6400, 6410])
-    assert error_of(run) <= BOUND
 
 
 @pytest.mark.parametrize("interrupted", [False, True])
