@@ -15,39 +15,26 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from conftest import ROOT
 from hypothesis import Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
-from loop_tools import SCENES, finished, serving, setting
+from loop_tools import SCENES, ended, serving, setting
 
 ECHO = b"< echo >"
 STATUS = b"<120#"  # the node sends one after power-on
 OPTIONS = ("--role", "node", *setting("friction.timeout_ms=60000", "status.period_ms=60000"))
-UNKNOWN = ("bcmmode", "subscribe 0 0 1", "add 1 0 123 1 1", "statistics 100", "hello", "")
-WRONG_OPENS = ("open can7", "open vcan", "open vcan01", "open")
-BAD_SENDS = ("send 123 9 1", "send 800 0", "send 7FF", "send 7FF 1 100", "send 7FF 1")
-NOISE = ("abc", "\n \t", "> x", "< cut ", "<\0\0", "<" * 500, "< send 12 " + "1 " * 4000)
+COMMANDS = ["open vcan0", "open can7", "open vcan", "open vcan01", "open", "rawmode", "bcmmode"]
+COMMANDS += ["subscribe 0 0 1", "add 1 0 123 1 1", "statistics 100", "hello", ""]
+COMMANDS += ["send 123 9 1", "send 800 0", "send 7FF", "send 7FF 1 100", "send 7FF 1"]  # bad frames
+NOISE = {  # how much garbage it is, before the next <
+    "abc": 3,
+    "\n \t": 1,
+    "> x": 2,
+    "< cut ": 1,
+    "<\0\0": 2,
+    "<" * 500: 500,
+}
 FRAME = re.compile(rb"< frame (\w+) (\d+\.\d{6}) (\w*) >")
-LONGEST = int(
-    re.search(r"TEXT_ELEMENT_MAX (\d+)", (ROOT / "port/socketcand/text.h").read_text())[1]
-)
-
-
-def garbage_in(text: str) -> int:
-    """How much garbage the server counts: letters between elements and elements without an end."""
-    count, room = 0, 0  # room is 0 outside an element
-    for letter in f"{text}<":
-        if room == 0:
-            count += letter not in "< \n\r"
-        elif letter in "<\0" or room == 1:
-            count += 1
-            room = 0
-        else:
-            room -= 1
-        if letter == "<":
-            room = LONGEST + 1
-    return count
 
 
 @dataclass
@@ -62,6 +49,21 @@ class Client:
         data = text.encode()
         for at in range(0, len(data), piece):
             self.peer.sendall(data[at : at + piece])
+
+    def command(self, word: str) -> int:
+        """Note the answer to a command and the new stage. Return how much garbage it is."""
+        if self.stage != "raw" and word.startswith("open"):
+            is_ok = word == "open vcan0"
+            self.stage = "opened" if is_ok else self.stage
+            self.owed.append(b"< ok >" if is_ok else b"< error could not open bus >")
+            return 0
+        if (self.stage, word) == ("opened", "rawmode"):
+            self.stage = "raw"
+            self.owed.append(b"< ok >")
+            return 0
+        if self.stage != "raw" or not word.startswith("send"):
+            self.owed.append(b"< error unknown command >")
+        return 1
 
     def settle(self) -> list[float]:
         """Wait until the server has read everything. Return the times of the frames that came."""
@@ -78,13 +80,15 @@ class Client:
         return times
 
 
-def frame_words() -> st.SearchStrategy[tuple[str, bytes]]:
+def frames() -> st.SearchStrategy[list[tuple[str, bytes]]]:
     """(identifier, data) that the node ignores; eight digits are an identifier of 29 bits."""
     plain = st.integers(0x700, 0x7FF).map("{:X}".format)
     extended = st.integers(0x18000000, 0x18FFFFFF).map("{:08X}".format)
-    return st.tuples(plain | extended, st.binary(max_size=8))
+    frame = st.tuples(plain | extended, st.binary(max_size=8))
+    return st.lists(frame, min_size=1, max_size=1) | st.lists(frame, min_size=2, max_size=40)
 
 
+NUMBERS = st.integers(0, 9)
 PIECES = st.sampled_from([1, 3, 1 << 16])  # bytes at a time
 
 
@@ -115,76 +119,43 @@ class Server(RuleBasedStateMachine):
             self.command(len(self.clients) - 1, word, 1 << 16)
 
     @precondition(lambda self: self.clients)
-    @rule(
-        number=st.integers(0, 9),
-        word=st.sampled_from(["open vcan0", *WRONG_OPENS, "rawmode", *UNKNOWN]),
-        piece=PIECES,
-    )
+    @rule(number=NUMBERS, word=st.sampled_from(COMMANDS), piece=PIECES)
     def command(self, number: int, word: str, piece: int) -> None:
         client = self.pick(number)
-        if client.stage != "raw" and word.startswith("open"):
-            is_ok = word == "open vcan0"
-            client.stage = "opened" if is_ok else client.stage
-            answer = b"< ok >" if is_ok else b"< error could not open bus >"
-        elif client.stage == "opened" and word == "rawmode":
-            client.stage, answer = "raw", b"< ok >"
-        else:
-            self.garbage += 1
-            answer = b"< error unknown command >"
-        client.owed.append(answer)
+        self.garbage += client.command(word)
         client.send(f"< {word} >", piece)
         client.settle()
 
     @precondition(lambda self: self.clients)
-    @rule(number=st.integers(0, 9), text=st.sampled_from(NOISE))
-    def send_noise(self, number: int, text: str) -> None:
-        client = self.pick(number)
-        self.garbage += garbage_in(text)
-        client.send(text)
-        client.settle()
+    @rule(number=NUMBERS, noise=st.sampled_from([*NOISE]))
+    def send_noise(self, number: int, noise: str) -> None:
+        self.garbage += NOISE[noise]
+        self.pick(number).send(noise)
+        self.pick(number).settle()
 
     @precondition(lambda self: self.pick(0, "raw"))
-    @rule(number=st.integers(0, 9), words=st.sampled_from(BAD_SENDS), piece=PIECES)
-    def send_bad_frame(self, number: int, words: str, piece: int) -> None:
-        client = self.pick(number, "raw")
-        self.garbage += 1
-        client.send(f"< {words} >", piece)
-        client.settle()
-
-    @precondition(lambda self: self.pick(0, "raw"))
-    @rule(number=st.integers(0, 9), frame=frame_words(), piece=PIECES)
-    def send(self, number: int, frame: tuple[str, bytes], piece: int) -> None:
+    @rule(number=NUMBERS, frames=frames(), piece=PIECES, stops=st.booleans())
+    def send(self, number: int, frames: list[tuple[str, bytes]], piece: int, stops: bool) -> None:
+        """Send frames, perhaps while the server is stopped."""
         client, begun = self.pick(number, "raw"), time.time()
-        self.put(client, frame, piece)
+        if stops:
+            self.process.send_signal(signal.SIGSTOP)
+        for identifier, data in frames:
+            client.send(f"< send {identifier} {len(data)} {data.hex(' ')} >", piece)
+            self.sent.append(f"{identifier}#{data.hex().upper()}".encode())
+            for other in self.clients:
+                if other is not client and other.stage == "raw":
+                    other.owed.append(b"<" + self.sent[-1] + b">")
+        self.process.send_signal(signal.SIGCONT)
         client.settle()
         self.settle_all(begun)
-
-    def put(self, client: Client, frame: tuple[str, bytes], piece: int = 1 << 16) -> None:
-        identifier, data = frame
-        client.send(f"< send {identifier} {len(data)} {data.hex(' ')} >", piece)
-        shown = identifier.encode() + b"#" + data.hex().upper().encode()
-        self.sent.append(shown)
-        for other in self.clients:
-            if other is not client and other.stage == "raw":
-                other.owed.append(b"<" + shown + b">")
 
     def settle_all(self, begun: float) -> None:
         for client in self.clients:
             assert all(begun - 0.1 < moment < time.time() + 0.1 for moment in client.settle())
 
-    @precondition(lambda self: self.pick(0, "raw"))
-    @rule(number=st.integers(0, 9), frames=st.lists(frame_words(), min_size=1, max_size=40))
-    def burst_to_a_stopped_server(self, number: int, frames: list[tuple[str, bytes]]) -> None:
-        client, begun = self.pick(number, "raw"), time.time()
-        self.process.send_signal(signal.SIGSTOP)
-        for frame in frames:
-            self.put(client, frame)
-        self.process.send_signal(signal.SIGCONT)
-        client.settle()
-        self.settle_all(begun)
-
     @precondition(lambda self: self.clients)
-    @rule(number=st.integers(0, 9), how=st.sampled_from(["half", "close", "cut", "reset"]))
+    @rule(number=NUMBERS, how=st.sampled_from(["half", "close", "cut", "reset"]))
     def leave(self, number: int, how: str) -> None:
         """An element that a client leaves unfinished is no garbage of the next client."""
         client = self.pick(number)
@@ -203,8 +174,7 @@ class Server(RuleBasedStateMachine):
     def teardown(self) -> None:
         with self.stack:
             self.settle_all(0)
-            self.process.send_signal(signal.SIGTERM)
-            result = finished(self.folder, self.process)
+            result = ended(self.folder, self.process)
             for client in self.clients:
                 client.peer.close()
             counts = result.summary["bus_counts"]
