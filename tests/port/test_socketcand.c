@@ -97,10 +97,13 @@ static void test_random_sessions_hold_the_laws_of_server_and_client(void)
 /* --- the server ---------------------------------------------------------------------------------------------------- */
 
 static uint32_t frames_heard[PLAY_PEERS];
+static char text_heard[PLAY_PEERS][400]; /* since the connection, as much as fits */
 
 static void count_frames(void *context, int peer, const char *bytes, size_t count)
 {
+    size_t used = strlen(text_heard[peer]), room = sizeof text_heard[peer] - 1 - used;
     (void)context;
+    strncat(text_heard[peer], bytes, count < room ? count : room);
     for (size_t i = 0; i < count; i++) {
         frames_heard[peer] += text_feed(&heard[peer], bytes[i]) && strncmp(heard[peer].element, " frame ", 7) == 0;
     }
@@ -111,6 +114,7 @@ static dahl_can_frame_t visit(int i, const char *words)
 {
     dahl_can_frame_t frame = {.id = 0};
     heard[i] = (text_splitter_t){0};
+    text_heard[i][0] = '\0';
     play.peers[i] = (play_peer_t){
         .waits_at_door = 1, .hears = count_frames, .says = (const uint8_t *)words, .says_left = strlen(words)};
     for (int ms = 0; ms < 200; ms++) {
@@ -150,6 +154,34 @@ static void test_a_server_passes_frames_on_and_forgets_its_former_clients(void)
     play.peers[1].says_left = sizeof blanks;
     server.bus.ops->close(&server.bus);
     TEST_ASSERT_EQUAL(0, play.peers[1].says_left); /* a close with unread input would reset the connection */
+}
+
+#define RAW "< open vcan0 >< rawmode >"
+#define NO_BUS "< error could not open bus >"
+#define UNKNOWN "< error unknown command >"
+
+static void test_commands_have_their_answers_in_each_stage(void)
+{
+    static const struct {
+        const char *words, *answers; /* after < hi > */
+        uint32_t garbage;
+    } cases[] = {
+        {"< open can7 >< open vcan >< open vcan01 >< open >", NO_BUS NO_BUS NO_BUS NO_BUS, 0},
+        {"< rawmode >< send 7FF 0 >< hello >< >< echo >", UNKNOWN UNKNOWN UNKNOWN UNKNOWN "< echo >", 4},
+        {"< open vcan0 >< open can7 >< send 7FF 0 >< rawmode >< echo >", "< ok >" NO_BUS UNKNOWN "< ok >< echo >", 1},
+        {RAW "< open vcan0 >< rawmode >< add 1 0 123 1 1 >", "< ok >< ok >" UNKNOWN UNKNOWN UNKNOWN, 3},
+        {RAW "< send 123 9 1 >< send 800 0 >< send 7FF >< send 7FF 1 >< send 7FF 0 >", "< ok >< ok >", 4},
+        {"abc\n \t> x< cut < open vcan0 >", "< ok >", 3 + 1 + 2 + 1},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        play = (play_t){.now_ns = 1};
+        clear_server();
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, socketcand_serve(&server, 0, "vcan0", clock_of_play));
+        (void)visit(0, cases[i].words);
+        TEST_ASSERT_EQUAL_STRING(cases[i].answers, text_heard[0] + strlen("< hi >"));
+        TEST_ASSERT_EQUAL(cases[i].garbage, server.bus.counts.garbage);
+        server.bus.ops->close(&server.bus);
+    }
 }
 
 /* --- the client ---------------------------------------------------------------------------------------------------- */
