@@ -109,18 +109,25 @@ static void count_frames(void *context, int peer, const char *bytes, size_t coun
     }
 }
 
-/* A client connects and sends words. The server works for 200 ms. Return its last frame. */
-static dahl_can_frame_t visit(int i, const char *words)
+/* A client sends words. The server works for 200 ms. Return its last frame. */
+static dahl_can_frame_t speak(int i, const char *words)
 {
     dahl_can_frame_t frame = {.id = 0};
-    heard[i] = (text_splitter_t){0};
-    text_heard[i][0] = '\0';
-    play.peers[i] = (play_peer_t){
-        .waits_at_door = 1, .hears = count_frames, .says = (const uint8_t *)words, .says_left = strlen(words)};
+    play.peers[i].says = (const uint8_t *)words;
+    play.peers[i].says_left = strlen(words);
     for (int ms = 0; ms < 200; ms++) {
         (void)dahl_can_bus_receive(&server.bus, &frame, 1000);
     }
     return frame;
+}
+
+/* A client connects and sends words. Return the last frame of the server. */
+static dahl_can_frame_t visit(int i, const char *words)
+{
+    heard[i] = (text_splitter_t){0};
+    text_heard[i][0] = '\0';
+    play.peers[i] = (play_peer_t){.waits_at_door = 1, .hears = count_frames};
+    return speak(i, words);
 }
 
 static void test_a_server_passes_frames_on_and_forgets_its_former_clients(void)
@@ -180,8 +187,25 @@ static void test_commands_have_their_answers_in_each_stage(void)
         (void)visit(0, cases[i].words);
         TEST_ASSERT_EQUAL_STRING(cases[i].answers, text_heard[0] + strlen("< hi >"));
         TEST_ASSERT_EQUAL(cases[i].garbage, server.bus.counts.garbage);
+        (void)speak(0, "xyz");
+        TEST_ASSERT_EQUAL(cases[i].garbage + 3, server.bus.counts.garbage);
         server.bus.ops->close(&server.bus);
     }
+}
+
+static void test_unsent_bytes_of_a_client_do_not_reach_the_next(void)
+{
+    const dahl_can_frame_t frame = {.id = 0x123, .length = 8};
+    clear_server();
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, socketcand_serve(&server, 0, "vcan0", clock_of_play));
+    (void)visit(0, RAW);
+    play.peers[0].is_deaf = 1;
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&server.bus, &frame));
+    play.peers[0].has_hung_up = 1;
+    (void)visit(1, "");
+    TEST_ASSERT_FALSE(play.peers[0].is_connected);
+    TEST_ASSERT_EQUAL_STRING("< hi >", text_heard[1]);
+    server.bus.ops->close(&server.bus);
 }
 
 /* --- the client ---------------------------------------------------------------------------------------------------- */

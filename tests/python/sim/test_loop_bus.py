@@ -37,7 +37,7 @@ def test_a_client_sees_every_frame_of_the_log_with_its_time(tmp_path, seconds):
     summary = result.summary
     assert summary["frames_sent"] == summary["ticks"] == summary["node"]["ok"] == seconds * 1000
     assert summary["frames_lost"] == 0 and {*summary["bus_counts"].values()} == {0}
-    assert summary["max_rss_kib"] < 16 * 1024
+    assert summary["max_rss_kib"] < 8 * 1024
 
 
 def without_status(lines: list[str]) -> list[str]:

@@ -79,7 +79,7 @@ def test_ticks_keep_1_ms_and_catch_up_a_third_faster_after_a_stall(tmp_path, clo
     summary = result.summary
     assert len(times) == summary["ticks"] == seconds * 1000
     due, late = due_times(stall, len(times))
-    assert np.abs(times - times[0] - due).max() < 2e-3
+    assert np.abs(times - times[0] - due).max() < (2e-3 if 0 < stall < 1 else 2e-4)
     gaps = np.diff(times)
     assert gaps.min() > 0.73 * TICK and np.sort(gaps)[-2] < 1.02 * TICK
     assert summary["beat_late_us"]["max"] == pytest.approx(1e6 * late.max(), rel=0.01, abs=20)

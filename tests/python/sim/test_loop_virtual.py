@@ -89,7 +89,7 @@ def test_memory_does_not_grow_with_the_log_file(tmp_path):
     path = scene(tmp_path, FRICTION, REPLAY.format("angle", 1))
     summary = run(tmp_path, path, "--virtual", "--log", "/dev/null").summary
     assert summary["frames_answered"] == 2_000_000
-    assert 512 < summary["max_rss_kib"] < 16 * 1024
+    assert 512 < summary["max_rss_kib"] < 8 * 1024
 
 
 PARTS = [  # of the scene, options, identifiers on the bus
