@@ -295,7 +295,7 @@ def attached(asked, core, params, folder, port, number) -> Iterator[None]:
             notifier.stop()
 
 
-@pytest.mark.parametrize("number", [0, 15])
+@pytest.mark.parametrize("number", [14, 15])
 def test_firmware_replaces_the_node_of_dahl_loop(dahl, monkeypatch, root, number):
     """The emulator takes seconds, so its two calls are replaced."""
     text = (SCENES / "segments.ini").read_text()
