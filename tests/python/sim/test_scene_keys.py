@@ -42,6 +42,21 @@ def test_the_period_is_the_cycle_time_of_the_bus():
     assert cycle_ms * 1000 == timing.period_us()
 
 
+SUMS = [  # keys of [friction], sigma0 and Fc at a torque ratio of 1
+    ("sigma0 = 3\nFc = 2", (3, 2)),
+    ("model = slip\nsigma0 = 3 4\nFc = 1 2", (7, 3)),
+    ("model = asymmetric\nsigma0 = 5\nFc = 1 2", (5, 2)),
+]
+
+
+@pytest.mark.parametrize(("keys", "due"), SUMS)
+def test_a_scene_sums_its_elements_or_has_the_larger_direction(tmp_path, keys, due):
+    path = tmp_path / "own.ini"
+    path.write_text(f"[friction]\n{keys}\ntheta_per_count = 1e-3\n")
+    found = scene.read(path)
+    assert (found.sigma0, found.Fc) == due
+
+
 NODE_KEYS = [("friction", name) for name in scene.NODE_KEYS] + [("status", "period_ms")]
 
 
