@@ -159,6 +159,62 @@ static void test_a_server_passes_frames_on_and_forgets_its_former_clients(void)
     TEST_ASSERT_EQUAL(0, play.peers[1].says_left); /* a close with unread input would reset the connection */
 }
 
+#define RAW "< open vcan0 >< rawmode >"
+#define NO_BUS "< error could not open bus >"
+#define UNKNOWN "< error unknown command >"
+
+/* A connected client sends more words. */
+static void speak(int i, const char *words)
+{
+    dahl_can_frame_t frame;
+    play.peers[i].says = (const uint8_t *)words;
+    play.peers[i].says_left = strlen(words);
+    for (int ms = 0; ms < 10; ms++) {
+        (void)dahl_can_bus_receive(&server.bus, &frame, 1000);
+    }
+}
+
+static void test_commands_have_their_answers_in_each_stage(void)
+{
+    static const struct {
+        const char *words, *answers; /* after < hi > */
+        uint32_t garbage;
+    } cases[] = {
+        {"< open can7 >< open vcan >< open vcan01 >< open >", NO_BUS NO_BUS NO_BUS NO_BUS, 0},
+        {"< rawmode >< send 7FF 0 >< hello >< >< echo >", UNKNOWN UNKNOWN UNKNOWN UNKNOWN "< echo >", 4},
+        {"< open vcan0 >< open can7 >< send 7FF 0 >< rawmode >< echo >", "< ok >" NO_BUS UNKNOWN "< ok >< echo >", 1},
+        {RAW "< open vcan0 >< rawmode >< add 1 0 123 1 1 >", "< ok >< ok >" UNKNOWN UNKNOWN UNKNOWN, 3},
+        {RAW "< send 123 9 1 >< send 800 0 >< send 7FF >< send 7FF 1 >< send 7FF 0 >", "< ok >< ok >", 4},
+        {"abc\n \t> x< cut < open vcan0 >", "< ok >", 3 + 1 + 2 + 1},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        play = (play_t){.now_ns = 1};
+        clear_server();
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, socketcand_serve(&server, 0, "vcan0", clock_of_play));
+        (void)visit(0, cases[i].words);
+        TEST_ASSERT_EQUAL_STRING(cases[i].answers, said[0] + strlen("< hi >"));
+        TEST_ASSERT_EQUAL(cases[i].garbage, server.bus.counts.garbage);
+        speak(0, "xyz");
+        TEST_ASSERT_EQUAL(cases[i].garbage + 3, server.bus.counts.garbage);
+        server.bus.ops->close(&server.bus);
+    }
+}
+
+static void test_unsent_bytes_of_a_client_do_not_reach_the_next(void)
+{
+    const dahl_can_frame_t frame = {.id = 0x123, .length = 8};
+    clear_server();
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, socketcand_serve(&server, 0, "vcan0", clock_of_play));
+    (void)visit(0, RAW);
+    play.peers[0].is_deaf = 1;
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&server.bus, &frame));
+    play.peers[0].has_hung_up = 1;
+    (void)visit(1, "");
+    TEST_ASSERT_FALSE(play.peers[0].is_connected);
+    TEST_ASSERT_EQUAL_STRING("< hi >", said[1]);
+    server.bus.ops->close(&server.bus);
+}
+
 /* --- the client ---------------------------------------------------------------------------------------------------- */
 
 static socketcand_member_t member;

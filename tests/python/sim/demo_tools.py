@@ -10,10 +10,9 @@ import os
 from pathlib import Path
 from typing import Any
 
-import can
 import dahl
 import numpy as np
-from dahl import codec
+from loop_tools import counts_of, read_log, torques_of
 
 SIGMA0, FC, TURN, OFFSET, TICKS = 40.0, 0.8, 16384, 0.05, 1200
 OWN = ["--angle", "shaft [deg]", "--torque", "sensor [mNm]", "--sigma0", SIGMA0, "--fc", FC]
@@ -46,18 +45,11 @@ def scene_of(path: Path) -> configparser.ConfigParser:
     return parser
 
 
-def answered(log: Path, node: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def answered(path: Path, node: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """Counts and F/Fc in Q30 of each answered tick, if none is missing."""
-    counts, ratios = [], []
-    for message in can.LogReader(log):
-        if message.arbitration_id in (0x100 + node, 0x110 + node):
-            frame = codec.unpack(message)
-            if isinstance(frame, codec.EncoderState):
-                counts.append(frame.count)
-            else:
-                assert frame.echo == len(ratios) % 16
-                ratios.append(frame.torque_q30)
-    return np.array(counts[: len(ratios)]), np.array(ratios)
+    log = read_log(path)
+    ratios = [ratio for _, ratio in torques_of(log, node)]
+    return np.array(counts_of(log, node)[: len(ratios)]), np.array(ratios)
 
 
 def rows_of(table: str) -> dict[str, str]:

@@ -13,17 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 from crccheck.crc import Crc8Autosar
-from loop_tools import Logged, word
+from loop_tools import ERROR, Logged, word
 
 Q30_BOUND = 9.4e-10  # of F/Fc: half a step of Q30 and the error bound of the library
-ERROR = 0x20000000  # in an id of candump: an error frame
 BUS_OFF = ERROR | 0x40  # and that the controller is off the bus
 ENCODER, TORQUE, STATUS, PARAM, RESET = 0x100, 0x110, 0x120, 0x130, 0x150
-KINDS = {
-    ENCODER: 3,
-    PARAM: 6,
-    RESET: 10,
-}  # high half of the data id of each frame that a node reads
+KINDS = {ENCODER: 3, PARAM: 6, RESET: 10}  # that a node reads: the high half of the data id
 OK, REPEATED, LOST, WRONG_SEQUENCE, CRC, STALE, INIT = range(7)  # states, by the DBC
 
 
@@ -199,9 +194,7 @@ class Node:
     timeout_us: int = 100_000
     status_us: int = 100_000
     number: int = 0
-    params: list[float] = field(
-        default_factory=list
-    )  # sigma0, Fc, theta; empty if no test reads them
+    params: list[float] = field(default_factory=list)  # sigma0, Fc, theta, if a test reads them
     gain: int = 65536
     limit: int = 65536
     ramp_us: int = 0

@@ -12,14 +12,15 @@ import signal
 import socket
 import subprocess
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import can
 import dahl
 from conftest import ROOT, built
+from dahl.bus import candump_line
 from dahl.sim import scene as scenes
 
 logging.getLogger("can").setLevel(logging.CRITICAL)  # it warns at every part of a TCP stream
@@ -40,18 +41,34 @@ def setting(*texts: str) -> list[str]:
     return [word for text in texts for word in ("--set", text)]
 
 
-def run_program(*words: object, **how: object) -> subprocess.CompletedProcess:
-    command = [program(), *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=20, check=False, **how)
-
-
 @dataclass
 class Run:
     code: int
     out: str
     err: str
-    summary: dict[str, Any]
-    log: Path
+    summary: dict[str, Any] = field(default_factory=dict)
+    log: Path = Path()
+
+    def error(self, code: int) -> str:
+        """The text of its only line, an error, if it ended with this code."""
+        line = re.fullmatch(r"error: ([^\n]+)\n", self.err)
+        assert self.code == code and line, self
+        return line[1]
+
+
+PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+
+
+def spawn(words: Iterable[object], **how: object) -> subprocess.Popen:
+    """Start a program; what it prints is text in pipes."""
+    return subprocess.Popen([*map(str, words)], **{**PIPES, **how})
+
+
+def run_program(*words: object, **how: object) -> Run:
+    """Run dahl-loop with these options alone."""
+    command = [program(), *map(str, words)]
+    done = subprocess.run(command, timeout=20, check=False, **{**PIPES, **how})
+    return Run(done.returncode, done.stdout, done.stderr)
 
 
 def command(folder: Path, scene: Path | str, *options: str) -> list[str]:
@@ -80,9 +97,12 @@ def start(folder: Path, scene: Path | str, *options: str) -> subprocess.Popen:
     folder.mkdir(exist_ok=True)
     for name in ("run.log", "summary.json"):
         (folder / name).unlink(missing_ok=True)
-    return subprocess.Popen(
-        command(folder, scene, *options), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    return spawn(command(folder, scene, *options))
+
+
+def ended(folder: Path, process: subprocess.Popen, number: int = signal.SIGTERM) -> Run:
+    process.send_signal(number)
+    return finished(folder, process)
 
 
 @contextlib.contextmanager
@@ -113,17 +133,12 @@ def client(port: int, opens: Callable[..., can.BusABC] = can.Bus) -> Iterator[ca
         bus.shutdown()
 
 
-def line_of(message: can.Message) -> str:
-    identifier = format(message.arbitration_id, "08X" if message.is_extended_id else "03X")
-    return f"({message.timestamp:017.6f}) vcan0 {identifier}#{message.data.hex().upper()}"
-
-
 def record(bus: can.BusABC, process: subprocess.Popen, silence: float = 0.5) -> list[str]:
     """All frames until the program has ended and only Status frames come."""
     lines, last_s = [], time.monotonic()
     while process.poll() is None or time.monotonic() - last_s < silence:
         message = bus.recv(0.05)
-        lines += [line_of(message)] if message else []
+        lines += [candump_line(message)] if message else []
         is_other = message is not None and message.arbitration_id & ~15 != 0x120
         last_s = time.monotonic() if is_other or process.poll() is None else last_s
     return lines
@@ -203,9 +218,10 @@ def counts_of(log: list[Logged], number: int = 0) -> list[int]:
     return [word(frame.data, 2) for frame in log if frame.id == 0x100 + number]
 
 
-def torques_of(log: list[Logged]) -> list[tuple[int, int]]:
+def torques_of(log: list[Logged], number: int = 0) -> list[tuple[int, int]]:
     """(state, F/Fc in Q30) of each answer, in order."""
-    return [(frame.data[1] >> 4, word(frame.data, 4)) for frame in log if frame.id == 0x110]
+    answers = [frame.data for frame in log if frame.id == 0x110 + number]
+    return [(data[1] >> 4, word(data, 4)) for data in answers]
 
 
 def raw_client(port: int, receive_buffer: int | None = None) -> socket.socket:
@@ -234,3 +250,8 @@ def wait_until(what, seconds: float = 10) -> None:
     while not what():
         assert time.monotonic() < end, "waited in vain"
         time.sleep(0.01)
+
+
+def wait_for_bytes(path: Path, count: int, seconds: float = 10) -> None:
+    """Wait until a file has more bytes than `count`."""
+    wait_until(lambda: path.exists() and path.stat().st_size > count, seconds)

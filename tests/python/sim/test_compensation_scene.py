@@ -8,16 +8,19 @@ import re
 from pathlib import Path
 
 import pytest
-from dahl import cli
 from dahl.sim import compensation
 from dahl.sim.compensation import Comparison
+from identify_tools import complaint
 
 pytestmark = pytest.mark.usefixtures("library")
 
 
 @pytest.fixture(scope="module")
 def compared(library) -> Comparison:
-    return compensation.compare()
+    ended: list[None] = []
+    found = compensation.compare(progress=lambda: ended.append(None))
+    assert len(ended) == compensation.count_runs()
+    return found
 
 
 def test_the_page_has_the_numbers_of_the_scene(compared: Comparison, root: Path) -> None:
@@ -60,42 +63,29 @@ def test_the_seed_alone_decides(compared: Comparison) -> None:
 
 
 @pytest.mark.parametrize(("words", "seed"), [((), 1), (("--seed", "7"), 7)])
-def test_the_demo_runs_with_the_seed_that_is_given(
+def test_the_demo_writes_picture_and_numbers_of_its_seed(
     words: tuple[str, ...], seed: int, compared: Comparison, dahl, monkeypatch
 ) -> None:
     asked = []
 
-    def compare(seed: int = 1, progress: object = None) -> Comparison:
+    def compare(seed: int, _progress: object) -> Comparison:
         asked.append(seed)
         return compared
 
     monkeypatch.setattr(compensation, "compare", compare)
     done = dahl("demo", "--scene", "compensation", *words, "--json", "-o", "out")
-    assert done.returncode == 0, done.stderr
-    assert asked == [seed] and json.loads(Path("out/summary.json").read_text())["seed"] == seed
+    assert done.returncode == 0 and asked == [seed], done.stderr
+    numbers = json.loads(done.stdout)
+    assert numbers == json.loads(Path("out/summary.json").read_text())
+    assert numbers == numbers | compared.numbers | {"scene": "compensation", "seed": seed}
+    assert Path("out/compensation.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_demo_writes_picture_and_numbers(
-    compared: Comparison, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch
-) -> None:
-    monkeypatch.setattr(compensation, "compare", lambda *_: compared)
-    words = ["demo", "--scene", "compensation", "--json", "-o", str(tmp_path)]
-    assert cli.main(words) == 0
-    numbers = json.loads(capsys.readouterr().out)
-    assert numbers == json.loads((tmp_path / "summary.json").read_text())
-    assert {axis: numbers[axis] for axis in ("position", "hand")} == compared.numbers
-    assert (tmp_path / "compensation.png").read_bytes().startswith(b"\x89PNG")
+REFUSED = ["compensation --bus socketcand", "park-steer --seconds 3", "park-steer --fc 1"]
 
 
-@pytest.mark.parametrize(
-    ("scene", "option"),
-    [("compensation", "--bus socketcand"), ("park-steer", "--seconds 3"), ("park-steer", "--fc 1")],
-)
-def test_options_of_a_bus_or_a_log_are_refused(
-    option: str, scene: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ["demo", "--scene", scene, *option.split(), "-o", str(tmp_path)]
-    assert cli.main(words) != 0
-    said = capsys.readouterr().err
-    assert said.startswith("error: ") and option.partition(" ")[0] in said and said.count("\n") == 1
-    assert not (tmp_path / "summary.json").exists()
+@pytest.mark.parametrize("words", REFUSED)
+def test_options_of_a_bus_or_a_log_are_refused(words: str, dahl) -> None:
+    code, line = complaint(dahl("demo", "--scene", *words.split(), "-o", "out"))
+    assert code == 2 and words.split()[1] in line
+    assert not Path("out/summary.json").exists()

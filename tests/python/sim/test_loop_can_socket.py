@@ -8,9 +8,9 @@ from __future__ import annotations
 import errno
 import os
 import signal
-import socket
 import struct
 from collections import Counter
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -23,28 +23,31 @@ def planted(tmp_path_factory) -> Path:
     return build_can_library(tmp_path_factory.mktemp("can"))
 
 
-def answer_on(bus: socket.socket) -> bytes:
-    while True:
-        identifier, length, data = struct.unpack("=IB3x8s", bus.recv(100))
-        if identifier == 0x110:
-            return data[:length]
+@pytest.fixture
+def join(tmp_path, planted):
+    """Start dahl-loop on a CAN socket. Returns the program and the bus, closed after the test."""
+    with ExitStack() as stack:
+
+        def start(*options, log=True):
+            process, bus = joined(tmp_path, planted, *options, log=log)
+            return process, stack.enter_context(bus)
+
+        yield start
 
 
-def test_a_node_answers_angles_and_counts_other_frames(tmp_path, planted):
+def test_a_node_answers_angles_and_counts_other_frames(tmp_path, join):
     alone = read_log(run(tmp_path / "alone", STEERING, "--virtual", "--seconds", "0.02").log)
     angles = [f.data for f in alone if f.id == 0x100]
-    options = ("--role", "node", "--set", "friction.timeout_ms=60000")
-    process, bus = joined(tmp_path, planted, *options)
-    answers = []
+    process, bus = join("--role", "node", "--set", "friction.timeout_ms=60000")
     bus.send(b"short")
-    for data in angles:
+    for data, answer in zip(angles, (f.data for f in alone if f.id == 0x110), strict=True):
         bus.send(frame(0x100, data))
-        answers.append(answer_on(bus))
-    assert answers == [f.data for f in alone if f.id == 0x110]
+        assert frame(0x110, answer) in iter(lambda: bus.recv(100), b"")
     process.send_signal(signal.SIGSTOP)
     for wrong in (
         frame(EXTENDED | 0x100, angles[0]),
         frame(REMOTE | 0x100, angles[0]),
+        frame(REMOTE | 0x101, b""),
         struct.pack("=IB3x64s", 0x100, 8, angles[0]),  # struct canfd_frame
         frame(0x123, angles[0]),
         frame(ERROR | BUS_OFF, bytes(8)),
@@ -55,47 +58,42 @@ def test_a_node_answers_angles_and_counts_other_frames(tmp_path, planted):
     bus.send(frame(0x130, b"no"))
     process.send_signal(signal.SIGTERM)  # earlier frames are still counted
     process.send_signal(signal.SIGCONT)
-    result = finished(tmp_path, process)
-    bus.close()
+    result, data = finished(tmp_path, process), angles[0].hex().upper()
     node, counts = result.summary["node"], result.summary["bus_counts"]
-    assert (node["ok"], node["format"], node["ignored"], node["bus_off"]) == (20, 4, 1, 1)
+    assert (node["ok"], node["format"], node["ignored"], node["bus_off"]) == (20, 4, 2, 1)
     assert (node["rearm"], node["crc"], node["lost"]) == (3, 0, 0)
     assert (counts["garbage"], counts["error_frames"], counts["dropped"]) == (1, 1, 0)
-    assert " can0 100#R8\n" in result.log.read_text()
+    text = result.log.read_text()
+    assert all(f" can0 {line}\n" in text for line in ("100#R8", "101#R", f"100##0{data}"))
 
 
-def test_only_the_bus_off_of_error_frames_reaches_the_nodes(tmp_path, planted, monkeypatch):
+def test_only_the_bus_off_of_error_frames_reaches_the_nodes(tmp_path, join, monkeypatch):
     """CAN_ERR_RESTARTED has the number of an EncoderState. The log has the time stamps of the
     kernel.
     """
     monkeypatch.setenv("CAN_STAMP", "1234567890")
-    words = ("--role", "node", "--nodes", "2", "--seconds", "0.3")
-    process, bus = joined(tmp_path, planted, *words)
-    for kind in (0x100, 0x004, 0x100 | BUS_OFF):
+    process, bus = join("--role", "node", "--nodes", "2", "--seconds", "0.3")
+    kinds = (0x100, 0x004, 0x100 | BUS_OFF)
+    for kind in kinds:
         bus.send(frame(ERROR | kind, bytes(8)))
     bus.send(frame(0x123, bytes(8)))
     result = finished(tmp_path, process)
-    bus.close()
-    node = {name: count for name, count in result.summary["node"].items() if count}
-    assert node == {"bus_off": 2}
+    assert Counter(result.summary["node"]) == Counter(bus_off=2)
     assert result.summary["bus_counts"]["error_frames"] == 3
     seen = [line for line in result.log.read_text().splitlines() if "can0 2" in line]
-    assert seen == [
-        f"(1234567890.654321) can0 {ERROR | kind:08X}#{'00' * 8}"
-        for kind in (0x100, 0x004, 0x100 | BUS_OFF)
-    ]
+    at = "(1234567890.654321) can0"
+    assert seen == [f"{at} {ERROR | kind:08X}#{'00' * 8}" for kind in kinds]
 
 
-def test_in_virtual_time_a_tick_ends_after_the_last_echo(tmp_path, planted, monkeypatch):
+def test_in_virtual_time_a_tick_ends_after_the_last_echo(tmp_path, join, monkeypatch):
     """The log is that of the loopback. No echo comes before the loop waits."""
     options = ("--virtual", "--seconds", "0.02")
     alone = read_log(run(tmp_path / "alone", STEERING, *options).log)
     monkeypatch.setenv("CAN_ECHO", "1")
-    process, bus = joined(tmp_path, planted, *options)
+    process, bus = join(*options)
     for wire in iter(lambda: bus.recv(100), b""):
         bus.send(wire)
     result = finished(tmp_path, process)
-    bus.close()
     assert [(f.id, f.data) for f in read_log(result.log)] == [(f.id, f.data) for f in alone]
 
 
@@ -114,15 +112,14 @@ LOOKS = [  # numbers of the nodes, options, with a log, filtered
 
 
 @pytest.mark.parametrize("role", KINDS)
-def test_the_kernel_filters_by_the_identifiers_of_the_role(tmp_path, planted, role):
+def test_the_kernel_filters_by_the_identifiers_of_the_role(tmp_path, join, role):
     """Without a filter if a log or the bus load needs every frame, and in virtual time."""
     for numbers, options, log, filtered in LOOKS:
         words = ("--role", role, "--nodes", len(numbers), "--seconds", "0.02", *options)
         words += ("--set", f"friction.node={numbers[0]}")
-        process, bus = joined(tmp_path, planted, *words, log=log)
+        process, bus = join(*words, log=log)
         first = bus.recv(1000)
         finished(tmp_path, process)
-        bus.close()
         asked = sorted(struct.iter_unpack("=II", first))
         due = sorted((kind | number, 0x7FF) for kind in KINDS[role] for number in numbers)
         assert (asked == due) == filtered, (numbers, options, log)
@@ -134,24 +131,22 @@ REFUSALS += [("CAN_NONE", str(n)) for n in (errno.EPERM, errno.EACCES, errno.EAF
 
 
 @pytest.mark.parametrize(("what", "number"), REFUSALS)
-def test_an_error_of_the_kernel_is_reported(tmp_path, planted, monkeypatch, what, number):
+def test_an_error_of_the_kernel_is_reported(tmp_path, join, monkeypatch, what, number):
     monkeypatch.setenv(what, number)
-    process, bus = joined(tmp_path, planted, "--seconds", "0.01", log=False)
+    process, _ = join("--seconds", "0.01", log=False)
     result = finished(tmp_path, process)
-    bus.close()
     why = os.strerror(errno.EINVAL if what == "CAN_REFUSES" else int(number))
-    assert result.err.startswith(f"error: --bus socketcan:can0: {why}")
     hinted = (what, number) == ("CAN_REFUSES", FILTER) or number == str(errno.EAFNOSUPPORT)
-    assert (result.code, result.summary, "(" in result.err) == (1, {}, hinted)
+    assert result.error(1).startswith(f"--bus socketcan:can0: {why}")
+    assert (result.summary, "(" in result.err) == ({}, hinted)
 
 
-def test_extended_and_short_frames_are_sent(tmp_path, planted):
+def test_extended_and_short_frames_are_sent(tmp_path, join):
     words = [f"faults.{kind}=0.3" for kind in ("extended", "length")]
     sets = setting(*words, "friction.max_step=2000")
-    process, bus = joined(tmp_path, planted, "--role", "encoder", "--seconds", "0.1", *sets)
+    process, bus = join("--role", "encoder", "--seconds", "0.1", *sets)
     sent = list(iter(lambda: bus.recv(100), b""))
     injected = finished(tmp_path, process).summary["faults"]["injected"]
-    bus.close()
     forms = Counter(struct.unpack("=IB", wire[:5]) for wire in sent)
     short = {form: number for form, number in forms.items() if form[1] < 8}
     assert {identifier for identifier, _ in short} == {0x100} and len(short) > 4
@@ -159,36 +154,33 @@ def test_extended_and_short_frames_are_sent(tmp_path, planted):
     assert forms[EXTENDED | 0x100, 8] == injected["extended"] > 10
 
 
-def test_a_full_queue_is_retried_then_the_frame_is_dropped(tmp_path, planted):
+def test_a_full_queue_is_retried_then_the_frame_is_dropped(tmp_path, join):
     """No node acknowledges. The ticks go on."""
-    process, bus = joined(tmp_path, planted, "--role", "encoder", "--seconds", "0.3")
+    process, _ = join("--role", "encoder", "--seconds", "0.3")
     result = finished(tmp_path, process)
-    bus.close()
     counts = result.summary["bus_counts"]
     assert result.summary["ticks"] == result.summary["frames_sent"] == 300
     assert 100 < counts["dropped"] == counts["send_failed"] < 300
     assert counts["retries"] == 5 * counts["dropped"]
 
 
-@pytest.mark.parametrize(
-    ("error", "gone"),
-    [(errno.ENETDOWN, True), (errno.ENODEV, True), (errno.EAGAIN, False), (errno.ENOBUFS, False)],
-)
-def test_a_listener_sees_the_interface_go_down(tmp_path, planted, monkeypatch, error, gone):
+RECEIVE = [(errno.ENETDOWN, 1), (errno.ENODEV, 1), (errno.EAGAIN, 0), (errno.ENOBUFS, 0)]
+
+
+@pytest.mark.parametrize(("error", "gone"), RECEIVE)
+def test_a_listener_sees_the_interface_go_down(tmp_path, join, monkeypatch, error, gone):
     """A temporary error does not end the run."""
     monkeypatch.setenv("CAN_RECEIVE_FAILS", str(error))
-    process, bus = joined(tmp_path, planted, "--role", "node", "--seconds", "0.2")
+    process, _ = join("--role", "node", "--seconds", "0.2")
     result = finished(tmp_path, process)
-    bus.close()
     assert (result.code, result.err.count("\n")) == (gone, gone)
     assert (result.summary["ticks"] < 200) == gone
 
 
-def test_a_bus_that_goes_away_is_an_error(tmp_path, planted):
-    process, bus = joined(tmp_path, planted, "--role", "encoder")
+def test_a_bus_that_goes_away_is_an_error(tmp_path, join):
+    process, bus = join("--role", "encoder")
     bus.recv(100)
     bus.close()
     result = finished(tmp_path, process)
-    assert result.code == 1
-    assert result.err.startswith("error: --bus socketcan:can0: ")
-    assert f" {result.summary['ticks']} " in result.err
+    error = result.error(1)
+    assert error.startswith("--bus socketcan:can0: ") and f" {result.summary['ticks']} " in error

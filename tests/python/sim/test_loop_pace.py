@@ -11,12 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from loop_tools import SCENES, Run, command, finished, read_log
+from loop_tools import SCENES, Run, command, finished, read_log, spawn
 
 STEERING = SCENES / "steering.ini"
 TICK = 1e-3  # s
-
-
 CLOCK = """
 #include <stdlib.h>
 #include <time.h>
@@ -56,20 +54,12 @@ def clock(tmp_path_factory) -> Path:
 def timed(folder: Path, clock: Path, stall: float, *options: str) -> Run:
     planted = {"LD_PRELOAD": str(clock), "STALL_AT": "500000000", "STALL": str(int(stall * 1e9))}
     folder.mkdir(exist_ok=True)
-    process = subprocess.Popen(
-        command(folder, STEERING, *options),
-        env={**os.environ, **planted},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    return finished(folder, process)
+    words = command(folder, STEERING, *options)
+    return finished(folder, spawn(words, env={**os.environ, **planted}))
 
 
 def due_times(stall: float, ticks: int) -> tuple[np.ndarray, np.ndarray]:
-    """Time and delay of each tick: at least 3/4 ms after the previous one, no catching up beyond 1
-    s.
-    """
+    """Time and delay of each tick: 3/4 ms or more after the last one, no catching up beyond 1 s."""
     times, late, due, soonest, begins = [], [], 0.0, 0.0, 0.5
     for _ in range(ticks):
         now = max(due, soonest)
@@ -89,7 +79,7 @@ def test_ticks_keep_1_ms_and_catch_up_a_third_faster_after_a_stall(tmp_path, clo
     summary = result.summary
     assert len(times) == summary["ticks"] == seconds * 1000
     due, late = due_times(stall, len(times))
-    assert np.abs(times - times[0] - due).max() < 2e-3
+    assert np.abs(times - times[0] - due).max() < (2e-3 if 0 < stall < 1 else 2e-4)
     gaps = np.diff(times)
     assert gaps.min() > 0.73 * TICK and np.sort(gaps)[-2] < 1.02 * TICK
     assert summary["beat_late_us"]["max"] == pytest.approx(1e6 * late.max(), rel=0.01, abs=20)
@@ -101,13 +91,11 @@ def test_ticks_keep_1_ms_and_catch_up_a_third_faster_after_a_stall(tmp_path, clo
     assert summary["realtime_factor"] == pytest.approx(seconds / (due[-1] + TICK), rel=0.01)
 
 
-@pytest.mark.parametrize(
-    ("words", "misses"), [(("--role", "node"), 1), (("--role", "node", "--lockstep"), 0)]
-)
+@pytest.mark.parametrize(("words", "misses"), [((), 1), (("--lockstep",), 0)])
 def test_a_late_tick_of_a_node_misses_its_deadline(tmp_path, clock, words, misses):
     """Not in lockstep, which may wait for an angle."""
-    told = timed(tmp_path, clock, 3, "--seconds", "1", *words).summary
-    assert (told["deadline_misses"], told["beat_late_us"]["max"] > 2.9e6) == (misses, True)
+    summary = timed(tmp_path, clock, 3, "--role", "node", "--seconds", "1", *words).summary
+    assert (summary["deadline_misses"], summary["beat_late_us"]["max"] > 2.9e6) == (misses, True)
 
 
 def test_a_run_waits_1_s_for_the_last_answers(tmp_path, clock):

@@ -16,6 +16,7 @@ from test_scene_errors import beyond
 pytestmark = pytest.mark.usefixtures("library")
 
 PLAN = dahl.Plan(100, 0.5, 1e-3)
+FRICTION = "sigma0 = 100\nFc = 0.5\ntheta_per_count = 1e-3\n"
 
 
 def test_keys_for_plots_are_those_that_are_read():
@@ -41,6 +42,21 @@ def test_the_period_is_the_cycle_time_of_the_bus():
     assert cycle_ms * 1000 == timing.period_us()
 
 
+SUMS = [  # keys of [friction], sigma0 and Fc at a torque ratio of 1
+    ("sigma0 = 3\nFc = 2", (3, 2)),
+    ("model = slip\nsigma0 = 3 4\nFc = 1 2", (7, 3)),
+    ("model = asymmetric\nsigma0 = 5\nFc = 1 2", (5, 2)),
+]
+
+
+@pytest.mark.parametrize(("keys", "due"), SUMS)
+def test_a_scene_sums_its_elements_or_has_the_larger_direction(tmp_path, keys, due):
+    path = tmp_path / "own.ini"
+    path.write_text(f"[friction]\n{keys}\ntheta_per_count = 1e-3\n")
+    found = scene.read(path)
+    assert (found.sigma0, found.Fc) == due
+
+
 NODE_KEYS = [("friction", name) for name in scene.NODE_KEYS] + [("status", "period_ms")]
 
 
@@ -50,15 +66,15 @@ def test_a_scene_has_the_limits_of_a_node(tmp_path, section, name):
     key, path = scene_keys.keys()[section, name], tmp_path / "own.ini"
 
     def read(value: object) -> scene.Scene:
-        text = "[friction]\nsigma0 = 100\nFc = 0.5\ntheta_per_count = 1e-3\n"
-        text += f"[{section}]\n" * (section != "friction") + f"{name} = {value}\n"
-        path.write_text(text)
+        sections = {"friction": FRICTION, section: FRICTION * (section == "friction")}
+        sections[section] += f"{name} = {value}\n"
+        path.write_text("".join(f"[{title}]\n{text}" for title, text in sections.items()))
         return scene.read(path)
 
-    for value in (key.low, key.high):
-        scene.element(read(f"{value:.17g}"))
-        dahl.Node(PLAN, **scene.settings(read(f"{value:.17g}")))
     low, high = beyond(key)
+    for value in (f"{key.low:.17g}", f"{key.high:.17g}"):
+        scene.element(read(value))
+        dahl.Node(PLAN, **scene.settings(read(value)))
     with pytest.raises(dahl.Error):
         dahl.Node(PLAN, **scene.settings(read(high)))
     for value in (low, high, "nan", "-inf", *["1.5"] * (key.type == "WHOLE")):
