@@ -11,7 +11,6 @@ import math
 import re
 import runpy
 import struct
-import subprocess
 import sys
 from pathlib import Path
 
@@ -20,21 +19,19 @@ import dahl
 import numpy as np
 import pytest
 from dahl.binding import plan_header
+from programs import run, shared_object
 from sources import CORE, LIB
 
 pytestmark = pytest.mark.usefixtures("library")
 
 COMPENSATOR = sorted((LIB / "compensator").glob("*.c"))
-STRICT = ["-std=c11", "-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Werror", "-O1"]
 FC_LOW, LENGTH_LONG = 0.45, 0.0055  # N m, rad
 MOVES = np.rint(6 * np.sin(np.arange(1000) / 60)).astype(int)  # counts: at most 2.3 rad/s
 
 
 def compiled(root: Path, folder: Path, *words: object) -> ctypes.CDLL:
-    flags = [*STRICT, "-shared", "-fPIC", f"-I{root}/lib/include", f"-I{folder}"]
-    command = ["gcc", *flags, *words, *CORE, *COMPENSATOR, "-o", folder / "made.so"]
-    subprocess.run([str(word) for word in command], check=True)
-    return ctypes.CDLL(str(folder / "made.so"))
+    includes = [f"-I{root}/lib/include", f"-I{folder}"]
+    return shared_object(folder, *includes, *words, *CORE, *COMPENSATOR)
 
 
 def test_the_page_has_the_bits_of_python(root: Path, tmp_path: Path) -> None:
@@ -143,8 +140,8 @@ def foc(root: Path, tmp_path: Path) -> ctypes.CDLL:
     compiled(root, tmp_path)
     words = ["g++", "-std=c++11", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-shared", "-fPIC"]
     words += [f"-I{root}/lib/include", f"-I{mock}", f"-I{root}/examples/simplefoc"]
-    words += [str(mock / "motor.cpp"), str(tmp_path / "made.so"), f"-Wl,-rpath,{tmp_path}"]
-    subprocess.run([*words, "-o", str(tmp_path / "foc.so")], check=True)
+    words += [mock / "motor.cpp", tmp_path / "made.so", f"-Wl,-rpath,{tmp_path}"]
+    run(*words, "-o", tmp_path / "foc.so")
     lib = ctypes.CDLL(str(tmp_path / "foc.so"))
     lib.motor_loop.restype = ctypes.c_float
     return lib

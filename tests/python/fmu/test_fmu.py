@@ -61,8 +61,13 @@ def test_by_counts_the_torques_have_the_bits_of_the_python_class(export, model):
     assert abs(one.get("ratio")) == 1 or model.name == "loaded"
 
 
+UNITS = {"angle": "rad", "theta_per_count": "rad", "sigma0": "N.m/rad", "Fc": "N.m", "time": "s"}
+UNITS |= {"torque": "N.m"}
+
+
 @EVERY
-def test_each_parameter_has_its_start_value_under_its_name(export, model):
+def test_each_variable_has_its_unit_and_each_parameter_its_start_value(export, model):
+    """In the description, which tools show, and in the instance."""
     one, found = Instance(export(model)), {}
     for name, values in zip(("sigma0", "Fc"), numbers(model), strict=True):
         names = [name] if len(values) == 1 else [f"{name}[{k}]" for k in range(len(values))]
@@ -70,6 +75,11 @@ def test_each_parameter_has_its_start_value_under_its_name(export, model):
             names = ["Fc_forward", "Fc_backward"]
         found |= dict(zip(names, values, strict=True))
     assert {name: one.get(name) for name in found} == pytest.approx(found)
+    for row in one.xml.find("ModelVariables"):
+        name, number = row.get("name"), row.attrib | (row[0].attrib if one.fmi == 2 else {})
+        assert number.get("unit", "") == UNITS.get(re.match("Fc|sigma0|.*", name)[0], "")
+        is_given = row.get("causality") in ("parameter", "input")
+        assert (float(number["start"]) if is_given else one.get(name)) == one.get(name)
 
 
 @pytest.mark.parametrize("words", [(), ("--fixed-stiffness",)])
