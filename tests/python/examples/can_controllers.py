@@ -123,6 +123,8 @@ class Controller:
 
     def request(self, buffer: int, message: can.Message) -> None:
         self.check_mask("a transmit buffer is filled")
+        if any(buffer == other for other, _ in self.pending):
+            self.faults.append(f"transmit buffer {buffer} is filled while it waits")
         self.pending.append((buffer, message))
 
     def next_pending(self) -> int:
@@ -561,7 +563,7 @@ class Driver(Controller):
             return self.off_code
         if len(self.pending) == self.capacity:
             return self.full_code
-        self.request(0, standard(identifier, length, bytes(data)))
+        self.pending.append((0, standard(identifier, length, bytes(data))))
         self.settle()
         return 0
 
