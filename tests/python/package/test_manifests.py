@@ -11,7 +11,6 @@ from pathlib import Path
 
 import cantools
 import dahl
-import pytest
 import yaml
 from conftest import ROOT
 

@@ -111,7 +111,7 @@ def test_an_environment_that_fails_is_an_error_each_time(bare, failing, tries):
 
 
 PINS = ("not.here==9 ; python_version < '3'", "Kept.One==1.0", "gone==2")
-SITES = {  # changes of a site with dahl and kept_one, of which one file has 3 bytes: what is printed
+SITES = {  # change of a site that has all packages, and a file of 3 bytes: code and output
     "": (0, ""),
     "rm -r dahl-0.2.dist-info": (3, "missing: dahl\n"),
     "mv kept_one-1.0.dist-info kept_one-1.1.dist-info": (3, "missing: kept-one 1.0\n"),

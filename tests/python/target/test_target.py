@@ -55,7 +55,8 @@ def test_the_c_tests_pass_on_each_core(core: str, tmp_path: Path) -> None:
     folder, junit = build(core, "all"), tmp_path / "ctest.xml"
     words = ["--test-dir", folder, "-L", "target", "-j2", "--output-on-failure"]
     run("ctest", *words, "--output-junit", junit)
-    status = {one.get("name"): one.get("status") for one in ElementTree.parse(junit).iter("testcase")}
+    cases = ElementTree.parse(junit).iter("testcase")
+    status = {case.get("name"): case.get("status") for case in cases}
     on_arm = {"test_cores"} if core == "m0" else {"test_cores", "change_parameters"}
     assert status.keys() >= EVERYWHERE | (on_arm if core in ARM else set())
     assert set(status.values()) == {"run"}
