@@ -184,6 +184,7 @@ def odrive_angle(turns: float) -> can.Message:
 
 def odrive_torque(message: can.Message) -> float:
     assert message.arbitration_id == 0x06E and len(message.data) == 4
+    assert not message.is_extended_id and not message.is_fd
     return struct.unpack("<f", message.data)[0]
 
 
@@ -194,7 +195,8 @@ def moteus_angle(turns: float) -> can.Message:
 
 def moteus_torque(message: can.Message) -> float:
     """Read the subframes of a frame: writes of registers by type, then the query."""
-    assert message.arbitration_id == 0x8003 and message.is_fd and len(message.data) == 32
+    assert message.arbitration_id == 0x8003 and len(message.data) == 32
+    assert message.is_extended_id and message.is_fd
     assert message.data[:3] == b"\x01\x00\x0a"  # write one int8 from register 0: position mode
     assert message.data[3:6] == b"\x0c\x05\x20"  # write five floats from register 0x20
     position, *velocity_to_kd = struct.unpack_from("<5f", message.data, 6)

@@ -9,6 +9,8 @@ import contextlib
 import itertools
 import json
 import random
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -20,7 +22,7 @@ from conftest import ROOT, need
 from dahl import codec, node
 from dahl.codec import EncoderState, Param, ParamWrite, State, Write
 from dahl.sim import firmware  # no public name starts QEMU with a page of parameters
-from loop_tools import message_of, read_log, run
+from loop_tools import is_running, message_of, read_log, run, wait_until
 
 pytestmark = [pytest.mark.checks, pytest.mark.usefixtures("library")]
 
@@ -142,6 +144,20 @@ def test_wrong_parameters_in_flash_leave_a_node_that_sends_nothing(start) -> Non
     bus.serialPortOrig.timeout = PATIENT_S
     bus.serialPortOrig.write(b"V\r")
     assert b"t" not in bus.serialPortOrig.read_until(b"V")
+
+
+START_CHILD = """import subprocess, time
+from dahl.sim.firmware import with_parent
+print(subprocess.Popen([*with_parent(), "sleep", "600"]).pid, flush=True)
+time.sleep(600)"""
+
+
+def test_a_program_ends_with_its_parent_even_if_that_is_killed() -> None:
+    words = [sys.executable, "-c", START_CHILD]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as parent:
+        child = int(parent.stdout.readline())
+        parent.kill()
+    wait_until(lambda: not is_running(child))
 
 
 # --- tools/demo.sh --target ----------------------------------------------------------------------
