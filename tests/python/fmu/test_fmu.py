@@ -222,13 +222,14 @@ def test_an_error_is_one_line_and_changes_nothing(export, is_ready):
 MODES = [["enter"], ["leave"], ["do_step", "Terminate"], []]  # calls that each mode allows
 
 
-def test_each_mode_allows_its_calls_and_reset_leads_to_the_first(export):
+def test_each_mode_allows_its_calls_and_can_be_saved(export):
     one = Instance(export(DAHL))
     calls = {"enter": one.enter, "leave": one.leave, "do_step": partial(one.do_step, 1e-3)}
     calls["Terminate"] = partial(one.call, "Terminate")
     for allowed in MODES + MODES:
         assert {name for name in calls.keys() - allowed if calls[name]() == OK} == set()
         assert [name for name in allowed if calls[name]() == OK] == allowed
+        assert one.restore(one.save()) == OK
         assert allowed or one.call("Reset") == OK
 
 

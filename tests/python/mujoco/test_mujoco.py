@@ -258,10 +258,18 @@ def resident_kib() -> int:
     return int(re.search(r"VmRSS:\s+(\d+) kB", status)[1])
 
 
-def test_a_rejected_model_leaves_no_memory_behind() -> None:
+@pytest.mark.parametrize(
+    "keys", [{"full": 1e-9}, {"full": 1e12, "rest": 1}, {"full": 1, "rest": 0}]
+)
+def test_limits_are_accepted_and_rest_need_not_be_given(keys) -> None:
+    made({"of a": SEVERAL["of a"] | {"model": "loaded"} | keys})
+
+
+def test_a_rejected_model_and_an_accepted_one_leave_no_memory_behind() -> None:
     sizes = []
     for _ in range(4):
         for _ in range(250):
+            made({"of a": SEVERAL["of a"]})
             with pytest.raises(ValueError, match="Fc = -1"):
                 made({"of a": SEVERAL["of a"] | {"Fc": -1}})
         sizes.append(resident_kib())
