@@ -60,8 +60,8 @@ def test_the_page_has_the_bits_of_python(root: Path, tmp_path: Path) -> None:
 
 # --- stm32_current_loop ---------------------------------------------------------------------------
 
-CNT, SMCR, ARR, CCR1 = 9, 2, 11, 13  # words of a timer
-JDR1 = 15  # word of the ADC
+CR1, SMCR, CCMR1, CNT, ARR, CCR1 = 0, 2, 6, 9, 11, 13  # words of a timer
+SR, JDR1 = 0, 15  # words of the ADC
 PWM_PERIOD, VOLT, OHM, HENRY, TICK_S = 8400, 24.0, 1.0, 1e-3, 1e-4
 AMPERE_PER_LSB = 3.3 / 4096 / 0.1
 STM32 = Path("examples/stm32_current_loop")
@@ -79,7 +79,7 @@ class Motor:
         words = ctypes.c_uint32 * 14
         self.tim1, self.tim3 = (words.in_dll(self.lib, name) for name in ("tim1", "tim3"))
         self.adc = (ctypes.c_uint32 * 16).in_dll(self.lib, "adc1")
-        self.current = 0.0  # A
+        self.current, self.is_open = 0.0, False  # A; whether the winding is open
 
     def value(self, name: str) -> ctypes.c_float:
         return ctypes.c_float.in_dll(self.lib, name)
@@ -90,9 +90,12 @@ class Motor:
         for _ in range(ticks):
             self.tim3[CNT] = (self.tim3[CNT] + counts) % 65536
             self.adc[JDR1] = round(2048 + self.current / AMPERE_PER_LSB)
+            self.adc[SR] = 0b1110  # a bit that is written 0 ends its interrupt
             self.lib.ADC_IRQHandler()
+            assert self.adc[SR] & 0b1110 == 0b1010 and self.tim1[CCR1] <= PWM_PERIOD
             volt = VOLT * (2 * self.tim1[CCR1] / PWM_PERIOD - 1)
             self.current += (volt - OHM * self.current) / HENRY * TICK_S
+            self.current *= not self.is_open
             added.append(self.value("compensation").value)
         return added
 
@@ -102,7 +105,8 @@ def test_the_current_loop_adds_the_current_of_the_friction(root: Path, tmp_path:
     motor = Motor(root, tmp_path)
     motor.tim3[CNT] = 65500
     assert motor.lib.current_loop_init() == 0
-    assert (motor.tim3[SMCR], motor.tim3[ARR]) == (3, 65535)
+    started = {CR1: 1, SMCR: 3, CCMR1: 0x0101, ARR: 65535, CNT: 65500}
+    assert {word: value for word, value in enumerate(motor.tim3) if value} == started
     low, long = float(np.float32(0.045)), float(np.float32(0.0055))
     plan = dahl.Plan(float(np.float32(low) / np.float32(long)), low, 2 * math.pi / 16384)
     compensator = dahl.Compensator(
@@ -125,6 +129,9 @@ def test_the_current_loop_adds_the_current_of_the_friction(root: Path, tmp_path:
     motor.value("torque_command").value = 10.0
     motor.run(300, -1)
     assert motor.current == pytest.approx(4.0, abs=0.02)
+    motor.is_open = True  # the integral must not grow without limit
+    motor.run(2000, -1)
+    motor.is_open = False
     ctypes.c_int.in_dll(motor.lib, "encoder_is_good").value = 0
     motor.value("torque_command").value = 0.0
     motor.run(300, -1)
