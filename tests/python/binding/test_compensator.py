@@ -119,7 +119,7 @@ def test_the_adaptation_has_the_bits_of_the_c_calls() -> None:
         motor_q24 = 1 - 2**31 if is_beyond else ratio_q24
         c.dahl_adaptation_step(plan, state, added_state, motor_q24)
         assert one.Fc_estimate == 0.5 * (1 + state.Fc_change_q16 / 2**16)
-    assert one.Fc_estimate > 0.55
+    assert one.Fc_estimate > 0.55 and 0 not in one.terms.values()
     assert one.terms == {
         "friction": state.ratio_q30 / 2**30 * 0.5,
         "speed": state.speed_q20 / 2**20,
@@ -140,6 +140,7 @@ REFUSED: list[tuple[Callable[..., Any], dict[str, Any], tuple[str, ...]]] = [
     (compensator, {"jump": 2**29, "fade_speed": 1e4}, ("jump = 536870912 ", "500 times the 26315")),
     (compensator, {"gain": 1.5}, ("gain = 1.5 ", "<= 1")),
     (compensator, {"Fc_low": 0.0}, ("Fc_low = 0 is outside 2^-64", "reference = False")),
+    (compensator, {"length_long": -1.0, "reference": True}, ("= -1 is outside 0, or 2^-64",)),
     (compensator, {"slew": 0.0}, ("slew = 0 ", "N m/s")),
     (compensator, {"period": -1.0}, ("period = -1 ", "(s)")),
     (compensator, {"reference": 1}, ("reference = 1",)),
