@@ -89,7 +89,8 @@ def test_no_double_load_overwrites_its_address_first() -> None:
 def emulate(image: Path, code: int) -> str:
     words = ["-nographic", "-monitor", "none", "-serial", "none"]
     words += ["-semihosting-config", "enable=on,target=native", "-kernel", image]
-    return run("qemu-system-arm", "-M", "mps2-an385", *words, code=code, timeout=60)
+    command = ["sh", "-c", '"$@" 1>&2', "sh", "qemu-system-arm", "-M", "mps2-an385", *words]
+    return run(*command, code=code, timeout=60)
 
 
 def link(core: str, board: str, main: Path, code: int = 0) -> str:
