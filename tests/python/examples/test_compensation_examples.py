@@ -236,6 +236,16 @@ def test_the_host_needs_a_known_drive_and_a_bus(words, asked, start, root, monke
     assert given == ({"interface": "socketcan"} | asked if asked else {})
 
 
+def torques_of_moves(moves: list[int], period: float) -> np.ndarray:
+    plan = dahl.Plan(0.045 / 0.0055, 0.045, 2 * math.pi / 16384)
+    compensator = dahl.Compensator(
+        *(plan.sigma0, 0.045, plan.theta_per_count),
+        **{"Fc_low": 0.045, "length_long": 0.0055, "limit": LIMIT, "slew": 50.0, "rise": 0.5},
+        **{"period": period, "fall": 0.02, "noise": 1, "play": 4},
+    )
+    return compensator.run_log(dahl.Friction(plan), moves)
+
+
 @pytest.mark.parametrize("name", ["ODrive", "Moteus"])
 def test_a_host_feeds_newton_metres_forward(
     name: str, root: Path, monkeypatch: pytest.MonkeyPatch
@@ -264,15 +274,18 @@ def test_a_host_feeds_newton_metres_forward(
                 assert found[-1] == pytest.approx(returned, abs=1e-9)
             return found
 
-        forward = torques(range(0, 1200, 3))
-        assert forward[0] == 0 and forward[-1] == pytest.approx(LIMIT, rel=1e-5)
-        assert max(map(abs, forward)) <= LIMIT * (1 + 1e-6)
-        assert torques(range(1200, 600, -3))[-1] == pytest.approx(-LIMIT, rel=1e-5)
+        found = torques(range(0, 1200, 3)) + torques(range(1200, 600, -3))
+        due = torques_of_moves([0] + 400 * [3] + 199 * [-3], module.PERIOD_S)
+        assert found == pytest.approx(due, abs=1e-9)
+        assert (max(found), found[-1]) == pytest.approx((LIMIT, -LIMIT), rel=1e-5)
         for count in (math.nan, 603, 1e38, 603, 603):  # no number; a jump there and back
             drive.send(angle(count / 16384))
             assert feed.tick(host) == pytest.approx(-LIMIT, rel=1e-5)
         cut = angle(0.0)
         cut.data, cut.dlc = cut.data[:2], 2
         drive.send(cut)
-        silent = [feed.tick(host) for _ in range(15)]
-        assert silent[1] == pytest.approx(-LIMIT, rel=1e-5) and silent[-1] == 0
+        silent = [feed.tick(host) for _ in range(15)]  # the first two do not fade
+        fades = [max(0.0, 1 - tick * module.PERIOD_S / 0.02) for tick in range(-1, 14)]
+        assert silent == pytest.approx(
+            [-min(LIMIT, 0.9 * 0.045 * fade) for fade in fades], abs=1e-4
+        )
