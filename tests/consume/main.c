@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* A user's program: print the torque in N m after 100 counts of a 14-bit encoder. */
+/* A user's program, compiled as C and as C++: print the torque in N m after 100 counts of a 14-bit encoder. */
 #include <dahl.h>
 #include <dahl_encoder.h>
 #include <all_calls.h>

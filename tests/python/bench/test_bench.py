@@ -11,6 +11,7 @@ import re
 import shutil
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -109,10 +110,25 @@ def test_a_core_is_within_its_budgets(bench: Bench, name: str) -> None:
     assert not least or core["newlib_expm1f"] >= least * core["one_count_q30"]
 
 
-def test_ratios_are_geometric_means_over_the_plain_loop(monkeypatch) -> None:
+@pytest.fixture
+def results(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.syspath_prepend(str(BENCH))
-    import results
+    return import_module("results")
 
+
+RIVALS = {"both": (9.0, 0.5), "dearer": (11.0, 0.1), "worse": (1.0, 2.0), "equal": (10.0, 1.0)}
+
+
+def test_a_rival_that_is_cheaper_and_better_is_found_by_its_motion(results) -> None:
+    """Each has a cost and an error."""
+    points = [results.Point("ours", "", True, {"a": 10.0, "b": 1.0}, {"a": 1.0, "b": 1.0})]
+    for key, (cost, error) in RIVALS.items():
+        points.append(results.Point(key, "", False, {"a": cost, "b": 2.0}, {"a": error, "b": 0.1}))
+    found = results.find_dominated(points, "m0")
+    assert found == [{"core": "m0", "motion": "a", "ours": "ours", "rival": "both"}]
+
+
+def test_ratios_are_geometric_means_over_the_plain_loop(results) -> None:
     names = "batch_counts batch_counts_16 batch_counts_16_apart throughput_angle throughput_counts"
     names += " throughput_counts_16 throughput_counts_16_apart throughput_angle_16 copy"
     plain = dict.fromkeys(names.split(), 8.0) | {"expm1f": 8.0}

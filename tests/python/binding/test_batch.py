@@ -5,7 +5,6 @@ C reads and writes.
 
 from __future__ import annotations
 
-import subprocess
 import threading
 
 import dahl
@@ -14,6 +13,7 @@ import pytest
 from conftest import need
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from programs import run
 from sources import with_main
 from strategies import STEPS, parameters
 
@@ -145,6 +145,5 @@ def test_the_c_tests_of_batches_pass_with_other_compilers_and_flags(command, roo
     words = [need(compiler, "batches by other compilers"), *flags, "-std=c99", *includes]
     words += ["-DUNITY_INCLUDE_DOUBLE", "-DTEST_TICKS=20000", "-lm", "-o", program]
     files = [with_main(root / "tests/lib/test_batch.c", tmp_path), unity / "unity.c"]
-    subprocess.run([*words, *files, *sorted((root / "lib").glob("*/*.c")), "-lm"], check=True)
-    done = subprocess.run([program], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
+    run(*words, *files, *sorted((root / "lib").glob("*/*.c")), "-lm")
+    run(program)

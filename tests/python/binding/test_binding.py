@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 from conftest import built
 from dahl.binding.library import c
+from programs import run
 
 HERE = Path(__file__).parent
 MOVES = """
@@ -35,19 +35,15 @@ for kind in KINDS.values():
 def test_each_public_function_is_declared(root: Path) -> None:
     headers = "".join(path.read_text() for path in (root / "lib/include").glob("*.h"))
     code = re.sub(r"/\*.*?\*/", "", headers, flags=re.S)
-    symbols = ["nm", "-D", "--defined-only", built("lib", "libdahl.so")]
-    done = subprocess.run(symbols, capture_output=True, text=True, check=True)
-    exported = set(re.findall(r" T (dahl_\w+)", done.stdout))
+    symbols = run("nm", "-D", "--defined-only", built("lib", "libdahl.so"))
+    exported = set(re.findall(r" T (dahl_\w+)", symbols))
     public = exported & set(re.findall(r"\b(dahl_\w+)\(", code))
     assert len(public) > 70
     assert [name for name in public if not callable(getattr(c, name))] == []
 
 
 def test_the_compiled_module_and_libffi_give_equal_results() -> None:
-    outputs = []
-    for way in ("module", "libffi"):
-        words = [sys.executable, "-c", MOVES, way, HERE, HERE.parent]
-        done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
-        assert done.returncode == 0, done.stderr
-        outputs.append(done.stdout)
-    assert outputs[0] == outputs[1] and len(outputs[0].splitlines()) > 40
+    by_module, by_libffi = (
+        run(sys.executable, "-c", MOVES, way, HERE, HERE.parent) for way in ("module", "libffi")
+    )
+    assert by_module == by_libffi and len(by_module.splitlines()) > 40

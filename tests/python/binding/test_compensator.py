@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""dahl.Compensator: the bits of C on a log, each term of a tick, and refusals with their limits."""
+"""dahl.Compensator and dahl.Adaptation: the bits of the C calls on a log, units of their terms, and
+refusals with their limits.
+"""
 
 from __future__ import annotations
 
@@ -10,136 +12,221 @@ from typing import Any
 import dahl
 import numpy as np
 import pytest
+from dahl.binding.library import c
 
 pytestmark = pytest.mark.usefixtures("library")
 
 THETA = 3.8e-4
-GIVEN: dict[str, Any] = {"Fc_low": 0.5, "length_long": 0.005, "gain": 1.0, "limit": 1.0}
-GIVEN |= {"slew": 50.0, "period": 1e-3, "noise": 1, "play": 2, "jump": 500}
+FRICTION = {"sigma0": 100.0, "Fc": 0.5, "theta_per_count": THETA}
+VALUES = {"Fc_low": 0.45, "length_long": 4e-3, "gain": 0.75, "limit": 0.3, "slew": 50.0}
+VALUES |= {"period": 1e-3, "rise": 0.08, "fall": 0.04, "fade_speed": 1.5, "pull": 0.3}
+COUNTS = {"noise": 1, "play": 2, "jump": 500}
+INERTIA = 2e-3
 ELEMENTS: dict[str, Callable[[], Any]] = {
-    "dahl": lambda: dahl.Friction(dahl.Plan(100.0, 0.5, THETA)),
+    "dahl": lambda: dahl.Friction(dahl.Plan(**FRICTION)),
     "slip": lambda: dahl.Slip([60.0, 40.0], [0.3, 0.2], THETA),
     "mix": lambda: dahl.Parallel(dahl.Slip([50.0], [0.25], THETA), ELEMENTS["dahl"]()),
     "asymmetric": lambda: dahl.Asymmetric(100.0, 0.5, 0.4, THETA),
     "elastoplastic": lambda: dahl.ElastoPlastic(100.0, 0.5, THETA, 0.6),
 }
-MOVES = np.cumsum(np.random.default_rng(3).integers(-3, 4, 400)).clip(-200, 200)
 
 
 def compensator(**changed: Any) -> dahl.Compensator:
-    return dahl.Compensator(100.0, 0.5, THETA, **(GIVEN | changed))
+    return dahl.Compensator(**(FRICTION | VALUES | COUNTS | changed))
+
+
+def adaptation(**changed: Any) -> dahl.Adaptation:
+    return dahl.Adaptation(**(FRICTION | {"inertia": INERTIA, "period": 1e-3} | changed))
+
+
+def params_of_c(reference: bool) -> Any:
+    law = c.DAHL_COMPENSATOR_REFERENCE if reference else c.DAHL_COMPENSATOR_MEASURED
+    values = {"friction": FRICTION, "law": law, **VALUES, **COUNTS}
+    return c.new("dahl_compensator_params_t *", values)
+
+
+def compensator_of_c(reference: bool) -> tuple[Any, Any]:
+    """Return plan and state."""
+    plan = c.new("dahl_compensator_plan_t *")
+    assert c.dahl_compensator_prepare(plan, params_of_c(reference)) == c.DAHL_COMPENSATOR_OK
+    return plan, c.new("dahl_compensator_t *")
+
+
+def terms_of_c(state: Any) -> dict[str, float]:
+    counts = ("move", "play_position", "bad_ticks", "rejected")
+    return {
+        **{name: getattr(state, name) for name in counts},
+        "speed": state.speed_q20 / 2**20 * VALUES["fade_speed"],
+        "fade": state.fade_q30 / 2**30,
+        "speed_fade": state.speed_fade_q15 / 2**15,
+        "friction": state.ratio_q30 / 2**30 * 0.5,
+        "wanted": state.wanted_q30 / 2**30 * 0.5,
+        "torque": state.torque_q30 / 2**30 * 0.5,
+    }
 
 
 @pytest.mark.parametrize("name", ELEMENTS)
 @pytest.mark.parametrize("reference", [False, True])
-def test_a_log_has_the_bits_of_single_ticks_with_any_element(name: str, reference: bool) -> None:
-    flags = np.arange(400) % 50 > 4
-    one, element = compensator(reference=reference), ELEMENTS[name]()
-    again, same = compensator(reference=reference), ELEMENTS[name]()
-    commands = MOVES[::-1] if reference else None
-    torques = one.run_log(element, MOVES, commands, flags)
-    for k, torque in enumerate(torques):
-        move = again.move(int(MOVES[k]), bool(flags[k]))
-        w = same.step_counts_q30(int(commands[k]) if reference else move)
-        assert again.torque(w) == torque == again.terms["torque"]
-        assert again.terms["friction"] == w * 2.0**-30 * 0.5
-    assert one == again and one.terms["rejected"] == 40
-    assert np.abs(np.diff(torques)).max() <= 50.0 * 1e-3 * (1 + 1e-6)
+def test_a_log_has_the_bits_of_the_c_calls_with_any_element(name: str, reference: bool) -> None:
+    """Its first part ends while the torque fades over speed, its second with bad readings."""
+    moves = np.rint(-10 * np.sin(np.arange(600) / 150)).astype(int)
+    flags = np.arange(600) % 50 < 45
+    commands = moves[::-1] if reference else None
+    one, element, same = compensator(reference=reference), ELEMENTS[name](), ELEMENTS[name]()
+    plan, state = compensator_of_c(reference)
+    for part, unused in (slice(555), "bad_ticks"), (slice(555, 600), "move"):
+        steps = commands[part] if reference else None
+        for k, torque in enumerate(one.run_log(element, moves[part], steps, flags[part])):
+            is_good = bool(flags[part][k])
+            move = c.dahl_compensator_move(plan, state, int(moves[part][k]), is_good)
+            w = same.step_counts_q30(int(steps[k]) if reference else move)
+            assert torque == c.dahl_compensator_torque(plan, state, w) / 2**30 * 0.5
+        assert one.terms == terms_of_c(state)
+        assert [term for term, value in one.terms.items() if value in (0, 1)] == [unused]
+    assert element == same and one.terms["rejected"] == 60
 
 
-def test_the_terms_of_a_tick_have_units() -> None:
-    one = compensator(fade_speed=4.0, rise=0.1)
-    for _ in range(50):  # 7.6 rad/s forward
-        one.torque_q30(2**30 if one.move(20) else 0)
-    terms = one.terms
-    assert terms["speed"] == pytest.approx(7.6, rel=0.02)
-    assert terms["fade"] == pytest.approx(0.5) and terms["speed_fade"] == pytest.approx(
-        0.1, abs=0.04
-    )
-    assert terms["wanted"] == pytest.approx(0.5 * terms["fade"] * terms["speed_fade"], abs=1e-3)
-
-
-def test_draw_closes_the_gap_of_two_states() -> None:
-    one, element, measured = (
-        compensator(pull=0.3, reference=True),
-        *(ELEMENTS["dahl"]() for _ in "ab"),
-    )
-    element.state.w = 2**62
+def test_draw_has_the_bits_of_c_and_needs_elements_with_a_state() -> None:
+    one, element, measured = compensator(reference=True), *(ELEMENTS["dahl"]() for _ in "ab")
+    element.state.w, measured.state.w = 2**62, 2**60
+    plan, _ = compensator_of_c(True)
+    w, target = (c.new("dahl_state_t *", [value]) for value in (2**62, 2**60))
     for _ in range(512):
         one.draw(element, measured)
-    assert element.state.w * 2.0**-62 == pytest.approx(np.exp(-1), rel=0.01)
-    with pytest.raises(dahl.Error, match="element = Slip"):
-        one.draw(ELEMENTS["slip"](), measured)  # type: ignore[arg-type]
+        c.dahl_compensator_pull(plan, w, target)
+    assert 2**60 < element.state.w == w.w < 2**62 and measured.state.w == target.w
+    for pair in ("element", (ELEMENTS["slip"](), measured)), ("measured", (element, dahl.Work)):
+        with pytest.raises(dahl.Error, match=f"^{pair[0]} = .* has no State"):
+            one.draw(*pair[1])
 
 
-@pytest.mark.parametrize(
-    ("changed", "words"),
-    [
-        ({"Fc_low": 0.49}, ("gain*Fc = 0.5 ", "Fc_low = 0.49")),
-        ({"length_long": 0.006}, ("Fc/sigma0 = 0.005 ", "length_long = 0.006")),
-        ({"play": 1}, ("play = 1 ", "2*noise = 2")),
-        ({"play": 0}, ("play = 0 ", "1")),
-        ({"jump": 0}, ("jump = 0 ", "1")),
-        ({"jump": 1000, "fade_speed": 0.3}, ("jump = 1000 ", "1000 times")),
-        ({"jump": 2**29, "fade_speed": 1e4}, ("jump = 536870912 ", "500 times the 26315.8")),
-        ({"gain": 1.5}, ("gain = 1.5 ", "<= 1")),
-        ({"Fc_low": 0.0}, ("Fc_low = 0 is outside 2^-64", "reference = False")),
-        ({"length_long": -1.0, "reference": True}, ("length_long = -1 is outside 0, or 2^-64",)),
-        ({"slew": 0.0}, ("slew = 0 ", "N m/s")),
-        ({"period": -1.0}, ("period = -1 ", "(s)")),
-        ({"reference": 1}, ("reference = 1",)),
-    ],
-)
-def test_a_bound_that_is_broken_is_named_with_its_value(
-    changed: dict[str, Any], words: tuple[str, ...]
-) -> None:
+def test_the_adaptation_has_the_bits_of_the_c_calls() -> None:
+    """Slides of half a second to and fro against 0.6 N m. Some torques are beyond int32."""
+    plan, state = c.new("dahl_adaptation_plan_t *"), c.new("dahl_adaptation_t *")
+    code = c.dahl_adaptation_prepare(plan, params_of_c(True), INERTIA)
+    assert code == c.DAHL_COMPENSATOR_OK
+    one, added = adaptation(), compensator(reference=True)
+    added_plan, added_state = compensator_of_c(True)
+    bearing, random = ELEMENTS["dahl"](), np.random.default_rng(5)
+    for tick in range(20_100):
+        move = 1 if tick % 1000 < 500 else -1
+        ratio_q24 = round(move * 1.2 * 2**24 * random.uniform(0.9, 1.1))
+        is_beyond, w = random.random() < 1e-3, bearing.step_counts_q30(move)
+        assert added.move(move) == c.dahl_compensator_move(added_plan, added_state, move, True)
+        assert one.apply_q30(w) == c.dahl_adaptation_apply(state, w)
+        assert added.torque_q30(w) == c.dahl_compensator_torque(added_plan, added_state, w)
+        one.step(added, -1e9 if is_beyond else ratio_q24 / 2**24 * 0.5)
+        motor_q24 = 1 - 2**31 if is_beyond else ratio_q24
+        c.dahl_adaptation_step(plan, state, added_state, motor_q24)
+        assert one.Fc_estimate == 0.5 * (1 + state.Fc_change_q16 / 2**16)
+    assert one.Fc_estimate > 0.55 and 0 not in one.terms.values()
+    assert one.terms == {
+        "friction": state.ratio_q30 / 2**30 * 0.5,
+        "speed": state.speed_q20 / 2**20,
+        **{name: getattr(state, name) for name in ("sliding_ticks", "age_ticks")},
+        **{f"samples_{way}": state.samples[k] for k, way in enumerate(("forward", "backward"))},
+    }
+
+
+# --- refusals -------------------------------------------------------------------------------------
+
+REFUSED: list[tuple[Callable[..., Any], dict[str, Any], tuple[str, ...]]] = [
+    (compensator, {"Fc_low": 0.37}, ("gain*Fc = 0.375 ", "Fc_low = 0.37")),
+    (compensator, {"length_long": 0.006}, ("Fc/sigma0 = 0.005 ", "length_long = 0.006")),
+    (compensator, {"play": 1}, ("play = 1 ", "2*noise = 2")),
+    (compensator, {"play": 0}, ("play = 0 ", "1")),
+    (compensator, {"jump": 0}, ("jump = 0 ", "1")),
+    (compensator, {"jump": 1000, "fade_speed": 0.3}, ("jump = 1000 ", "1000 times")),
+    (compensator, {"jump": 2**29, "fade_speed": 1e4}, ("jump = 536870912 ", "500 times the 26315")),
+    (compensator, {"gain": 1.5}, ("gain = 1.5 ", "<= 1")),
+    (compensator, {"Fc_low": 0.0}, ("Fc_low = 0 is outside 2^-64", "reference = False")),
+    (compensator, {"length_long": -1.0, "reference": True}, ("= -1 is outside 0, or 2^-64",)),
+    (compensator, {"slew": 0.0}, ("slew = 0 ", "N m/s")),
+    (compensator, {"period": -1.0}, ("period = -1 ", "(s)")),
+    (compensator, {"reference": 1}, ("reference = 1",)),
+    (adaptation, {"inertia": 0.0}, ("inertia = 0 ", "kg m2")),
+    (adaptation, {"inertia": -1.0}, ("inertia = -1 ", "2^-64")),
+    (adaptation, {"period": 0.021}, ("period = 0.021 ", "0.02 (s)")),
+    (adaptation, {"period": 0.0}, ("period = 0 ", "(s)")),
+]
+
+
+@pytest.mark.parametrize(("make", "changed", "words"), REFUSED)
+def test_a_bound_that_is_broken_is_named_with_its_value(make, changed, words) -> None:
     with pytest.raises(dahl.Error) as caught:
-        compensator(**changed)
+        make(**changed)
     assert [word for word in words if word not in str(caught.value)] == [], str(caught.value)
 
 
 POSITIVE, OPTIONAL = ("limit", "slew", "period"), ("rise", "fall", "fade_speed", "pull")
 LEAST, MOST = 2.0**-64, float(np.nextafter(np.float32(2.0**64), np.float32(0)))
+ENDS = dict.fromkeys(OPTIONAL, [0.0, LEAST, MOST]) | dict.fromkeys(POSITIVE, [LEAST, MOST])
+ENDS |= {"fade_speed": [0.0], "Fc_low": [0.0, MOST], "length_long": [0.0, LEAST]}
+ENDS |= {"gain": [0.0, LEAST, 0.875]}
 
 
-@pytest.mark.parametrize("name", [*POSITIVE, *OPTIONAL, "Fc_low", "length_long", "gain"])
+@pytest.mark.parametrize("name", ENDS)
 def test_a_number_is_accepted_at_its_limits_and_named_beyond(name: str) -> None:
     """0 switches a term off: the fade over speed, or with a reference a bound of the friction."""
+
+    def with_value(value: float) -> dahl.Compensator:
+        return compensator(reference=True, **({"fade_speed": 0.0} | {name: value}))
+
     beyond = [-LEAST, LEAST / 2, 2.0**64, math.inf, math.nan, 1.001 if name == "gain" else -1.0]
     for value in beyond + [0.0] * (name in POSITIVE):
         with pytest.raises(dahl.Error, match=rf"^{name} = .*2\^-64 <= {name}"):
-            compensator(reference=True, **{name: value})
-    ends = {"fade_speed": [0.0], "Fc_low": [0.0, MOST], "length_long": [0.0, LEAST]}
-    ends |= {"gain": [0.0, LEAST, 1.0]} | dict.fromkeys(POSITIVE, [LEAST, MOST])
-    for value in ends.get(name, [0.0, LEAST, MOST]):
-        assert getattr(compensator(reference=True, **{name: value}), name) == value
+            with_value(value)
+    for value in ENDS[name]:
+        assert getattr(with_value(value), name) == value
 
 
-@pytest.mark.parametrize("flag", ["False", math.nan, None, [0], np.ones(2), np.timedelta64(1, "s")])
-def test_a_flag_that_is_no_bool_is_refused(flag: Any) -> None:
+NO_FLAGS = ["False", math.nan, None, [0], np.ones(2), np.timedelta64(1, "s")]
+
+
+@pytest.mark.parametrize("flag", [*NO_FLAGS, 0, 1, False, True, np.False_, np.int8(1)])
+def test_a_flag_is_a_bool_or_a_whole_number(flag: Any) -> None:
     """A text or NaN would be true: a bad reading would count as good."""
-    one = compensator()
-    with pytest.raises(dahl.Error, match="is_good = "):
-        one.move(5, flag)
-    with pytest.raises(dahl.Error, match="is_good "):
-        one.run_log(ELEMENTS["dahl"](), [5, 5], is_good=[flag, flag])
-    assert one == compensator()
-
-
-@pytest.mark.parametrize("flag", [0, 1, False, True, np.False_, np.int8(1)])
-def test_a_flag_may_be_a_whole_number(flag: Any) -> None:
-    one, again = compensator(), compensator()
+    one, again, element = compensator(), compensator(), ELEMENTS["dahl"]()
+    if any(flag is wrong for wrong in NO_FLAGS):
+        with pytest.raises(dahl.Error, match="is_good = "):
+            one.move(5, flag)
+        with pytest.raises(dahl.Error, match="is_good "):
+            one.run_log(element, [5, 5], is_good=[flag, flag])
+        assert one == compensator()
+        return
     one.move(5, flag)
-    again.run_log(ELEMENTS["dahl"](), [5], is_good=np.array([flag]))
+    again.run_log(element, [5], is_good=np.array([flag]))
     assert one.terms["rejected"] == again.terms["rejected"] == int(not flag)
 
 
 def test_a_log_that_does_not_fit_changes_nothing() -> None:
     one, element = compensator(), ELEMENTS["dahl"]()
-    wrong: list[tuple[Any, ...]] = [([1, 2], [1, 2]), ([1, 2], None, [True]), ([[1]],), ([0.5],)]
+    wrong: list[tuple[Any, ...]] = [
+        (element, [1, 2], [1, 2]),
+        (element, [1, 2], None, [True]),
+        (element, [[1]]),
+        (element, [0.5]),
+        (3, [1]),
+    ]
     for arguments in wrong:
         with pytest.raises(dahl.Error):
-            one.run_log(element, *arguments)
-    with pytest.raises(dahl.Error, match="element = 3"):
-        one.run_log(3, [1])  # type: ignore[arg-type]
+            one.run_log(*arguments)
     assert one == compensator() and element == ELEMENTS["dahl"]()
+
+
+MISFITS: dict[str, Callable[[], Any]] = {
+    "reference = False": compensator,
+    "compensator.period = 0.002 is not 0.001": lambda: compensator(reference=True, period=2e-3),
+    "compensator.Fc = 0.48 is not 0.5": lambda: compensator(reference=True, Fc=0.48),
+    "compensator = 5": lambda: 5,
+}
+
+
+@pytest.mark.parametrize("word", MISFITS)
+def test_a_compensator_that_does_not_fit_is_refused(word: str) -> None:
+    one = adaptation()
+    with pytest.raises(dahl.Error, match=word):
+        one.step(MISFITS[word](), 0.5)
+    with pytest.raises(dahl.Error, match="motor = nan"):
+        one.step(compensator(reference=True), math.nan)
+    assert one == adaptation()

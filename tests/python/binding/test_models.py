@@ -5,7 +5,6 @@ docs/loop.md.
 
 from __future__ import annotations
 
-import subprocess
 import sys
 
 import cantools
@@ -15,6 +14,7 @@ from conftest import ROOT
 from dahl import paths
 from dahl.binding import models
 from dahl.sim.reference import EXACT
+from programs import run
 
 
 def test_the_dbc_the_references_and_the_page_have_each_model_of_the_table(dbc):
@@ -25,14 +25,9 @@ def test_the_dbc_the_references_and_the_page_have_each_model_of_the_table(dbc):
     for frame in ("ParamWrite", "ParamReply"):
         signal = database.get_message_by_name(frame).get_signal_by_name("Model")
         assert {number: str(word) for number, word in signal.choices.items()} == named
-    done = subprocess.run(
-        [sys.executable, ROOT / "tools" / "model_table.py"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stdout.count("\n") == 2 + len(table)
-    assert done.stdout in (ROOT / "docs" / "loop.md").read_text(encoding="utf-8")
+    printed = run(sys.executable, ROOT / "tools/model_table.py")
+    assert printed.count("\n") == 2 + len(table)
+    assert printed in (ROOT / "docs/loop.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("is_there", [False, True])

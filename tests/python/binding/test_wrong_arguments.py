@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from decimal import Decimal
 from fractions import Fraction
+from functools import partial
 from types import ModuleType
 
 import dahl
@@ -55,13 +56,6 @@ NO_NUMBER = [
 NOT_WHOLE = [0.5, -1e-300, math.nan, math.inf, -math.inf, Fraction(1, 3), np.float32(2.5)]
 I32, U32, W = (-(2**31), 2**31 - 1), (0, 2**32 - 1), (-(2**62) - 2**31, 2**62 + 2**31 - 1)
 REAL = {
-    "sigma0": [lambda v: dahl.Plan(v, 1.0, 1.0), lambda v: dahl.Throughput(v, 1.0, 1.0)],
-    "Fc": [lambda v: dahl.Plan(1.0, v, 1.0), lambda v: dahl.Throughput(1.0, v, 1.0)],
-    "theta_per_count": [
-        lambda v: dahl.Plan(1.0, 1.0, v),
-        lambda v: dahl.Throughput(1.0, 1.0, v),
-        lambda v: dahl.Slip([1.0], [1.0], v),
-    ],
     "dtheta": [lambda v: bearing().step(v), lambda v: dahl.Loaded(PLAN, True).step(v, 1.0)],
     "F": [
         lambda v: bearing().set_torque(v),
@@ -75,8 +69,6 @@ REAL = {
         lambda v: dahl.Loaded(PLAN).step_counts_q30(1, v),
         lambda v: dahl.Loaded(PLAN, True).step(1e-3, v),
     ],
-    "Fc[0]": [lambda v: dahl.Slip([1.0], [v], 1.0)],
-    "Fc_backward": [lambda v: dahl.Asymmetric(1.0, 1.0, v, 1.0)],
 }
 BREAKAWAY = models.class_of(models.with_key("breakaway"))
 WHOLE = {  # name and limits of a whole number
@@ -114,6 +106,14 @@ WHOLE = {  # name and limits of a whole number
 
 @pytest.mark.parametrize("value", NO_NUMBER, ids=repr)
 def test_a_value_that_is_not_a_number_is_named(value):
+    for kind in KINDS.values():
+        for name, held in kind.arguments.items():
+            is_list = isinstance(held, list)
+            if is_list or type(held) in (int, float):
+                changed = [*held[:-1], value] if is_list else value
+                place = f"{name}[{len(held) - 1}]" if is_list else name
+                call = partial(kind.make, **{name: changed})
+                refused(call, f"{place} = ", "is not a number")
     for name, calls in [*REAL.items(), *((limits[0], calls) for limits, calls in WHOLE.items())]:
         for call in calls:
             refused(lambda call=call: call(value), f"{name} = ", "is not a number")

@@ -8,30 +8,21 @@ from __future__ import annotations
 
 import math
 import re
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 import can
 from cffi import FFI
+from programs import shared_object
 
 ROOT = Path(__file__).resolve().parents[3]
 EXAMPLES = ROOT / "examples"
 TWAI_MOCK, ZEPHYR_MOCK = (Path(__file__).with_name(name) for name in ("twai_mock", "zephyr_mock"))
 MOCKS = [f"-I{TWAI_MOCK}", f"-I{ZEPHYR_MOCK}"]
-STRICT = ["-std=c11", "-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Werror", "-O1"]
-UINT32_MAX = 2**32 - 1
 UNTOUCHED = 1 << 31  # a reserved bit that shows if the program has written a register
 MAX_INTERRUPTS = 10  # in a row
-STANDARD_HEADERS = ("errno.h", "stdbool.h", "stddef.h", "stdint.h")
 
-
-def defining(*headers: str) -> str:
-    """Return C that defines the function pointers that the headers of a mock declare."""
-    before, after = (
-        "".join(f"#include <{name}>\n" for name in names) for names in (STANDARD_HEADERS, headers)
-    )
-    return f"{before}#define extern\n{after}#undef extern\n"
+Rule = tuple[int, int, bool | None, bool | None]  # id, mask, extended, remote (None: both pass)
 
 
 def standard(identifier: int, length: int, data: bytes) -> can.Message:
@@ -40,13 +31,13 @@ def standard(identifier: int, length: int, data: bytes) -> can.Message:
     )
 
 
-def to_words(message: can.Message) -> tuple[int, int]:
+def to_words(message: can.Message) -> list[int]:
     """Return the data of a frame as two registers: the first byte in the lowest bits."""
     data = bytes(message.data).ljust(8, b"\0")
-    return int.from_bytes(data[:4], "little"), int.from_bytes(data[4:], "little")
+    return [int.from_bytes(data[k : k + 4], "little") for k in (0, 4)]
 
 
-def to_bytes(*words: int) -> bytes:
+def to_bytes(words: list[int]) -> bytes:
     return b"".join(word.to_bytes(4, "little") for word in words)
 
 
@@ -57,42 +48,45 @@ def declarations(header: Path) -> str:
 
 
 class Controller:
-    """Common to all models: a bus that can be stuck or off, and a clock.
+    """Common to all models: frames on the bus, and a clock.
 
-    A model has `settle`, which reacts to what the program has written; `accepts`, whether a frame
-    passes the filter; `receive`, which delivers it; `go_off`, if the transmit error counter passes
-    255; `recover`, after 128 times 11 recessive bits.
+    A model has `settle`, which reacts to what the program has written; `rule`, its filter; `store`
+    and `interrupt`, which deliver a frame; `go_off`, if the transmit error counter passes 255;
+    `recover`, after 128 times 11 recessive bits; `quanta`, of its bit timing.
     """
 
     folder: str
     sources: tuple[str, ...] = ("can_node.c",)
-    headers: tuple[Path, ...] = ()  # of the mock
-    seams = '#include "can_node.h"\n'  # C between the example and this model
-    hooks = ""  # function pointers of the seams
-    capacity: int  # answers that wait for a stuck bus
+    capacity = 3  # answers that wait for a stuck bus
     has_clock = True  # false: the controller does not answer
+    headers: tuple[Path, ...] = ()  # of the mock
+    pointers = seams = ""  # C between the example and this model; its function pointers
 
     def __init__(self, folder: Path, library: Path) -> None:
         self.now_us = 0
         self.is_off = self.is_masked = self.in_main = False
         self.room = math.inf  # frames that the bus still carries
+        self.fifo: list[can.Message] = []  # received, not read
+        self.pending: list[tuple[int, can.Message]] = []  # transmit buffers in order of request
         self.sent: list[can.Message] = []
         self.faults: list[str] = []
         self._kept: list[object] = []  # functions that C calls
         self.ffi = FFI()
         headers = (*self.headers, EXAMPLES / self.folder / "can_node.h")
-        self.ffi.cdef(self.hooks + "".join(map(declarations, headers)))
-        self.lib = self.ffi.dlopen(str(self.build(folder, library)))
+        self.ffi.cdef(self.pointers + "".join(map(declarations, headers)))
+        self.lib = self.ffi.dlopen(str(self.compiled(folder, library)))
+        self.reset()
 
-    def build(self, folder: Path, library: Path) -> Path:
-        (seams := folder / "seams.c").write_text(self.seams)
-        example, made = EXAMPLES / self.folder, folder / "example.so"
+    def reset(self) -> None:
+        """Set the registers after reset, and the function pointers."""
+
+    def compiled(self, folder: Path, library: Path) -> Path:
+        (seams := folder / "seams.c").write_text("#include <stdint.h>\n" + self.seams)
+        example = EXAMPLES / self.folder
         flags = ["-DHOST_REGISTERS", f"-I{example}", *MOCKS, f"-I{ROOT}/lib/include"]
-        files = [seams, *(example / name for name in self.sources)]
-        words = ["gcc", *STRICT, "-shared", "-fPIC", *flags, *files, library]
-        words += [f"-Wl,-rpath,{library.parent}", "-o", made]
-        subprocess.run([str(one) for one in words], check=True)
-        return made
+        files = [seams, *(example / name for name in self.sources), library]
+        shared_object(folder, *flags, *files, f"-Wl,-rpath,{library.parent}")
+        return folder / "made.so"
 
     def callback(self, kind: object, function: Callable[..., object]) -> object:
         self._kept.append(self.ffi.callback(kind, function))
@@ -106,13 +100,13 @@ class Controller:
 
     def clock(self) -> int:
         self.check_mask("the clock is read")
-        return self.now_us & UINT32_MAX
+        return self.now_us % 2**32
 
-    def mask(self) -> None:
-        self.is_masked = True
+    def mask(self, is_masked: bool = True) -> None:
+        self.is_masked = is_masked
 
     def unmask(self) -> None:
-        self.is_masked = False
+        self.mask(False)
 
     def check_mask(self, action: str) -> None:
         if self.in_main and not self.is_masked:
@@ -127,20 +121,50 @@ class Controller:
         self.in_main = False
         self.settle()
 
-    def take_sent(self) -> list[can.Message]:
-        sent, self.sent = self.sent, []
-        return sent
+    def request(self, buffer: int, message: can.Message) -> None:
+        self.check_mask("a transmit buffer is filled")
+        if any(buffer == other for other, _ in self.pending):
+            self.faults.append(f"transmit buffer {buffer} is filled while it waits")
+        self.pending.append((buffer, message))
+
+    def next_pending(self) -> int:
+        """Return the place of the frame that is sent first: of the oldest."""
+        return 0
+
+    def transmit(self) -> None:
+        while self.pending and not self.is_off and self.room > 0:
+            self.room -= 1
+            self.sent.append(self.pending.pop(self.next_pending())[1])
 
     def let_go(self, room: float = math.inf) -> None:
         """Let the bus carry this number of frames more."""
         self.room = room
         self.settle()
 
-    def carries(self) -> bool:
-        """Return whether the bus carries one more frame, and count it."""
-        is_carried = not self.is_off and self.room > 0
-        self.room -= is_carried
-        return is_carried
+    def take_sent(self) -> list[can.Message]:
+        sent, self.sent = self.sent, []
+        return sent
+
+    def accepts(self, message: can.Message) -> bool:
+        """Return whether the filter passes a frame. Identifiers are compared by 29 bits."""
+        identifier, mask, *kinds = self.rule()
+        aligned = message.arbitration_id << (0 if message.is_extended_id else 18)
+        is_kind = (message.is_extended_id, message.is_remote_frame)
+        pairs = zip(kinds, is_kind, strict=True)
+        return not (aligned ^ identifier) & mask and all(one in (None, is_) for one, is_ in pairs)
+
+    def receive(self, message: can.Message) -> None:
+        self.store(message)
+        self.interrupt()
+
+    def store(self, message: can.Message) -> None:
+        self.fifo.append(message)
+        self.settle()
+
+    def bit_timing(self) -> tuple[float, float]:
+        """Bit/s and the sample point."""
+        quanta_hz, before, after = self.quanta()
+        return quanta_hz / (before + after), before / (before + after)
 
     @property
     def dropped(self) -> int:
@@ -150,265 +174,226 @@ class Controller:
 # --- registers in memory --------------------------------------------------------------------------
 
 
+def registers(*offsets: int) -> list[property]:
+    def register(place: int) -> property:
+        return property(
+            lambda one: one.memory[place], lambda one, value: one.memory.__setitem__(place, value)
+        )
+
+    return [register(offset // 4) for offset in offsets]
+
+
+def connected(**functions: str) -> tuple[str, str]:
+    """Return C of functions that call pointers, and the declarations of the pointers."""
+    kinds = {f"{kind} (*call_{name})(void);\n": name for name, kind in functions.items()}
+    bodies = (
+        f"{kind} {name}(void) {{ {'' if kind == 'void' else 'return '}call_{name}(); }}\n"
+        for name, kind in functions.items()
+    )
+    return "".join([*kinds, *bodies]), "".join(f"extern {kind}" for kind in kinds)
+
+
+COMMON = {"nvic_iser0": "uint32_t *", "clock_us": "uint32_t"}
+COMMON |= dict.fromkeys(("mask_interrupts", "unmask_interrupts"), "void")
+
+
 class InMemory(Controller):
     """A controller of an STM32. Each access of the program first lets the model settle."""
 
-    hooks = """
-        extern void *(*access_hook)(void), *(*ram_hook)(void);
-        extern uint32_t *(*nvic_hook)(void), (*clock_hook)(void);
-        extern void (*mask_hook)(void), (*unmask_hook)(void);
-        """
-    seams = f"""
-        #include "registers.h"
-        #include "can_node.h"
-        #define extern
-        {hooks}
-        #undef extern
-        uint32_t *nvic_iser0(void) {{ return nvic_hook(); }}
-        uint32_t clock_us(void) {{ return clock_hook(); }}
-        void mask_interrupts(void) {{ mask_hook(); }}
-        void unmask_interrupts(void) {{ unmask_hook(); }}
-        """
+    lines: dict[int, str]  # handlers by the number of their interrupt
 
-    def __init__(self, folder: Path, library: Path) -> None:
-        super().__init__(folder, library)
+    def reset(self) -> None:
         self.memory, self.nvic = self.ffi.new("uint32_t[256]"), self.ffi.new("uint32_t *")
-        self.requests: list[int] = []  # mailboxes in the order of their requests
-        self.connect(access_hook=self.access, nvic_hook=lambda: self.nvic, clock_hook=self.clock)
-        self.connect(mask_hook=self.mask, unmask_hook=self.unmask)
+        self.ram = self.ffi.new("uint32_t[]", 0x350 // 4)
+        self.connect(call_clock_us=self.clock, call_nvic_iser0=lambda: self.nvic)
+        self.connect(call_mask_interrupts=self.mask, call_unmask_interrupts=self.unmask)
 
     def access(self) -> object:
         self.settle()
         return self.memory
 
-    def __getitem__(self, offset: int) -> int:
-        return self.memory[offset // 4]
+    def settle(self) -> None:
+        self.obey()
+        self.transmit()
+        self.show()
 
-    def __setitem__(self, offset: int, value: int) -> None:
-        self.memory[offset // 4] = value
-
-    def written(self, offset: int) -> int | None:
-        """Return a new value of a register that was shown with UNTOUCHED."""
-        return None if self[offset] & UNTOUCHED else self[offset]
-
-    def is_enabled(self, interrupt: int) -> bool:
-        return bool(self.nvic[0] & 1 << interrupt)
+    def interrupt(self) -> None:
+        """Run the handlers of the enabled interrupts until nothing requests one."""
+        for _ in range(MAX_INTERRUPTS):
+            calls = {n: name for n, name in self.lines.items() if self.is_due(n)}
+            if not any(self.nvic[0] >> number & 1 for number in calls):
+                return
+            for name in calls.values():
+                getattr(self.lib, name)()
+                self.settle()
+        self.faults.append("the interrupt repeats for ever")
 
 
 class BxCan(InMemory):
     """RM0090, bxCAN: three mailboxes, FIFO 0 with three frames, filter bank 0."""
 
-    folder, capacity = "can_stm32_bxcan", 3
-    seams = InMemory.seams + "bxcan_t *can1(void) { return access_hook(); }\n"
-    MCR, MSR, TSR, RF0R, IER, ESR, BTR = 0x00, 0x04, 0x08, 0x0C, 0x14, 0x18, 0x1C
-    TX, RX, FMR, FM1R, FS1R, FFA1R, FA1R, F0R1, F0R2 = (
-        *(0x180, 0x1B0, 0x200, 0x204),
-        *(0x20C, 0x214, 0x21C, 0x240, 0x244),
-    )
-    BUS_HZ = 42e6
+    folder, lines = "can_stm32_bxcan", {20: "CAN1_RX0_IRQHandler", 22: "CAN1_SCE_IRQHandler"}
+    seams, pointers = connected(can1="void *", **COMMON)
+    MCR, MSR, TSR, RF0R = registers(0x00, 0x04, 0x08, 0x0C)
+    IER, ESR, BTR = registers(0x14, 0x18, 0x1C)
+    FMR, FM1R, FS1R, FFA1R, FA1R = registers(0x200, 0x204, 0x20C, 0x214, 0x21C)
+    F0R1, F0R2 = registers(0x240, 0x244)
+    TX, RX = 0x180 // 4, 0x1B0 // 4  # mailboxes of four words
 
-    def __init__(self, folder: Path, library: Path) -> None:
-        super().__init__(folder, library)
-        self.fifo: list[can.Message] = []
-        self.is_error = False
-        self[self.MCR], self[self.FMR] = 0x00010002, 0x2A1C0E01  # after reset
+    def reset(self) -> None:
+        super().reset()
+        self.connect(call_can1=self.access)
+        self.MCR, self.FMR, self.is_error = 0x00010002, 0x2A1C0E01, False
         self.show()
 
-    def settle(self) -> None:
-        if self.written(self.RF0R) is not None and self[self.RF0R] & 1 << 5 and self.fifo:
-            self.fifo.pop(0)
-        if self.written(self.MSR) is not None and self[self.MSR] & 1 << 2:
+    def obey(self) -> None:
+        if not self.RF0R & UNTOUCHED and self.RF0R & 1 << 5:
+            self.fifo = self.fifo[1:]
+        if not self.MSR & UNTOUCHED and self.MSR & 1 << 2:
             self.is_error = False
-        for number in range(3):
-            if self[self.TSR] & 1 << (7 + 8 * number) and number in self.requests:
-                self.requests.remove(number)
-            elif self[self.TX + 16 * number] & 1 and number not in self.requests:
-                self.check_mask("a mailbox is filled")
-                self.requests.append(number)
-        while self.requests and self.carries():
-            number = self.next_request()
-            self.requests.remove(number)
-            self.sent.append(self.mailbox(number))
-        self.show()
+        waiting = {buffer for buffer, _ in self.pending}
+        for buffer in range(3):
+            identifier, length, *data = self.memory[self.TX + 4 * buffer : self.TX + 4 * buffer + 4]
+            if self.TSR & 1 << (7 + 8 * buffer):
+                self.pending = [one for one in self.pending if one[0] != buffer]
+            elif identifier & 1 and buffer not in waiting:
+                if identifier & 0x1FFFFF != 1:
+                    self.faults.append(f"TIR {identifier:#x} is no standard data frame")
+                self.request(buffer, standard(identifier >> 21, length & 15, to_bytes(data)))
 
-    def next_request(self) -> int:
-        """The oldest with TXFP; otherwise the lowest identifier, and of equal ones the lowest."""
-        by_priority = [(self[self.TX + 16 * number], number) for number in self.requests]
-        return self.requests[0] if self[self.MCR] & 1 << 2 else min(by_priority)[1]
-
-    def mailbox(self, number: int) -> can.Message:
-        identifier, length, *data = (self[self.TX + 16 * number + 4 * k] for k in range(4))
-        if identifier & 0x1FFFFF != 1:
-            self.faults.append(f"TIR {identifier:#x} is no standard data frame")
-        return standard(identifier >> 21, length & 15, to_bytes(*data))
+    def next_pending(self) -> int:
+        """Return the oldest with TXFP; otherwise the lowest identifier, then the lowest number."""
+        ranks = [(message.arbitration_id, buffer) for buffer, message in self.pending]
+        return 0 if self.MCR & 1 << 2 else ranks.index(min(ranks))
 
     def show(self) -> None:
         """Write the registers that the controller owns."""
-        is_initial = self[self.MCR] & 1 and self.has_clock
-        self[self.MSR] = UNTOUCHED | is_initial | self.is_error << 2
-        free = [number for number in range(3) if number not in self.requests]
-        for number in free:
-            self[self.TX + 16 * number] &= ~1
-        self[self.TSR] = sum(1 << (26 + number) for number in free) | (free or [0])[0] << 24
-        self[self.RF0R] = UNTOUCHED | len(self.fifo)
-        self[self.ESR] = self.is_off << 2
-        if self.fifo:
-            first = self.fifo[0]
-            self[self.RX] = first.arbitration_id << 21 | first.is_remote_frame << 1
-            self[self.RX + 4] = 0xABCD0000 | first.dlc  # the upper half is a time
-            self[self.RX + 8], self[self.RX + 12] = to_words(first)
+        self.MSR = UNTOUCHED | (self.MCR & 1 and self.has_clock) | self.is_error << 2
+        free = sorted({0, 1, 2} - {buffer for buffer, _ in self.pending})
+        for buffer in free:
+            self.memory[self.TX + 4 * buffer] &= ~1
+        self.TSR = sum(1 << (26 + buffer) for buffer in free) | (free or [0])[0] << 24
+        self.RF0R = UNTOUCHED | len(self.fifo)
+        self.ESR = self.is_off << 2
+        for first in self.fifo[:1]:
+            identifier = first.arbitration_id << 21 | first.is_remote_frame << 1
+            length = 0xABCD0000 | first.dlc  # the upper half is a time
+            self.memory[self.RX : self.RX + 4] = [identifier, length, *to_words(first)]
 
-    def accepts(self, message: can.Message) -> bool:
-        is_on = self[self.FA1R] & 1 and not self[self.FMR] & 1 and not self[self.MCR] & 3
-        assert is_on and self[self.FS1R] & 1 and not (self[self.FM1R] | self[self.FFA1R]) & 1
-        identifier = message.arbitration_id << (3 if message.is_extended_id else 21)
-        identifier |= message.is_extended_id << 2 | message.is_remote_frame << 1
-        return (identifier ^ self[self.F0R1]) & self[self.F0R2] == 0
+    def rule(self) -> Rule:
+        is_on = self.FA1R & 1 and not self.FMR & 1 and not self.MCR & 3
+        assert is_on and self.FS1R & 1 and not (self.FM1R | self.FFA1R) & 1
+        kinds = [bool(self.F0R1 & bit) if self.F0R2 & bit else None for bit in (4, 2)]
+        return self.F0R1 >> 3, self.F0R2 >> 3, *kinds
 
-    def receive(self, message: can.Message) -> None:
-        self.fifo = [*self.fifo, message][:3]
-        self.show()
-        for _ in range(MAX_INTERRUPTS):
-            if self.fifo and self[self.IER] & 1 << 1 and self.is_enabled(20):
-                self.lib.CAN1_RX0_IRQHandler()
-                self.settle()
+    def is_due(self, interrupt: int) -> bool:
+        if interrupt == 20:
+            return bool(self.fifo and self.IER & 1 << 1)
+        return self.is_error and self.IER & 0x8400 == 0x8400
 
     def go_off(self) -> None:
         self.is_off = self.is_error = True
         self.show()
-        if self[self.IER] & 0x8400 == 0x8400 and self.is_enabled(22):
-            self.lib.CAN1_SCE_IRQHandler()
-        self.settle()
-        if self.is_error:
-            self.faults.append("the interrupt of the error repeats for ever")
+        self.interrupt()
 
     def recover(self) -> None:
-        self.is_off = not self[self.MCR] & 1 << 6  # by itself with ABOM only
+        self.is_off = not self.MCR & 1 << 6  # by itself with ABOM only
         self.settle()
 
-    def bit_timing(self) -> tuple[float, float]:
-        """Bit/s and the sample point."""
-        value = self[self.BTR]
-        before, after = 2 + (value >> 16 & 15), 1 + (value >> 20 & 7)
-        rate = self.BUS_HZ / (1 + (value & 1023)) / (before + after)
-        return rate, before / (before + after)
+    def quanta(self) -> tuple[float, int, int]:
+        return 42e6 / (1 + (self.BTR & 1023)), 2 + (self.BTR >> 16 & 15), 1 + (self.BTR >> 20 & 7)
 
 
 class FdCan(InMemory):
     """RM0440, FDCAN: message RAM with fixed places, both FIFOs with three frames."""
 
-    folder, capacity = "can_stm32_fdcan", 3
-    seams = InMemory.seams + "fdcan_t *fdcan1(void) { return access_hook(); }\n"
-    seams += "fdcan_ram_t *fdcan1_ram(void) { return ram_hook(); }\n"
-    CCCR, NBTP, PSR, IR, IE, ILS, ILE, RXGFC = 0x18, 0x1C, 0x44, 0x50, 0x54, 0x58, 0x5C, 0x80
-    RXF0S, RXF0A, TXFQS, TXBAR = 0x90, 0x94, 0xC4, 0xCC
-    RX, TX, ELEMENT = 0xB0, 0x278, 72  # bytes
-    KERNEL_HZ = 170e6
+    folder, lines = "can_stm32_fdcan", {21: "FDCAN1_IT0_IRQHandler"}
+    seams, pointers = connected(fdcan1="void *", fdcan1_ram="void *", **COMMON)
+    CCCR, NBTP, PSR, IR, IE, ILS = registers(0x18, 0x1C, 0x44, 0x50, 0x54, 0x58)
+    ILE, RXGFC, RXF0S, RXF0A, TXFQS, TXBAR = registers(0x5C, 0x80, 0x90, 0x94, 0xC4, 0xCC)
+    RX, TX, ELEMENT = 0xB0 // 4, 0x278 // 4, 72 // 4  # words of the RAM
 
-    def __init__(self, folder: Path, library: Path) -> None:
-        super().__init__(folder, library)
-        self.ram = self.ffi.new("uint32_t[]", 0x350 // 4)
-        self.connect(ram_hook=lambda: self.ram)
-        self.get = self.fill = self.put = self.flags = 0
-        self.configuration = (0, 0)
-        self.was_changing = False
-        self[self.CCCR] = 1
+    def reset(self) -> None:
+        super().reset()
+        self.connect(call_fdcan1=self.access, call_fdcan1_ram=lambda: self.ram)
+        self.get = self.put = self.flags = 0
+        self.configuration, self.was_changing = (0, 0), False
+        self.CCCR = 1
         self.show()
 
-    def settle(self) -> None:
-        if not self.has_clock:
-            self[self.CCCR] = 0
-        if (flags := self.written(self.IR)) is not None:
-            self.flags &= ~flags
-        if (index := self.written(self.RXF0A)) is not None:
-            if index != self.get or not self.fill:
-                self.faults.append(f"frame {index} is acknowledged, {self.get} is the oldest")
-            self.get, self.fill = (self.get + 1) % 3, max(self.fill - 1, 0)
+    def obey(self) -> None:
+        self.CCCR = self.CCCR if self.has_clock else 0
+        if not self.IR & UNTOUCHED:
+            self.flags &= ~self.IR
+        if not self.RXF0A & UNTOUCHED:
+            if self.RXF0A != self.get or not self.fifo:
+                self.faults.append(f"frame {self.RXF0A} is acknowledged, {self.get} is the oldest")
+            self.get, self.fifo = (self.get + 1) % 3, self.fifo[1:]
         self.configure()
-        for number in range(3):
-            if self[self.TXBAR] & 1 << number:
-                self.check_mask("the FIFO is filled")
-                self.requests.append(number)
+        for buffer in range(3):
+            if self.TXBAR & 1 << buffer:
                 self.put = (self.put + 1) % 3
-        while self.requests and not self[self.CCCR] & 1 and self.carries():
-            self.sent.append(self.element(self.requests.pop(0)))
-        self.show()
+                self.request(buffer, self.element(self.TX + self.ELEMENT * buffer))
 
     def configure(self) -> None:
         """CCE needs INIT and clears the FIFOs. Only with both may NBTP and RXGFC change."""
-        is_changing = self[self.CCCR] & 3 == 3
+        is_changing = self.CCCR & 3 == 3
         if is_changing and not self.was_changing:
-            self.requests, self.get, self.fill, self.put = [], 0, 0, 0
-        configuration = (self[self.NBTP], self[self.RXGFC])
-        if configuration != self.configuration and not is_changing:
+            self.pending, self.fifo, self.get, self.put = [], [], 0, 0
+        if (self.NBTP, self.RXGFC) != self.configuration and not is_changing:
             self.faults.append("NBTP or RXGFC is written without CCE")
-        self.configuration, self.was_changing = configuration, is_changing
+        self.configuration, self.was_changing = (self.NBTP, self.RXGFC), is_changing
 
-    def element(self, number: int) -> can.Message:
-        place = (self.TX + self.ELEMENT * number) // 4
+    def element(self, place: int) -> can.Message:
         identifier, length, *data = self.ram[place : place + 4]
         if identifier & ~(0x7FF << 18) or length & ~(15 << 16):
             self.faults.append(f"T0 {identifier:#x}, T1 {length:#x} is no classic data frame")
-        return standard(identifier >> 18, length >> 16, to_bytes(*data))
+        return standard(identifier >> 18, length >> 16, to_bytes(data))
+
+    def transmit(self) -> None:
+        if not self.CCCR & 1:
+            super().transmit()
 
     def show(self) -> None:
-        self[self.IR] = UNTOUCHED | self.flags
-        self[self.RXF0A] = UNTOUCHED
-        self[self.TXBAR] = 0
-        self[self.RXF0S] = self.fill | self.get << 8 | (self.get + self.fill) % 3 << 16
-        is_full = len(self.requests) == 3
-        self[self.TXFQS] = is_full << 21 | self.put << 16 | 3 - len(self.requests)
-        self[self.PSR] = self.is_off << 7 | 0x707
+        self.IR, self.RXF0A, self.TXBAR = UNTOUCHED | self.flags, UNTOUCHED, 0
+        self.RXF0S = len(self.fifo) | self.get << 8 | (self.get + len(self.fifo)) % 3 << 16
+        free = 3 - len(self.pending)
+        self.TXFQS = (free == 0) << 21 | self.put << 16 | free
+        self.PSR = self.is_off << 7 | 0x707
 
-    def accepts(self, message: can.Message) -> bool:
-        filters = self[self.RXGFC]
-        rejects_others = filters >> 4 & 3 == 2 and filters >> 2 & 3 == 2 and not filters >> 24 & 15
-        assert filters >> 16 & 31 == 1 and rejects_others and self[self.CCCR] == 0
+    def rule(self) -> Rule:
+        rejects_others = self.RXGFC >> 4 & 3 == self.RXGFC >> 2 & 3 == 2
+        assert rejects_others and self.RXGFC >> 16 == 1 and self.CCCR == 0
         rule = self.ram[0]
-        assert rule >> 30 == 2 and rule >> 27 & 7 == 1  # identifier and mask, into FIFO 0
-        if message.is_extended_id or (message.is_remote_frame and filters & 2):
-            return False
-        return (message.arbitration_id ^ rule >> 16) & rule & 0x7FF == 0
+        assert rule >> 27 == 0b10001  # identifier and mask, into FIFO 0
+        return (rule >> 16 & 0x7FF) << 18, (rule & 0x7FF) << 18, False, not self.RXGFC & 2 and None
 
     def store(self, message: can.Message) -> None:
-        place = (self.RX + self.ELEMENT * ((self.get + self.fill) % 3)) // 4
-        self.ram[place] = message.arbitration_id << 18
-        self.ram[place + 1] = 0x00001234 | message.dlc << 16  # the lower half is a time
-        self.ram[place + 2], self.ram[place + 3] = to_words(message)
-        self.fill, self.flags = self.fill + 1, self.flags | 1
-        self.show()
+        place = self.RX + self.ELEMENT * ((self.get + len(self.fifo)) % 3)
+        length = 0x00001234 | message.dlc << 16  # the lower half is a time
+        self.ram[place : place + 4] = [message.arbitration_id << 18, length, *to_words(message)]
+        self.flags |= 1
+        super().store(message)
 
-    def receive(self, message: can.Message) -> None:
-        self.store(message)
-        self.interrupt()
-
-    def interrupt(self) -> None:
-        for _ in range(MAX_INTERRUPTS):
-            is_line_0 = self[self.ILE] & 1 and not self[self.ILS] and self.is_enabled(21)
-            if not self.flags & self[self.IE] or not is_line_0:
-                return
-            self.lib.FDCAN1_IT0_IRQHandler()
-            self.settle()
-        self.faults.append("the interrupt repeats for ever")
+    def is_due(self, _interrupt: int) -> bool:
+        return bool(self.flags & self.IE and self.ILE & 1 and not self.ILS)
 
     def go_off(self) -> None:
         self.is_off, self.flags = True, self.flags | 1 << 19
-        self[self.CCCR] |= 1
+        self.CCCR |= 1
         self.show()
         self.interrupt()
 
     def recover(self) -> None:
-        if not self[self.CCCR] & 1:  # the program has left INIT
+        if not self.CCCR & 1:  # the program has left INIT
             self.is_off, self.flags = False, self.flags | 1 << 19
             self.show()
             self.interrupt()
         self.settle()
 
-    def bit_timing(self) -> tuple[float, float]:
-        value = self[self.NBTP]
-        before, after = 2 + (value >> 8 & 255), 1 + (value & 127)
-        rate = self.KERNEL_HZ / (1 + (value >> 16 & 511)) / (before + after)
-        return rate, before / (before + after)
+    def quanta(self) -> tuple[float, int, int]:
+        quanta_hz = 170e6 / (1 + (self.NBTP >> 16 & 511))
+        return quanta_hz, 2 + (self.NBTP >> 8 & 255), 1 + (self.NBTP & 127)
 
 
 # --- MCP2515 --------------------------------------------------------------------------------------
@@ -420,16 +405,14 @@ class Mcp2515(Controller):
     folder, capacity = "can_mcp2515", 1
     sources = ("can_node.c", "mcp2515.c")
     CANSTAT, CANCTRL, CNF3, CANINTE, CANINTF, EFLG = 0x0E, 0x0F, 0x28, 0x2B, 0x2C, 0x2D
-    OSCILLATOR_HZ = 16e6
 
-    def __init__(self, folder: Path, library: Path) -> None:
-        super().__init__(folder, library)
-        self.memory = bytearray(128)
+    def reset(self) -> None:
         functions = {"transfer": self.transfer, "clock_us": self.clock, "wait_us": lambda _us: None}
         functions |= {"mask": self.mask, "unmask": self.unmask}
         kinds = dict(self.ffi.typeof("can_board_t").fields)
         calls = {name: self.callback(kinds[name].type, call) for name, call in functions.items()}
         self.board = self.ffi.new("can_board_t *", calls)
+        self.memory = bytearray(128)
 
     def init(self) -> int:
         return self.lib.can_node_init(self.board)
@@ -442,36 +425,43 @@ class Mcp2515(Controller):
     def run(self, command: bytes) -> bytes:
         """Run one SPI command; return the received bytes."""
         for mask, value, action in (
-            (0xFF, 0xC0, self.reset),
+            (0xFF, 0xC0, self.reset_registers),
             (0xFF, 0x02, self.write_bytes),
             (0xFF, 0x03, self.read_bytes),
             (0xFF, 0x05, self.modify_bits),
             (0xFF, 0xA0, self.read_status),
             (0xF9, 0x40, self.load_transmit),
             (0xF9, 0x90, self.read_received),
-            (0xF8, 0x80, self.request),
+            (0xF8, 0x80, self.request_to_send),
         ):
             if command[0] & mask == value:
                 return (action(command) or b"").ljust(len(command), b"\0")
         self.faults.append(f"{command[0]:#04x} is no command")
         return bytes(len(command))
 
-    def reset(self, _command: bytes) -> None:
+    def reset_registers(self, _command: bytes) -> None:
         self.memory = bytearray(b"\x55" * 0x28 + bytes(0x58))  # filters are undefined
         self.memory[self.CANSTAT], self.memory[self.CANCTRL] = 0x80, 0x87
 
     def write_bytes(self, command: bytes) -> None:
-        self.write(command[1], command[2:])
+        for place, value in enumerate(command[2:], command[1]):
+            is_setup = place < 0x0C or 0x10 <= place < 0x1C or 0x20 <= place < 0x2B
+            if is_setup and self.memory[self.CANSTAT] >> 5 != 4:
+                self.faults.append(f"register {place:#04x} is written outside configuration")
+            self.memory[place] = value
+        self.memory[self.CANSTAT] = self.memory[self.CANCTRL] & 0xE0
+        self.pending = [one for one in self.pending if self.memory[0x30 + 0x10 * one[0]] & 8]
 
     def read_bytes(self, command: bytes) -> bytes:
         return b"\0\0" + self.memory[command[1] : command[1] + len(command) - 2]
 
     def modify_bits(self, command: bytes) -> None:
-        address, mask, value = command[1:]
-        self.write(address, bytes([self.memory[address] & ~mask | value & mask]))
+        _, address, mask, value = command
+        changed = self.memory[address] & ~mask | value & mask
+        self.write_bytes(bytes([0, address, changed]))
 
     def read_status(self, _command: bytes) -> bytes:
-        requests = sum((self.memory[0x30 + 0x10 * n] >> 3 & 1) << (2 + 2 * n) for n in range(3))
+        requests = sum(1 << (2 + 2 * buffer) for buffer, _ in self.pending)
         return bytes([0, self.memory[self.CANINTF] & 3 | requests])
 
     def load_transmit(self, command: bytes) -> None:
@@ -481,61 +471,46 @@ class Mcp2515(Controller):
     def read_received(self, command: bytes) -> bytes:
         number = command[0] >> 2 & 1
         self.memory[self.CANINTF] &= ~(1 << number)
-        start = 0x61 + 0x10 * number
-        return b"\0" + self.memory[start : start + len(command) - 1]
+        return b"\0" + self.memory[0x61 + 0x10 * number :][: len(command) - 1]
 
-    def request(self, command: bytes) -> None:
-        for number in range(3):
-            self.memory[0x30 + 0x10 * number] |= (command[0] >> number & 1) << 3
+    def request_to_send(self, command: bytes) -> None:
+        for buffer in (n for n in range(3) if command[0] >> n & 1):
+            start = 0x30 + 0x10 * buffer
+            high, low, _, _, length, *data = self.memory[start + 1 : start + 14]
+            if low & 0x1F or length > 8:
+                self.faults.append(f"SIDL {low:#x}, DLC {length:#x} is no standard frame")
+            self.memory[start] |= 8
+            self.request(buffer, standard(high << 3 | low >> 5, length, bytes(data)))
         self.settle()
 
-    def write(self, address: int, values: bytes) -> None:
-        for place, value in enumerate(values, address):
-            is_setup = place < 0x0C or 0x10 <= place < 0x1C or 0x20 <= place < 0x2B
-            if is_setup and self.memory[self.CANSTAT] >> 5 != 4:
-                self.faults.append(f"register {place:#04x} is written outside configuration")
-            self.memory[place] = value
-        self.memory[self.CANSTAT] = self.memory[self.CANCTRL] & 0xE0
+    def next_pending(self) -> int:
+        """Return the highest buffer, which is first among equal priorities."""
+        buffers = [buffer for buffer, _ in self.pending]
+        return buffers.index(max(buffers))
 
     def settle(self) -> None:
-        for number in (2, 1, 0):  # of equal priority, the highest number first
-            start = 0x30 + 0x10 * number
-            if self.memory[start] & 8 and self.carries():
-                high, low, _, _, length, *data = self.memory[start + 1 : start + 14]
-                if low & 0x1F or length > 8:
-                    self.faults.append(f"SIDL {low:#x}, DLC {length:#x} is no standard frame")
-                self.sent.append(standard(high << 3 | low >> 5, length, bytes(data)))
-                self.memory[start] &= ~8
+        self.transmit()
+        for buffer in {0, 1, 2} - {buffer for buffer, _ in self.pending}:
+            self.memory[0x30 + 0x10 * buffer] &= ~8
 
-    def accepts(self, message: can.Message) -> bool:
+    def rule(self) -> Rule:
+        """All filters and both masks are equal, and compare no data bytes."""
         assert self.memory[self.CANSTAT] == 0 and self.memory[self.CANINTE] == 0x23
         assert self.memory[0x60] == 4 and self.memory[0x70] == 0
-        return any(self.passes(message, buffer) for buffer in (0, 1))
-
-    def passes(self, message: can.Message, buffer: int) -> bool:
-        masks = self.memory[0x20 + 4 * buffer :][:4]
-        assert not masks[2] | masks[3]  # they would compare data bytes
-        mask = masks[0] << 3 | masks[1] >> 5
-        rules = [self.memory[k:][:4] for k in ((0, 4), (8, 0x10, 0x14, 0x18))[buffer]]
-        return any(
-            (message.arbitration_id ^ (rule[0] << 3 | rule[1] >> 5)) & mask == 0
-            and bool(rule[1] & 8) == message.is_extended_id
-            for rule in rules
-        )
+        places = ((0x20, 0x24), (0, 4, 8, 0x10, 0x14, 0x18))
+        (mask,), (value,) = ({bytes(self.memory[k : k + 4]) for k in some} for some in places)
+        assert not any((*mask[2:], *value[2:]))
+        identifier, bits = (one[0] << 21 | one[1] >> 5 << 18 for one in (value, mask))
+        return identifier, bits, bool(value[1] & 8), None
 
     def store(self, message: can.Message) -> None:
         """Into buffer 0, or 1 if that is full."""
         number = self.memory[self.CANINTF] & 1
+        high, low = divmod(message.arbitration_id << 5 | message.is_remote_frame << 4, 256)
+        stored = bytes([high, low, 0xEE, 0xEE, message.dlc, *message.data])
         start = 0x61 + 0x10 * number
-        identifier = message.arbitration_id
-        head = [identifier >> 3, (identifier & 7) << 5 | message.is_remote_frame << 4, 0xEE, 0xEE]
-        head += [message.dlc, *message.data]
-        self.memory[start : start + len(head)] = bytes(head)
+        self.memory[start : start + len(stored)] = stored
         self.memory[self.CANINTF] |= 1 << number
-
-    def receive(self, message: can.Message) -> None:
-        self.store(message)
-        self.interrupt()
 
     def interrupt(self) -> None:
         """Pin INT falls once; it must be high at the end."""
@@ -555,13 +530,11 @@ class Mcp2515(Controller):
         self.memory[self.EFLG] &= ~0x20
         self.settle()
 
-    def bit_timing(self) -> tuple[float, float]:
+    def quanta(self) -> tuple[float, int, int]:
         third, second, first = self.memory[self.CNF3 : self.CNF3 + 3]
         assert second & 0x80  # PHSEG2 is that of CNF3
         before = 1 + 1 + (second & 7) + 1 + (second >> 3 & 7)
-        after = 1 + (third & 7)
-        rate = self.OSCILLATOR_HZ / (2 * (1 + (first & 63))) / (before + after)
-        return rate, before / (before + after)
+        return 16e6 / (2 * (1 + (first & 63))), before, 1 + (third & 7)
 
 
 # --- drivers with queues --------------------------------------------------------------------------
@@ -570,129 +543,117 @@ class Mcp2515(Controller):
 class Driver(Controller):
     """Queues of a driver: one task receives, ticks and sends."""
 
-    def __init__(self, folder: Path, library: Path) -> None:
-        super().__init__(folder, library)
-        self.queue: list[can.Message] = []  # received, not read
-        self.pending: list[can.Message] = []  # sent, and not on the bus
+    off_code: int  # of a frame that is sent while the bus is off
+    full_code: int  # of a full transmit queue, and of an empty receive queue
+
+    def interrupt(self) -> None:
+        self.lib.can_node_serve()
 
     def tick(self) -> None:
         self.lib.can_node_serve()
 
     def settle(self) -> None:
-        while self.pending and self.carries():
-            self.sent.append(self.pending.pop(0))
+        self.transmit()
 
-    def receive(self, message: can.Message) -> None:
-        self.queue.append(message)
-        self.lib.can_node_serve()
+    def send(self, identifier: int, length: int, data: object, is_wrong: bool) -> int:
+        """Queue a frame. `is_wrong`: the task waits, or the flags are of no standard data frame."""
+        if is_wrong:
+            self.faults.append("the task waits, or the frame is no standard data frame")
+        if self.is_off:
+            return self.off_code
+        if len(self.pending) == self.capacity:
+            return self.full_code
+        self.pending.append((0, standard(identifier, length, bytes(data))))
+        self.settle()
+        return 0
 
 
-# --- ESP32 ----------------------------------------------------------------------------------------
+def defining(*headers: str) -> str:
+    """Return C that defines the function pointers that the headers of a mock declare."""
+    of_c = "".join(f"#include <{name}.h>\n" for name in ("errno", "stdbool", "stddef"))
+    of_mock = "".join(f"#include <{name}>\n" for name in headers)
+    return f"{of_c}#define extern\n{of_mock}#undef extern\n"
 
 
 class Twai(Driver):
     """The driver of ESP-IDF v5: states, queues and alerts."""
 
     folder, capacity = "can_esp32_twai/main", 5
-    OFF, RECOVERED = 0x2000, 0x40  # alerts
-    TIMEOUT, INVALID_STATE, NO_MEMORY = 0x107, 0x103, 0x101
+    off_code, full_code = 0x103, 0x107  # ESP_ERR_INVALID_STATE, ESP_ERR_TIMEOUT
     headers = (TWAI_MOCK / "driver/twai.h", TWAI_MOCK / "esp_timer.h")
     seams = defining("driver/twai.h", "esp_timer.h")
 
-    def __init__(self, folder: Path, library: Path) -> None:
-        super().__init__(folder, library)
-        self.state, self.alerts, self.wanted = "", 0, 0
+    def reset(self) -> None:
+        self.state, self.alerts = "", 0
         self.connect(esp_timer_get_time=lambda: self.now_us, twai_driver_install=self.install)
-        self.connect(twai_start=self.start, twai_initiate_recovery=self.start_recovery)
-        self.connect(twai_receive=self.give, twai_transmit=self.transmit)
-        self.connect(twai_read_alerts=self.read_alerts)
+        self.connect(twai_start=lambda: self.change("stopped", "running"))
+        self.connect(twai_initiate_recovery=lambda: self.change("off", "recovering"))
+        self.connect(twai_receive=self.give, twai_read_alerts=self.read_alerts)
+        self.connect(twai_transmit=self.send_message)
 
     def install(self, general, timing, rule) -> int:
         self.wanted, self.rate = general.alerts_enabled, timing.bit_per_s
-        self.rule = (rule.acceptance_code, rule.acceptance_mask, rule.single_filter)
+        assert rule.single_filter
+        self.filter = rule.acceptance_code, ~rule.acceptance_mask
         self.state = "stopped" if self.has_clock else ""
-        return 0 if self.has_clock else self.NO_MEMORY
+        return 0 if self.has_clock else 0x101  # ESP_ERR_NO_MEM
 
-    def start(self) -> int:
-        if self.state != "stopped":
-            return self.INVALID_STATE
-        self.state, self.pending, self.queue = "running", [], []
-        return 0
-
-    def start_recovery(self) -> int:
-        if self.state != "off":
-            return self.INVALID_STATE
-        self.state, self.pending = "recovering", []
+    def change(self, before: str, after: str) -> int:
+        """Change the state, and drop the frames that wait. Only a running driver sends."""
+        if self.state != before:
+            return self.off_code
+        self.state, self.pending, self.is_off = after, [], after != "running"
         return 0
 
     def give(self, out, _ticks: int) -> int:
-        if not self.queue:
-            return self.TIMEOUT
-        first = self.queue.pop(0)
+        if not self.fifo:
+            return self.full_code
+        first = self.fifo.pop(0)
         out.extd, out.rtr, out.data = first.is_extended_id, first.is_remote_frame, list(first.data)
         out.identifier, out.data_length_code = first.arbitration_id, first.dlc
         return 0
 
-    def transmit(self, message, ticks: int) -> int:
-        if ticks:
-            self.faults.append("the task waits for the transmit queue")
-        if self.state != "running":
-            return self.INVALID_STATE
-        if len(self.pending) == self.capacity:
-            return self.TIMEOUT
-        if message.extd or message.rtr or message.reserved:
-            self.faults.append("the flags are those of no standard data frame")
-        length, data = message.data_length_code, bytes(message.data)
-        self.pending.append(standard(message.identifier, length, data))
-        self.settle()
-        return 0
+    def send_message(self, message, ticks: int) -> int:
+        is_wrong = bool(ticks or message.extd or message.rtr or message.reserved)
+        return self.send(message.identifier, message.data_length_code, message.data, is_wrong)
 
     def read_alerts(self, out, _ticks: int) -> int:
         out[0], self.alerts = self.alerts & self.wanted, 0
-        return 0 if out[0] else self.TIMEOUT
+        return 0 if out[0] else self.full_code
 
-    def accepts(self, message: can.Message) -> bool:
-        code_, mask, is_single = self.rule
-        assert is_single and self.state == "running"
-        shift = 3 if message.is_extended_id else 21
-        rtr = message.is_remote_frame << (2 if message.is_extended_id else 20)
-        return (message.arbitration_id << shift | rtr) & ~mask == code_ & ~mask & UINT32_MAX
+    def rule(self) -> Rule:
+        assert self.state == "running"
+        code, mask = self.filter
+        return code >> 3, mask >> 3, None, bool(code >> 20 & 1) if mask >> 20 & 1 else None
 
     def go_off(self) -> None:
-        self.is_off, self.state = True, "off"
-        self.alerts |= self.OFF
+        self.is_off, self.state, self.alerts = True, "off", self.alerts | 0x2000
         self.lib.can_node_serve()
 
     def recover(self) -> None:
         if self.state == "recovering":
-            self.is_off, self.state = False, "stopped"
-            self.alerts |= self.RECOVERED
+            self.state, self.alerts = "stopped", self.alerts | 0x40
             self.lib.can_node_serve()
 
-    def bit_timing(self) -> tuple[float, float]:
-        return self.rate, 0.8  # that of TWAI_TIMING_CONFIG_500KBITS
-
-
-# --- Zephyr ---------------------------------------------------------------------------------------
+    def quanta(self) -> tuple[float, int, int]:
+        return self.rate * 20, 16, 4  # sampled where TWAI_TIMING_CONFIG_500KBITS samples
 
 
 class Zephyr(Driver):
     """The CAN API of Zephyr 3.7: a driver that aborts pending frames on bus-off, and recovers."""
 
-    folder, capacity = "zephyr_node/src", 3
-    BUS_OFF, BUSY, UNREACHABLE = 3, -11, -101
-    headers = (ZEPHYR_MOCK / "zephyr/kernel.h",)
-    seams = defining("zephyr/kernel.h")
+    folder = "zephyr_node/src"
+    off_code, full_code = -101, -11  # -ENETUNREACH, -EAGAIN
+    headers, seams = (ZEPHYR_MOCK / "zephyr/kernel.h",), defining("zephyr/kernel.h")
 
-    def __init__(self, folder: Path, library: Path) -> None:
-        super().__init__(folder, library)
+    def reset(self) -> None:
+        self.filter: Rule | None = None
         self.is_started = False
-        self.rule: tuple[int, int, int] | None = None
         self.connect(device_is_ready=lambda _device: self.has_clock)
         self.connect(k_uptime_ticks=lambda: self.now_us, k_ticks_to_us_floor64=lambda ticks: ticks)
         self.connect(can_set_state_change_callback=self.set_callback, k_msgq_get=self.give)
         self.connect(can_add_rx_filter_msgq=self.add_filter, can_start=self.start)
-        self.connect(can_send=self.send)
+        self.connect(can_send=self.send_frame)
 
     def init(self) -> int:
         return -self.lib.can_node_init(self.ffi.NULL)
@@ -701,7 +662,7 @@ class Zephyr(Driver):
         self.on_state = callback
 
     def add_filter(self, _device, _queue, rule) -> int:
-        self.rule = (rule.id, rule.mask, rule.flags)
+        self.filter = rule.id << 18, rule.mask << 18, bool(rule.flags & 1), None
         return 0
 
     def start(self, _device) -> int:
@@ -709,35 +670,26 @@ class Zephyr(Driver):
         return 0
 
     def give(self, _queue, out, _wait: int) -> int:
-        if not self.queue:
-            return self.BUSY
-        first = self.queue.pop(0)
+        if not self.fifo:
+            return self.full_code
+        first = self.fifo.pop(0)
         frame = self.ffi.cast("struct can_frame *", out)
         frame.id, frame.dlc, frame.data = first.arbitration_id, first.dlc, list(first.data)
         frame.flags = first.is_remote_frame << 1
         return 0
 
-    def send(self, _device, frame, wait: int, callback, _data) -> int:
+    def send_frame(self, _device, frame, wait: int, callback, _data) -> int:
         """Without a callback, Zephyr waits without limit until the frame is on the bus."""
-        if wait or not callback or frame.flags:
-            self.faults.append("the thread waits, or the frame is no standard data frame")
-        if self.is_off:
-            return self.UNREACHABLE
-        if len(self.pending) == self.capacity:
-            return self.BUSY
-        self.pending.append(standard(frame.id, frame.dlc, bytes(frame.data)))
-        self.settle()
-        return 0
+        is_wrong = bool(wait or not callback or frame.flags)
+        return self.send(frame.id, frame.dlc, frame.data, is_wrong)
 
-    def accepts(self, message: can.Message) -> bool:
+    def rule(self) -> Rule:
         assert self.is_started
-        identifier, mask, flags = self.rule
-        is_of_kind = message.is_extended_id == bool(flags & 1)
-        return is_of_kind and (message.arbitration_id ^ identifier) & mask == 0
+        return self.filter
 
     def go_off(self) -> None:
         self.is_off, self.pending = True, []
-        self.report(self.BUS_OFF)
+        self.report(3)  # CAN_STATE_BUS_OFF
 
     def recover(self) -> None:
         self.is_off = False

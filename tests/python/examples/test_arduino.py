@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from conftest import ROOT, need
 from firmware_examples import expected_torques
+from programs import run
 
 ARDUINO = ROOT / "port/arduino"
 CORE = Path("/usr/share/arduino/hardware/arduino/avr")
@@ -24,16 +25,9 @@ LAX = ["-fpermissive", "-DDECIMAL_DIG=__DECIMAL_DIG__"]
 SKETCHES = sorted(path.stem for path in ARDUINO.glob("examples/*/*.ino"))
 
 
-def run(*command: object, code: int = 0, **more: object) -> subprocess.CompletedProcess[str]:
-    words = [str(word) for word in command]
-    done = subprocess.run(words, capture_output=True, text=True, check=False, **more)
-    assert done.returncode == code, done.stdout + done.stderr
-    return done
-
-
 @pytest.fixture(scope="module")
 def packed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return Path(run(ARDUINO / "pack.sh", tmp_path_factory.mktemp("arduino")).stdout.strip())
+    return Path(run(ARDUINO / "pack.sh", tmp_path_factory.mktemp("arduino")).strip())
 
 
 def test_the_library_has_the_layout_of_arduino(packed: Path) -> None:
@@ -59,8 +53,8 @@ def test_the_library_has_the_layout_of_arduino(packed: Path) -> None:
     for line in (packed / "keywords.txt").read_text().splitlines():
         word, kind = line.split("\t")
         assert re.search(rf"\b{word}\b", headers) and kind in ("KEYWORD1", "KEYWORD2", "LITERAL1")
-    done = run(ARDUINO / "pack.sh", packed.parent, code=2)
-    assert done.stderr.startswith("error: ") and str(packed) in done.stderr
+    said = run(ARDUINO / "pack.sh", packed.parent, code=2)
+    assert said.startswith("error: ") and str(packed) in said
 
 
 class Sketch:
@@ -98,7 +92,7 @@ class Sketch:
 
     def sizes(self, image: Path) -> tuple[int, int]:
         """Bytes of flash, bytes of RAM."""
-        text, data, bss = map(int, run("avr-size", image).stdout.splitlines()[1].split()[:3])
+        text, data, bss = map(int, run("avr-size", image).splitlines()[1].split()[:3])
         return text + data, data + bss
 
 
@@ -144,7 +138,7 @@ def test_the_quadrature_sketch_follows_a_turning_shaft(packed: Path, tmp_path: P
     run("gcc", "-std=c99", "-O1", "-c", f"-I{packed}/src", *library, cwd=tmp_path)
     words = ["-std=c++11", f"-I{packed}/src", f'-DSKETCH="{sketch}"', shaft]
     run("g++", *words, *tmp_path.glob("*.o"), "-o", program)
-    rows = [line.split() for line in run(program).stdout.splitlines()]
+    rows = [line.split() for line in run(program).splitlines()]
     per_edge = 2.0 / 0.05 * 2 * math.pi / 2000  # sigma0 / Fc, rad
     top = 1 - math.exp(-300 * per_edge)
     assert len(rows) >= 3

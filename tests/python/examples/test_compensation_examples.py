@@ -11,7 +11,6 @@ import math
 import re
 import runpy
 import struct
-import subprocess
 import sys
 from pathlib import Path
 
@@ -20,21 +19,19 @@ import dahl
 import numpy as np
 import pytest
 from dahl.binding import plan_header
+from programs import run, shared_object
 from sources import CORE, LIB
 
 pytestmark = pytest.mark.usefixtures("library")
 
 COMPENSATOR = sorted((LIB / "compensator").glob("*.c"))
-STRICT = ["-std=c11", "-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Werror", "-O1"]
 FC_LOW, LENGTH_LONG = 0.45, 0.0055  # N m, rad
 MOVES = np.rint(6 * np.sin(np.arange(1000) / 60)).astype(int)  # counts: at most 2.3 rad/s
 
 
 def compiled(root: Path, folder: Path, *words: object) -> ctypes.CDLL:
-    flags = [*STRICT, "-shared", "-fPIC", f"-I{root}/lib/include", f"-I{folder}"]
-    command = ["gcc", *flags, *words, *CORE, *COMPENSATOR, "-o", folder / "made.so"]
-    subprocess.run([str(word) for word in command], check=True)
-    return ctypes.CDLL(str(folder / "made.so"))
+    includes = [f"-I{root}/lib/include", f"-I{folder}"]
+    return shared_object(folder, *includes, *words, *CORE, *COMPENSATOR)
 
 
 def test_the_page_has_the_bits_of_python(root: Path, tmp_path: Path) -> None:
@@ -63,8 +60,8 @@ def test_the_page_has_the_bits_of_python(root: Path, tmp_path: Path) -> None:
 
 # --- stm32_current_loop ---------------------------------------------------------------------------
 
-CNT, SMCR, ARR, CCR1 = 9, 2, 11, 13  # words of a timer
-JDR1 = 15  # word of the ADC
+CR1, SMCR, CCMR1, CNT, ARR, CCR1 = 0, 2, 6, 9, 11, 13  # words of a timer
+SR, JDR1 = 0, 15  # words of the ADC
 PWM_PERIOD, VOLT, OHM, HENRY, TICK_S = 8400, 24.0, 1.0, 1e-3, 1e-4
 AMPERE_PER_LSB = 3.3 / 4096 / 0.1
 STM32 = Path("examples/stm32_current_loop")
@@ -82,7 +79,7 @@ class Motor:
         words = ctypes.c_uint32 * 14
         self.tim1, self.tim3 = (words.in_dll(self.lib, name) for name in ("tim1", "tim3"))
         self.adc = (ctypes.c_uint32 * 16).in_dll(self.lib, "adc1")
-        self.current = 0.0  # A
+        self.current, self.is_open = 0.0, False  # A; whether the winding is open
 
     def value(self, name: str) -> ctypes.c_float:
         return ctypes.c_float.in_dll(self.lib, name)
@@ -93,9 +90,12 @@ class Motor:
         for _ in range(ticks):
             self.tim3[CNT] = (self.tim3[CNT] + counts) % 65536
             self.adc[JDR1] = round(2048 + self.current / AMPERE_PER_LSB)
+            self.adc[SR] = 0b1110  # a bit that is written 0 ends its interrupt
             self.lib.ADC_IRQHandler()
+            assert self.adc[SR] & 0b1110 == 0b1010 and self.tim1[CCR1] <= PWM_PERIOD
             volt = VOLT * (2 * self.tim1[CCR1] / PWM_PERIOD - 1)
             self.current += (volt - OHM * self.current) / HENRY * TICK_S
+            self.current *= not self.is_open
             added.append(self.value("compensation").value)
         return added
 
@@ -105,7 +105,8 @@ def test_the_current_loop_adds_the_current_of_the_friction(root: Path, tmp_path:
     motor = Motor(root, tmp_path)
     motor.tim3[CNT] = 65500
     assert motor.lib.current_loop_init() == 0
-    assert (motor.tim3[SMCR], motor.tim3[ARR]) == (3, 65535)
+    started = {CR1: 1, SMCR: 3, CCMR1: 0x0101, ARR: 65535, CNT: 65500}
+    assert {word: value for word, value in enumerate(motor.tim3) if value} == started
     low, long = float(np.float32(0.045)), float(np.float32(0.0055))
     plan = dahl.Plan(float(np.float32(low) / np.float32(long)), low, 2 * math.pi / 16384)
     compensator = dahl.Compensator(
@@ -128,6 +129,9 @@ def test_the_current_loop_adds_the_current_of_the_friction(root: Path, tmp_path:
     motor.value("torque_command").value = 10.0
     motor.run(300, -1)
     assert motor.current == pytest.approx(4.0, abs=0.02)
+    motor.is_open = True  # the integral must not grow without limit
+    motor.run(2000, -1)
+    motor.is_open = False
     ctypes.c_int.in_dll(motor.lib, "encoder_is_good").value = 0
     motor.value("torque_command").value = 0.0
     motor.run(300, -1)
@@ -143,8 +147,8 @@ def foc(root: Path, tmp_path: Path) -> ctypes.CDLL:
     compiled(root, tmp_path)
     words = ["g++", "-std=c++11", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-shared", "-fPIC"]
     words += [f"-I{root}/lib/include", f"-I{mock}", f"-I{root}/examples/simplefoc"]
-    words += [str(mock / "motor.cpp"), str(tmp_path / "made.so"), f"-Wl,-rpath,{tmp_path}"]
-    subprocess.run([*words, "-o", str(tmp_path / "foc.so")], check=True)
+    words += [mock / "motor.cpp", tmp_path / "made.so", f"-Wl,-rpath,{tmp_path}"]
+    run(*words, "-o", tmp_path / "foc.so")
     lib = ctypes.CDLL(str(tmp_path / "foc.so"))
     lib.motor_loop.restype = ctypes.c_float
     return lib
@@ -187,6 +191,7 @@ def odrive_angle(turns: float) -> can.Message:
 
 def odrive_torque(message: can.Message) -> float:
     assert message.arbitration_id == 0x06E and len(message.data) == 4
+    assert not message.is_extended_id and not message.is_fd
     return struct.unpack("<f", message.data)[0]
 
 
@@ -197,7 +202,8 @@ def moteus_angle(turns: float) -> can.Message:
 
 def moteus_torque(message: can.Message) -> float:
     """Read the subframes of a frame: writes of registers by type, then the query."""
-    assert message.arbitration_id == 0x8003 and message.is_fd and len(message.data) == 32
+    assert message.arbitration_id == 0x8003 and len(message.data) == 32
+    assert message.is_extended_id and message.is_fd
     assert message.data[:3] == b"\x01\x00\x0a"  # write one int8 from register 0: position mode
     assert message.data[3:6] == b"\x0c\x05\x20"  # write five floats from register 0x20
     position, *velocity_to_kd = struct.unpack_from("<5f", message.data, 6)
@@ -230,6 +236,16 @@ def test_the_host_needs_a_known_drive_and_a_bus(words, asked, start, root, monke
     assert given == ({"interface": "socketcan"} | asked if asked else {})
 
 
+def torques_of_moves(moves: list[int], period: float) -> np.ndarray:
+    plan = dahl.Plan(0.045 / 0.0055, 0.045, 2 * math.pi / 16384)
+    compensator = dahl.Compensator(
+        *(plan.sigma0, 0.045, plan.theta_per_count),
+        **{"Fc_low": 0.045, "length_long": 0.0055, "limit": LIMIT, "slew": 50.0, "rise": 0.5},
+        **{"period": period, "fall": 0.02, "noise": 1, "play": 4},
+    )
+    return compensator.run_log(dahl.Friction(plan), moves)
+
+
 @pytest.mark.parametrize("name", ["ODrive", "Moteus"])
 def test_a_host_feeds_newton_metres_forward(
     name: str, root: Path, monkeypatch: pytest.MonkeyPatch
@@ -258,15 +274,18 @@ def test_a_host_feeds_newton_metres_forward(
                 assert found[-1] == pytest.approx(returned, abs=1e-9)
             return found
 
-        forward = torques(range(0, 1200, 3))
-        assert forward[0] == 0 and forward[-1] == pytest.approx(LIMIT, rel=1e-5)
-        assert max(map(abs, forward)) <= LIMIT * (1 + 1e-6)
-        assert torques(range(1200, 600, -3))[-1] == pytest.approx(-LIMIT, rel=1e-5)
+        found = torques(range(0, 1200, 3)) + torques(range(1200, 600, -3))
+        due = torques_of_moves([0] + 400 * [3] + 199 * [-3], module.PERIOD_S)
+        assert found == pytest.approx(due, abs=1e-9)
+        assert (max(found), found[-1]) == pytest.approx((LIMIT, -LIMIT), rel=1e-5)
         for count in (math.nan, 603, 1e38, 603, 603):  # no number; a jump there and back
             drive.send(angle(count / 16384))
             assert feed.tick(host) == pytest.approx(-LIMIT, rel=1e-5)
         cut = angle(0.0)
         cut.data, cut.dlc = cut.data[:2], 2
         drive.send(cut)
-        silent = [feed.tick(host) for _ in range(15)]
-        assert silent[1] == pytest.approx(-LIMIT, rel=1e-5) and silent[-1] == 0
+        silent = [feed.tick(host) for _ in range(15)]  # the first two do not fade
+        fades = [max(0.0, 1 - tick * module.PERIOD_S / 0.02) for tick in range(-1, 14)]
+        assert silent == pytest.approx(
+            [-min(LIMIT, 0.9 * 0.045 * fade) for fade in fades], abs=1e-4
+        )

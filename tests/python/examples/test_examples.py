@@ -21,6 +21,7 @@ from conftest import need
 from dahl.codec import EncoderState
 from dahl.node import ask
 from firmware_examples import expected_torques
+from programs import STRICT, run, shared_object
 from sources import CORE
 
 
@@ -44,30 +45,21 @@ def test_python_can_asks_a_node(node, root, tmp_path):
     (tmp_path / "test_node.py").write_text(text.replace("28600", node))
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
     command += ["--rootdir", tmp_path, tmp_path / "test_node.py"]
-    done = subprocess.run(
-        command, cwd=root, capture_output=True, text=True, timeout=60, check=False
-    )
-    assert done.returncode == 0 and "1 passed" in done.stdout, done.stdout
+    assert "1 passed" in run(*command, cwd=root, timeout=60)
 
 
 def test_asyncio_asks_a_node(node, root):
-    command = [sys.executable, root / "examples/python_can/asyncio_node.py", node]
-    done = subprocess.run(
-        command, cwd=root, capture_output=True, text=True, timeout=60, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    found = [float(ratio) for ratio in re.findall(r"F/Fc ([+-][\d.]+)", done.stdout)]
+    said = run(sys.executable, root / "examples/python_can/asyncio_node.py", node, timeout=60)
+    found = [float(ratio) for ratio in re.findall(r"F/Fc ([+-][\d.]+)", said)]
     assert len(found) == 10 and found[0] == 0
     assert max(found) > 0.99 and min(found) < -0.99 and max(map(abs, found)) <= 1
-    assert "states: " in done.stdout and "OK" in done.stdout
+    assert "states: " in said and "OK" in said
 
 
 @pytest.fixture
 def shaft(root: Path, tmp_path: Path) -> ctypes.CDLL:
-    folder, made = root / "examples/change_parameters", tmp_path / "shaft.so"
-    words = ["gcc", "-std=c11", "-shared", "-fPIC", f"-I{root}/lib/include", folder / "friction.c"]
-    subprocess.run([*words, *CORE, "-o", made], check=True)
-    lib = ctypes.CDLL(str(made))
+    example = root / "examples/change_parameters/friction.c"
+    lib = shared_object(tmp_path, f"-I{root}/lib/include", example, *CORE)
     lib.friction_set.restype, lib.friction_tick.restype = ctypes.c_bool, ctypes.c_float
     return lib
 
@@ -102,9 +94,9 @@ def test_the_next_tick_uses_new_parameters(shaft) -> None:
 def test_the_encoder_example_passes_the_wrap_of_its_timer(root, tmp_path) -> None:
     flags = ["-G", "Ninja", "-DCMAKE_C_FLAGS=-Wall -Wextra -pedantic -Werror"]
     example = root / "examples/encoder_16bit_timer"
-    for words in (["-S", example, "-B", tmp_path, *flags], ["--build", tmp_path]):
-        subprocess.run(["cmake", *words], check=True, capture_output=True)
-    printed = subprocess.check_output([tmp_path / example.name], text=True)
+    run("cmake", "-S", example, "-B", tmp_path, *flags)
+    run("cmake", "--build", tmp_path)
+    printed = run(tmp_path / example.name)
     rows = [(int(a), float(b)) for a, b in re.findall(r"timer +(\d+) +([+-][\d.]+) N m", printed)]
     readings = [reading for reading, _ in rows]
     assert max(readings) > 65000 and min(readings[:-1]) < 100
@@ -118,36 +110,24 @@ def test_the_encoder_example_passes_the_wrap_of_its_timer(root, tmp_path) -> Non
 @pytest.mark.checks
 def test_an_example_without_a_node_ends_with_one_line(root, tmp_path):
     """python-can tries for 10 s and logs each of 100,000 attempts."""
-    command = [sys.executable, root / "examples/python_can/asyncio_node.py", "1"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    said = done.stdout + done.stderr
-    assert done.returncode == 1 and "connect" in said and said.count("\n") == 1
+    said = run(sys.executable, root / "examples/python_can/asyncio_node.py", "1", code=1)
+    assert "connect" in said and said.count("\n") == 1
 
 
 @pytest.mark.checks
 def test_a_plain_makefile_builds_a_firmware_that_runs(root: Path, tmp_path: Path) -> None:
-    need("arm-none-eabi-gcc", "a Makefile builds a firmware")
-    need("make", "a Makefile builds a firmware")
-    need("qemu-system-arm", "a firmware of a Makefile runs")
+    for tool in ("arm-none-eabi-gcc", "make", "qemu-system-arm"):
+        need(tool, "a Makefile builds a firmware that runs")
     project = shutil.copytree(root / "examples/makefile_firmware", tmp_path / "project")
 
-    def make(*words: str) -> str:
-        command = ["make", f"DAHL={root}", *words]
-        done = subprocess.run(
-            command, cwd=project, capture_output=True, text=True, timeout=60, check=False
-        )
-        assert done.returncode == 0 and "warning" not in done.stderr, done.stderr
-        return done.stdout + done.stderr
-
-    make()
-    said = re.findall(r"tick +(\d+) +(-?\d+) nN m", make("run"))
+    make = ["sh", "-c", '"$@" 2>&1', "sh", "make", f"DAHL={root}", "CC=arm-none-eabi-gcc -Werror"]
+    said = re.findall(r"tick +(\d+) +(-?\d+) nN m", run(*make, "run", cwd=project))
     found = {int(tick): int(torque) * 1e-9 for tick, torque in said}
     assert found == pytest.approx(expected_torques(), abs=1e-7)
-    image = project / "build/firmware.elf"
-    names = subprocess.run(["arm-none-eabi-nm", image], capture_output=True, text=True, check=True)
-    assert " T dahl_step_counts_q30\n" in names.stdout  # in assembly: the C is weak, W
+    names = run("arm-none-eabi-nm", project / "build/firmware.elf")
+    assert " T dahl_step_counts_q30\n" in names  # in assembly: the C is weak, W
     shutil.copy(root / "tests/target/start_up.c", project / "main.c")
-    make("run")  # its exit code says that no spoiled word is left in RAM
+    run(*make, "run", cwd=project)  # its exit code says that no spoiled word is left in RAM
 
 
 def test_the_example_for_esp_idf_prints_torques_of_the_model(root: Path, tmp_path: Path) -> None:
@@ -155,9 +135,8 @@ def test_the_example_for_esp_idf_prints_torques_of_the_model(root: Path, tmp_pat
         "void app_main(void);\nint main(void) { app_main(); }\n"
     )
     example, program = root / "examples/esp_idf/main/main.c", tmp_path / "program"
-    words = ["gcc", "-std=c11", "-Wall", "-Wextra", "-Werror", f"-I{root}/lib/include"]
-    subprocess.run([*words, main, example, *CORE, "-o", program], check=True)
-    said = subprocess.run([program], capture_output=True, text=True, check=True).stdout
+    run("gcc", *STRICT, f"-I{root}/lib/include", main, example, *CORE, "-o", program)
+    said = run(program)
     found = {int(t): float(F) for t, F in re.findall(r"tick (\d+) (\S+) N m", said)}
     assert found == pytest.approx(expected_torques(), abs=1e-6)
 
@@ -182,8 +161,7 @@ def test_the_notebook_goes_from_a_log_to_the_bus(dahl_loop, root: Path, tmp_path
 @pytest.mark.usefixtures("library")
 def test_the_hinge_in_mujoco_is_held_and_drawn(root, tmp_path) -> None:
     pytest.importorskip("mujoco.rollout", reason="unproven: examples/mujoco: mujoco is missing")
-    command = [sys.executable, root / "examples/mujoco/hold.py", tmp_path / "hold.png"]
-    printed = subprocess.check_output(command, text=True)
+    printed = run(sys.executable, root / "examples/mujoco/hold.py", tmp_path / "hold.png")
     native, own = map(float, re.findall(r"([\d.]+) rad", printed))
     assert native > 3 and own == pytest.approx(0.1235, rel=2e-2)
     assert (tmp_path / "hold.png").stat().st_size > 10000

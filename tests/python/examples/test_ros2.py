@@ -43,7 +43,12 @@ def test_each_joint_gets_the_friction_of_its_model(root, library, monkeypatch) -
         assert sent[-1].name == sent[-1].effort == []
 
 
-def test_a_wrong_parameter_names_its_joint(root, library, monkeypatch) -> None:
-    for name, value in {"hip.sigma0": 0.0, "knee.model": "x"}.items():
-        with pytest.raises(dahl.Error, match=f"joint {name.replace('.', ': ')} = "):
-            start(root, monkeypatch, GIVEN | {name: value})
+WRONG = {"hip.sigma0": None, "hip.Fc": None, "knee.model": "x"}  # None: it is not given
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_or_missing_parameter_names_its_joint(root, library, monkeypatch, name) -> None:
+    changed = GIVEN | {name: WRONG[name]}
+    given = {key: value for key, value in changed.items() if value is not None}
+    with pytest.raises(dahl.Error, match=f"joint {name.replace('.', ': ')} = "):
+        start(root, monkeypatch, given)

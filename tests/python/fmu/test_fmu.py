@@ -61,8 +61,13 @@ def test_by_counts_the_torques_have_the_bits_of_the_python_class(export, model):
     assert abs(one.get("ratio")) == 1 or model.name == "loaded"
 
 
+UNITS = {"angle": "rad", "theta_per_count": "rad", "sigma0": "N.m/rad", "Fc": "N.m", "time": "s"}
+UNITS |= {"torque": "N.m"}
+
+
 @EVERY
-def test_each_parameter_has_its_start_value_under_its_name(export, model):
+def test_each_variable_has_its_unit_and_each_parameter_its_start_value(export, model):
+    """In the description, which tools show, and in the instance."""
     one, found = Instance(export(model)), {}
     for name, values in zip(("sigma0", "Fc"), numbers(model), strict=True):
         names = [name] if len(values) == 1 else [f"{name}[{k}]" for k in range(len(values))]
@@ -70,6 +75,11 @@ def test_each_parameter_has_its_start_value_under_its_name(export, model):
             names = ["Fc_forward", "Fc_backward"]
         found |= dict(zip(names, values, strict=True))
     assert {name: one.get(name) for name in found} == pytest.approx(found)
+    for row in one.xml.find("ModelVariables"):
+        name, number = row.get("name"), row.attrib | (row[0].attrib if one.fmi == 2 else {})
+        assert number.get("unit", "") == UNITS.get(re.match("Fc|sigma0|.*", name)[0], "")
+        is_given = row.get("causality") in ("parameter", "input")
+        assert (float(number["start"]) if is_given else one.get(name)) == one.get(name)
 
 
 @pytest.mark.parametrize("words", [(), ("--fixed-stiffness",)])
@@ -212,13 +222,14 @@ def test_an_error_is_one_line_and_changes_nothing(export, is_ready):
 MODES = [["enter"], ["leave"], ["do_step", "Terminate"], []]  # calls that each mode allows
 
 
-def test_each_mode_allows_its_calls_and_reset_leads_to_the_first(export):
+def test_each_mode_allows_its_calls_and_can_be_saved(export):
     one = Instance(export(DAHL))
     calls = {"enter": one.enter, "leave": one.leave, "do_step": partial(one.do_step, 1e-3)}
     calls["Terminate"] = partial(one.call, "Terminate")
     for allowed in MODES + MODES:
         assert {name for name in calls.keys() - allowed if calls[name]() == OK} == set()
         assert [name for name in allowed if calls[name]() == OK] == allowed
+        assert one.restore(one.save()) == OK
         assert allowed or one.call("Reset") == OK
 
 

@@ -6,7 +6,6 @@ standard, which it contains.
 from __future__ import annotations
 
 import re
-import subprocess
 import zipfile
 from functools import partial
 from pathlib import Path
@@ -18,6 +17,7 @@ import pytest
 from dahl.binding import models
 from dahl.sim.fmu import VERSIONS
 from fmu_instance import Instance
+from programs import run
 from test_fmu import DAHL, EVERY, walk
 
 pytestmark = [pytest.mark.checks, pytest.mark.usefixtures("library")]
@@ -93,16 +93,12 @@ def test_a_plain_compiler_builds_the_sources_with_the_headers_of_the_standard(
     with zipfile.ZipFile(path) as content:
         content.extractall("unit")
     sources = sorted(Path("unit/sources").glob("*.c"))
-    command = ["gcc", *FLAGS, "-include", header, *sources, "-o", "unit/built.so"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    run("gcc", *FLAGS, "-include", header, *sources, "-o", "unit/built.so")
     ours, built = Instance(path).initialize(), Instance(path, Path("unit/built.so").resolve())
     built.initialize()
     for angle in walk(6) * 1e-5:
         assert ours.step(angle=angle) == built.step(angle=angle)
-    names = subprocess.run(
-        ["nm", "-D", "unit/built.so"], capture_output=True, text=True, check=True
-    )
-    defined = {*re.findall(rf" T fmi{fmi}(\w+)$", names.stdout, re.MULTILINE)}
+    names = run("nm", "-D", "unit/built.so")
+    defined = {*re.findall(rf" T fmi{fmi}(\w+)$", names, re.MULTILINE)}
     found = re.findall(rf"^#define fmi{fmi}(\w+) +fmi.FullName", header.read_text(), re.MULTILINE)
     assert defined == {*found} - (ONLY_MODEL_EXCHANGE if fmi == 2 else set())

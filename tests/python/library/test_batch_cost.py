@@ -6,11 +6,11 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
 from conftest import BUILD, ROOT
+from programs import run
 
 pytestmark = pytest.mark.checks
 
@@ -28,21 +28,17 @@ def counts(tmp_path_factory):
             pytest.skip(f"unproven: cost of batches: no {tool} (tools/setup.sh checks)")
     if " avx2 " not in Path("/proc/cpuinfo").read_text():
         pytest.skip("unproven: cost of batches: this processor has no AVX2")
-    compiler = subprocess.run(["cc", "-v"], capture_output=True, text=True, check=False).stderr
-    if "gcc version 12." not in compiler:
+    if run("cc", "-dumpversion").strip() != "12":
         pytest.skip("unproven: cost of batches: cc is not gcc 12")
-    words = ["cmake", "--build", BUILD, "--target", "host_bench"]
-    subprocess.run(words, capture_output=True, check=True)
+    run("cmake", "--build", BUILD, "--target", "host_bench")
     folder = tmp_path_factory.mktemp("callgrind")
     return lambda motion: counted(folder / motion, motion)
 
 
 def counted(out: Path, motion: str) -> dict[str, float]:
     words = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={out}"]
-    words += [str(BUILD / "tools/bench/host/host_bench"), "batches", motion, str(TICKS)]
-    subprocess.run(words, capture_output=True, check=True, timeout=120)
-    words = ["callgrind_annotate", "--inclusive=yes", "--threshold=100", str(out)]
-    text = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60).stdout
+    run(*words, BUILD / "tools/bench/host/host_bench", "batches", motion, TICKS)
+    text = run("callgrind_annotate", "--inclusive=yes", "--threshold=100", out)
     found: dict[str, float] = {}
     for number, name in re.findall(r"^ *([\d,]+) \([^)]*\)  \S+:(dahl_\w+)", text, re.M):
         found[name] = max(found.get(name, 0.0), int(number.replace(",", "")) / TICKS)

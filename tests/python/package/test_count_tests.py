@@ -25,7 +25,7 @@ SUITE = """<testsuite tests="2">
 <testcase classname="test_a" name="two"><skipped message="no data"/></testcase></testsuite>"""
 TWO_SUITES = f"<testsuites>{SUITE}{SUITE}</testsuites>"
 CTEST = """<testsuite tests="1"><testcase name="sockets"><skipped message="SKIP_RETURN_CODE=77"/>
-<system-out>begins\nSKIP: no CAN here\n</system-out></testcase></testsuite>"""
+<system-out>begins\n\nsearches\nSKIP: no CAN here\n</system-out></testcase></testsuite>"""
 TWO_WELL = '<testsuite tests="2"><testcase name="a"/><testcase name="b"/></testsuite>'
 BAD = TWO_WELL.replace('name="b"/>', 'name="b"><{}/></testcase>')
 SKIPPED = "skipped: test_a.two: no data\n"

@@ -6,14 +6,11 @@ test_consume.py builds a project with each of them.
 from __future__ import annotations
 
 import json
-import os
 import re
-import subprocess
 from pathlib import Path
 
 import cantools
 import dahl
-import pytest
 import yaml
 from conftest import ROOT
 
@@ -126,32 +123,6 @@ def test_zephyr_and_twister_find_the_module_its_options_and_samples() -> None:
     assert {"CAN", "DAHL", "DAHL_NODE"} <= set(chosen)
     listed = re.findall(r"src/\w+\.c", (folder / "CMakeLists.txt").read_text())
     assert {folder / one for one in listed} == set(folder.glob("src/*.c"))
-
-
-# Functions of the frameworks; replacements print their arguments.
-THEIRS = ("zephyr_library_named", "zephyr_library_sources", "zephyr_include_directories")
-THEIRS += ("zephyr_library_compile_definitions", "idf_component_register")
-
-
-@pytest.mark.parametrize(
-    ("script", "chosen", "files"),
-    [
-        ("zephyr", "set(CONFIG_DAHL y)", CORE | ASSEMBLY),
-        ("zephyr", "set(CONFIG_DAHL y)\nset(CONFIG_DAHL_NODE y)", CORE | ASSEMBLY | NODE),
-        ("zephyr", "", None),
-        (".", "set(ESP_PLATFORM 1)", CORE | NODE),
-    ],
-)
-def test_a_framework_compiles_the_chosen_files(tmp_path: Path, script, chosen, files) -> None:
-    follow = tmp_path / "follow.cmake"
-    calls = [f'function({call})\nmessage("${{ARGV}}")\nendfunction()' for call in THEIRS]
-    include = f'include("{ROOT / script}/CMakeLists.txt")'
-    follow.write_text("\n".join([*calls, chosen, include]))
-    command = ["cmake", "-P", str(follow)]
-    printed = subprocess.run(command, check=True, capture_output=True, text=True).stderr
-    words = [os.path.relpath(word, ROOT) for word in re.split(r"[;\s]", printed) if "/lib/" in word]
-    sources = {path for path in files or () if path.endswith((".c", ".S"))}
-    assert sorted(words) == (sorted({*sources, "lib/include"}) if files else [])
 
 
 def test_esp_idf_packs_the_needed_files() -> None:

@@ -10,14 +10,15 @@ import json
 import os
 import re
 import shutil
-import subprocess
 import sys
 import sysconfig
 import tarfile
 import zipfile
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
+import programs
 import pytest
 
 pytestmark = pytest.mark.checks
@@ -32,14 +33,9 @@ NEEDED = ("numpy", "cffi", "pycparser")  # dependencies of the core, and theirs
 PLAN = ["plan", "--sigma0", "100", "--fc", "0.5", "--counts-per-turn", "16384", "-o", "-"]
 
 
-def run(*command: object, code: int | None = 0, **more: object) -> subprocess.CompletedProcess[str]:
-    """Run a command without the environment variables of this tree."""
-    clean = {name: value for name, value in os.environ.items() if name not in OURS}
-    more = {"env": clean, "timeout": 240, **more}
-    words = list(map(str, command))
-    done = subprocess.run(words, capture_output=True, text=True, check=False, **more)
-    assert code is None or done.returncode == code, done.stdout + done.stderr
-    return done
+# Without the environment variables of this tree.
+CLEAN = {name: value for name, value in os.environ.items() if name not in OURS}
+run = partial(programs.run, env=CLEAN, timeout=240)
 
 
 class Environment:
@@ -59,10 +55,10 @@ class Environment:
     def metadata(self) -> importlib.metadata.Distribution:
         return importlib.metadata.Distribution.at(only(self.site, "dahl-*.dist-info"))
 
-    def dahl(self, *words: object, **more: object) -> subprocess.CompletedProcess[str]:
+    def dahl(self, *words: object, **more: object) -> str:
         return run(self.bin / "dahl", *words, cwd=self.folder, **more)
 
-    def python(self, *words: object, **more: object) -> subprocess.CompletedProcess[str]:
+    def python(self, *words: object, **more: object) -> str:
         return run(self.bin / "python", *words, cwd=self.folder, **more)
 
 
@@ -104,8 +100,8 @@ SHARED |= {"dahl/py.typed", "dahl/commands/demo.py"}
 
 
 def test_both_wheels_have_the_same_files_and_twine_accepts_them(dist: Path) -> None:
-    done = run(sys.executable, "-m", "twine", "check", "--strict", *dist.glob("dahl-*"))
-    assert done.stdout.count("PASSED") == 2
+    said = run(sys.executable, "-m", "twine", "check", "--strict", *dist.glob("dahl-*"))
+    assert said.count("PASSED") == 2
     first, second = (
         {one.filename: one.CRC for one in zipfile.ZipFile(path).infolist()}
         for path in (only(dist, "*.whl"), only(dist / "tree", "*.whl"))
@@ -131,10 +127,10 @@ def test_the_sdist_has_only_the_files_that_it_needs(dist: Path) -> None:
 
 
 def test_the_core_works_anywhere_with_its_dependencies_alone(core: Environment) -> None:
-    assert float(core.python("-c", ISSUE).stdout) == pytest.approx(0.4323323, rel=1e-6)
-    assert core.dahl("--help").stdout.startswith("usage: dahl")
-    assert "dahl_plan_t dahl_plan_shaft = {" in core.dahl(*PLAN).stdout
-    assert "--node" in core.dahl("monitor", "--help").stdout
+    assert float(core.python("-c", ISSUE)) == pytest.approx(0.4323323, rel=1e-6)
+    assert core.dahl("--help").startswith("usage: dahl")
+    assert "dahl_plan_t dahl_plan_shaft = {" in core.dahl(*PLAN)
+    assert "--node" in core.dahl("monitor", "--help")
     core.dahl("fmu", "--sigma0", "120", "--fc", "1.8", "-o", "friction.fmu")
     needs = core.metadata().requires
     assert [one.partition(">")[0] for one in needs if "extra ==" not in one] == [
@@ -160,11 +156,11 @@ import dahl
 from dahl.sim import scene
 codes = [main({PLAN!r}), main(["data", "tribometer"]), main(["demo"])]
 scene.read(scene.find("steering"))
-print("\\n".join(one for one in opened if one.startswith({str(root)!r})), file=sys.stderr)
+print("\\n".join(one for one in opened if one.startswith({str(root)!r})))
 assert any(one.endswith("libdahl.so") for one in opened) and codes[0] == 0
 """
-    done = core.python("-c", watched)
-    assert [line for line in done.stderr.splitlines() if line.startswith(str(root))] == []
+    said = core.python("-c", watched)
+    assert [line for line in said.splitlines() if line.startswith(str(root))] == []
 
 
 def test_the_demo_runs_from_the_wheel(full: Environment) -> None:
@@ -184,8 +180,8 @@ def test_the_demo_runs_from_the_wheel(full: Environment) -> None:
     assert Path(known["scene_file"]).is_relative_to(full.site)
     full.dahl("report", folder)
     full.dahl("plot", folder)
-    done = full.dahl("demo", "--target", "m4f", "--output", full.folder / "m4f", code=1)
-    assert done.stderr.startswith("error: ") and "checkout" in done.stderr
+    said = full.dahl("demo", "--target", "m4f", "--output", full.folder / "m4f", code=1)
+    assert said.startswith("error: ") and "checkout" in said
 
 
 def test_the_plugin_of_mujoco_is_compiled_from_the_wheel(full: Environment, tmp_path: Path) -> None:
@@ -199,9 +195,9 @@ def test_the_test_of_the_readme_finds_its_fixtures(root: Path, full: Environment
     readme = (root / "README.md").read_text()
     (example,) = re.findall(r"```python\n(from dahl.*?)```", readme, re.DOTALL)
     (full.folder / "test_readme.py").write_text(example)
-    done = full.python("-m", "pytest", "-q", "-p", "no:cacheprovider", "test_readme.py")
-    assert "1 passed" in done.stdout
-    assert "--dahl-interface" in full.python("-m", "pytest", "--help").stdout
+    said = full.python("-m", "pytest", "-q", "-p", "no:cacheprovider", "test_readme.py")
+    assert "1 passed" in said
+    assert "--dahl-interface" in full.python("-m", "pytest", "--help")
 
 
 def test_a_wheel_without_dahl_loop_names_the_missing_packages(
@@ -210,10 +206,10 @@ def test_a_wheel_without_dahl_loop_names_the_missing_packages(
     nowhere = ["CMAKE_FIND_ROOT_PATH=/nowhere", "CMAKE_FIND_ROOT_PATH_MODE_LIBRARY=ONLY"]
     settings = [word for one in nowhere for word in ("-C", f"cmake.define.{one}")]
     words = ["--no-isolation", "--wheel", "--outdir", tmp_path, *settings, root]
-    said = run(sys.executable, "-m", "build", *words)
-    assert "without dahl-loop" in said.stdout + said.stderr
+    said = run("sh", "-c", '"$@" 2>&1', "sh", sys.executable, "-m", "build", *words)
+    assert "without dahl-loop" in said
     here = (full.site / "extras.pth").read_text().splitlines()
     made = Environment(tmp_path / "env", only(tmp_path, "*.whl"), here)
-    assert float(made.python("-c", ISSUE).stdout) == pytest.approx(0.4323323, rel=1e-6)
-    [line] = made.dahl("demo", "--scene", "steering", code=1).stderr.splitlines()
+    assert float(made.python("-c", ISSUE)) == pytest.approx(0.4323323, rel=1e-6)
+    [line] = made.dahl("demo", "--scene", "steering", code=1).splitlines()
     assert "libinih-dev libcsv-dev libcjson-dev" in line

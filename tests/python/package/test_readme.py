@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
 from conftest import ROOT
+from programs import run
 
 PAGES = [path for path in (ROOT / "README.md", *ROOT.glob("docs/**/*.md")) if path.exists()]
 BLOCKS = [
@@ -50,9 +50,9 @@ def test_a_block_of_c_compiles(block: str, tmp_path: Path) -> None:
     plan += plan_header.bounds("rig", 2.6, 7.3e-5, "N m", "rad")
     (tmp_path / "dahl_plan_rig.h").write_text(plan)
     (tmp_path / "block.c").write_text(block)
-    words = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", f"-I{tmp_path}"]
-    words += [f"-I{ROOT / folder}" for folder in ("lib", "lib/include")]
-    subprocess.run([*words, str(tmp_path / "block.c")], check=True, timeout=60)
+    includes = [f"-I{folder}" for folder in (tmp_path, ROOT / "lib", ROOT / "lib/include")]
+    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only"]
+    run("cc", *strict, *includes, tmp_path / "block.c")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import time
@@ -107,6 +108,38 @@ def test_an_environment_that_fails_is_an_error_each_time(bare, failing, tries):
         done, started = bare.set_up("demo")
         assert done.returncode == 1 and "error: " in done.stderr
         assert sum("--require-hashes" in call for call in started) == tries
+
+
+PINS = ("not.here==9 ; python_version < '3'", "Kept.One==1.0", "gone==2")
+SITES = {  # change of a site that has all packages, and a file of 3 bytes: code and output
+    "": (0, ""),
+    "rm -r dahl-0.2.dist-info": (3, "missing: dahl\n"),
+    "mv kept_one-1.0.dist-info kept_one-1.1.dist-info": (3, "missing: kept-one 1.0\n"),
+    "rm -r gone-2.dist-info": (3, "missing: gone 2\n"),
+    "echo 123 > file.py": (4, "changed: file.py\n"),
+    "rm file.py gone-2.dist-info -r": (4, "missing: gone 2\nchanged: file.py\n"),
+    "rm kept_one-1.0.dist-info/RECORD": (4, "changed: {}/kept_one-1.0.dist-info/RECORD\n"),
+}
+
+
+@pytest.mark.parametrize("change", SITES)
+def test_missing_packages_and_changed_files_are_found(tmp_path, monkeypatch, capsys, change):
+    """A package for other versions of Python is not needed. A size is that of the RECORD."""
+    site = tmp_path / "site"
+    for name in ("dahl-0.2", "kept_one-1.0", "gone-2"):
+        (site / f"{name}.dist-info").mkdir(parents=True)
+        (site / f"{name}.dist-info/RECORD").write_text("")
+    (site / "kept_one-1.0.dist-info/RECORD").write_text("file.py,sha256=x,3\nRECORD,,\n")
+    (site / "file.py").write_text("12\n")
+    (tmp_path / "packages.txt").write_text(
+        "".join(f"{pin} \\\n    --hash=sha256:0\n" for pin in PINS)
+    )
+    subprocess.run(change, shell=True, cwd=site, check=True)
+    monkeypatch.setattr("sysconfig.get_path", lambda _name: str(site))
+    main = runpy.run_path(str(ROOT / "tools/setup/check_venv.py"))["main"]
+    code, printed = SITES[change]
+    assert main(str(tmp_path / "packages.txt")) == code
+    assert capsys.readouterr().out == printed.format(site)
 
 
 def test_without_a_network_it_ends_with_one_line(tmp_path):

@@ -6,12 +6,12 @@ Each way to pass the flags of the core is a row. CMake prints the choice.
 from __future__ import annotations
 
 import re
-import subprocess
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 from conftest import ROOT, need
+from programs import run
 
 pytestmark = pytest.mark.checks
 
@@ -33,13 +33,6 @@ WRITTEN |= {core: {"dahl_step_counts_q30", "dahl_step_counts", "dahl_step"} for 
 MAIN = "".join(f"extern int {name}(void);\n" for name in CALLS) + (
     "int main(void) { return " + " + ".join(f"{name}()" for name in CALLS) + "; }\n"
 )
-
-
-def run(*command: object, cwd: Path | None = None) -> str:
-    words = [str(word) for word in command]
-    done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=cwd)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout + done.stderr
 
 
 def ticks_in_assembly(image: Path) -> set[str]:

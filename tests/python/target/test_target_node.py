@@ -9,12 +9,11 @@ import contextlib
 import itertools
 import json
 import random
-import socket
-import threading
+import subprocess
+import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import can
 import dahl
@@ -23,179 +22,142 @@ from conftest import ROOT, need
 from dahl import codec, node
 from dahl.codec import EncoderState, Param, ParamWrite, State, Write
 from dahl.sim import firmware  # no public name starts QEMU with a page of parameters
-from loop_tools import run
+from loop_tools import is_running, message_of, read_log, run, wait_until
 
 pytestmark = [pytest.mark.checks, pytest.mark.usefixtures("library")]
 
 Params = tuple[float, float, float]
 OURS: Params = (120.0, 1.8, 2.396844981071314e-05)  # sigma0, Fc, theta_per_count
 PATIENT_US = 60000000  # the timeout; a busy host delays frames
-
-
-def image(core: str) -> Path:
-    for tool in ("arm-none-eabi-gcc", "qemu-system-arm"):
-        need(tool, "the node runs as firmware")
-    return firmware.build(core)
-
-
-# --- on the bus ----------------------------------------------------------------------------------
+PATIENT_S = 60
 
 
 @pytest.fixture
-def bus(tmp_path) -> Iterator[can.BusABC]:
-    image_node = firmware.Firmware("m4f", OURS, tmp_path, 0, PATIENT_US, image("m4f"))
-    with image_node, can.Bus(**image_node.bus) as opened:
+def start(tmp_path: Path) -> Iterator[Callable[..., can.BusABC]]:
+    """Run firmware on a core: start("m4f") is its bus."""
+    for tool in ("arm-none-eabi-gcc", "qemu-system-arm"):
+        need(tool, "the node runs as firmware")
+    with contextlib.ExitStack() as stack:
+
+        def opened(core: str, params: Params | None = OURS, number: int = 0) -> can.BusABC:
+            image = firmware.Firmware(core, params, tmp_path, number, PATIENT_US)
+            bus = stack.enter_context(image).bus
+            return stack.enter_context(can.Bus(**bus, sleep_after_open=0))
+
         yield opened
 
 
-def ask(bus: can.BusABC, frame: Any) -> Any:
-    return node.ask(bus, frame, timeout=60)
+def frames(bus: can.BusABC, identifier: int, number: int) -> list[can.Message]:
+    """Return the next frames with this identifier; fewer if the node is silent."""
+    found: list[can.Message] = []
+    while len(found) < number and (message := bus.recv(PATIENT_S)):
+        found += [message] if message.arbitration_id == identifier else []
+    return found
 
 
-def next_status(bus: can.BusABC) -> codec.Status:
-    while (message := bus.recv(60)).arbitration_id != codec.Status.base:
-        pass
-    return codec.unpack(message)
-
-
-def test_silence_makes_it_stale_while_status_goes_on(bus) -> None:
-    """A motion during the silence changes no torque. No Status is skipped."""
-    ask(bus, ParamWrite(Param.TIMEOUT, 300, Write.WRITE))
-    ask(bus, EncoderState(0, 0))
-    moved = ask(bus, EncoderState(4000, 1)).torque_q30
-    found: list[codec.Status] = []
-    while not found or found[-1].state != State.STALE or len(found) < 8:
-        found.append(next_status(bus))
+def statuses(bus: can.BusABC, number: int) -> list[codec.Status]:
+    """Return the next Status frames. None between them is skipped."""
+    found = [codec.unpack(one) for one in frames(bus, codec.Status.base, number)]
     steps = [(b.counter - a.counter) % 16 for a, b in itertools.pairwise(found)]
-    assert steps == [1] * len(steps)
-    ask(bus, ParamWrite(Param.TIMEOUT, 60000, Write.WRITE))
+    assert steps == [1] * (number - 1)
+    return found
+
+
+def test_silence_makes_it_stale_while_status_goes_on(start) -> None:
+    """A motion during the silence changes no torque."""
+    bus = start("m4f")
+
+    def ask(frame: object) -> object:
+        return node.ask(bus, frame, timeout=PATIENT_S)
+
+    ask(ParamWrite(Param.TIMEOUT, 300, Write.WRITE))
+    ask(EncoderState(0, 0))
+    moved = ask(EncoderState(4000, 1)).torque_q30
+    assert statuses(bus, 8)[-1].state == State.STALE
+    ask(ParamWrite(Param.TIMEOUT, 60000, Write.WRITE))
     for counter in (2, 3):
         node.expect_silence(bus, EncoderState(900000, counter), seconds=0.01)
-    answer = ask(bus, EncoderState(900000, 4))
+    answer = ask(EncoderState(900000, 4))
     assert (answer.state, answer.torque_q30) == (State.STALE, moved)
 
 
-# --- on the serial line --------------------------------------------------------------------------
-
-
-class Serial:
-    def __init__(self, port: int) -> None:
-        self.link = socket.create_connection(("127.0.0.1", port))
-        self.text = bytearray()
-        threading.Thread(target=self._read, daemon=True).start()
-
-    def _read(self) -> None:
-        with contextlib.suppress(OSError):
-            while piece := self.link.recv(65536):
-                self.text += piece
-
-    def send(self, *lines: bytes) -> None:
-        self.link.sendall(b"".join(line + b"\r" for line in lines))
-
-    def lines(self, head: bytes) -> list[bytes]:
-        whole = bytes(self.text).replace(b"\a", b"\r").rpartition(b"\r")[0]
-        return [line for line in whole.split(b"\r") if line.startswith(head)]
-
-    def wait(self, head: bytes, number: int, seconds: float = 30) -> list[bytes]:
-        """Wait for this number of lines, or until none has come for some seconds."""
-        known, last = 0, time.monotonic()
-        while known < number and time.monotonic() - last < seconds:
-            time.sleep(0.005)
-            if (now := len(self.lines(head))) != known:
-                known, last = now, time.monotonic()
-        return self.lines(head)
-
-
-def line_of(count: int, counter: int, number: int = 0) -> bytes:
-    message = codec.pack(EncoderState(count, counter % 16))
-    return f"t{0x100 + number:03X}8{message.data.hex().upper()}".encode()
-
-
-@pytest.fixture
-def serial(tmp_path) -> Iterator:
-    """Open firmware on a core: serial('m4f'). Its timeout is long, for busy hosts."""
-    with contextlib.ExitStack() as stack:
-
-        def start(core: str, params: Params | None = OURS, number: int = 0) -> Serial:
-            image_node = firmware.Firmware(core, params, tmp_path, number, PATIENT_US, image(core))
-            line = Serial(stack.enter_context(image_node).port)
-            stack.callback(line.link.close)
-            line.send(b"", b"C", b"O")
-            return line
-
-        yield start
-
-
 @pytest.mark.parametrize("core", firmware.boards())
-def test_a_trace_equals_that_of_the_host(core: str, serial, tmp_path) -> None:
+def test_a_trace_equals_that_of_the_host(core: str, start, tmp_path: Path) -> None:
     seconds = 10 if core == "m4f" else 2
     scene = ROOT / "host_sim/scenes/steering.ini"
-    log = run(tmp_path, scene, "--virtual", "--seconds", str(seconds)).log.read_text()
-    frames = [line.split()[2].replace("#", "8") for line in log.splitlines()]
-    asked = [f"t{frame}".encode() for frame in frames if frame.startswith("100")]
-    answers = [f"t{frame}".encode() for frame in frames if frame.startswith("110")]
+    log = read_log(run(tmp_path, scene, "--virtual", "--seconds", str(seconds)).log)
+    asked, answers = ([one for one in log if one.id == base] for base in (0x100, 0x110))
     assert len(asked) == len(answers) == seconds * 1000
-    assert len({answer[-8:] for answer in answers}) > seconds * 150
-    line = serial(core)
+    assert len({bytes(answer.data) for answer in answers}) > seconds * 150
+    bus = start(core)
     for n in range(0, len(asked), 20):
-        line.send(*asked[n : n + 20])
-        line.wait(b"t110", min(n + 20, len(asked)), 10)
-    assert line.lines(b"t110") == answers
+        for one in asked[n : n + 20]:
+            bus.send(message_of(one))
+        found = [bytes(one.data) for one in frames(bus, 0x110, 20)]
+        assert found == [bytes(one.data) for one in answers[n : n + 20]]
 
 
 # QEMU passes one byte at a time to the CMSDK UART and six to that of the nRF51, which is faster.
 @pytest.mark.parametrize(
     "core, pieces", [("m0", 100), ("m4f", 10), pytest.param("m4f", 100, marks=pytest.mark.long)]
 )
-def test_the_node_answers_after_random_bytes(core: str, pieces: int, serial) -> None:
-    line = serial(core)
-    line.send(b"F", line_of(0, 0))
-    assert len(line.wait(b"t110", 1)) == 1
-    rng = random.Random(11)
+def test_the_node_answers_after_random_bytes(core: str, pieces: int, start) -> None:
+    """In time: the bytes fill the serial line for a while. The first frames are out of sequence."""
+    bus = start(core)
+    rng, port = random.Random(11), bus.serialPortOrig
     for _ in range(pieces):
-        line.link.sendall(rng.randbytes(10000))
-    line.send(b"", b"", b"C", b"O", b"F")
-    assert line.wait(b"F80", 1, 200), "no answer after all these bytes"
-    answered = len(line.lines(b"t110"))
-    line.send(*(line_of(10 * n, n) for n in range(20)))
-    now = len(line.wait(b"t110", answered + 20, 1))
-    assert now >= answered + 18  # the first ones are out of sequence
-    assert line.text.count(b"\a") > 30 * pieces
+        port.write(rng.randbytes(10000))
+    port.write(b"\r\rC\rO\r")
+    for n in range(22):
+        bus.send(codec.pack(EncoderState(10 * n, n % 16)))
+    echoes = [codec.unpack(one).echo for one in frames(bus, 0x110, 18)]
+    assert echoes == [(echoes[0] + k) % 16 for k in range(18)]
 
 
-def test_no_status_is_lost_on_a_closed_line(serial) -> None:
+def test_no_status_is_lost_on_a_closed_line(start) -> None:
     """The node does not count frames that a closed line would discard."""
-    line = serial("m4f")
-    line.wait(b"t120", 1)
-    line.send(b"C")
+    bus = start("m4f")
+    (before,) = statuses(bus, 1)
+    bus.close()
     time.sleep(0.35)  # three periods of Status
-    line.send(b"O")
-    found = line.wait(b"t120", len(line.lines(b"t120")) + 2)
-    counters = [int(one[8:9], 16) for one in found]
-    assert {(b - a) % 16 for a, b in itertools.pairwise(counters)} == {1}
+    bus.open()
+    assert statuses(bus, 2)[0].counter == (before.counter + 1) % 16
 
 
 @pytest.mark.parametrize(
     ("params", "number", "used"),
-    [
-        (OURS, 0, OURS),
-        (OURS, 5, OURS),
-        (None, 0, (36500.0, 2.7, 1e-7)),
-        ((-1.0, 1.8, 1e-5), 0, None),
-    ],
+    [(OURS, 0, OURS), (OURS, 5, OURS), (None, 0, (36500.0, 2.7, 1e-7))],
 )
-def test_parameters_and_number_from_flash(serial, params, number, used) -> None:
-    """A blank page means defaults; wrong parameters leave a node without torque."""
-    line = serial("m4f", params, number)
-    line.send(line_of(0, 0, number), line_of(4000, 1, number), b"V")
-    assert line.wait(b"V", 1)
-    head = f"t{0x110 + number:03X}".encode()
-    if used is None:
-        assert not line.lines(b"t1")
-    else:
-        bearing = dahl.Friction(dahl.Plan(*used))
-        torque = bearing.step_counts_q30(4000).to_bytes(4, "little", signed=True)
-        assert line.wait(head, 2)[1].decode().endswith(torque.hex().upper())
+def test_parameters_and_number_from_flash(start, params, number, used) -> None:
+    """A blank page means defaults."""
+    bus = start("m4f", params, number)
+    for counter in (0, 1):
+        bus.send(codec.pack(EncoderState(4000 * counter, counter), number))
+    answer = codec.unpack(frames(bus, 0x110 + number, 2)[1])
+    assert answer.torque_q30 == dahl.Friction(dahl.Plan(*used)).step_counts_q30(4000)
+
+
+def test_wrong_parameters_in_flash_leave_a_node_that_sends_nothing(start) -> None:
+    bus = start("m4f", (-1.0, 1.8, 1e-5))
+    for counter in range(20):
+        bus.send(codec.pack(EncoderState(4000 * counter, counter % 16)))
+    bus.serialPortOrig.timeout = PATIENT_S
+    bus.serialPortOrig.write(b"V\r")
+    assert b"t" not in bus.serialPortOrig.read_until(b"V")
+
+
+START_CHILD = """import subprocess, time
+from dahl.sim.firmware import with_parent
+print(subprocess.Popen([*with_parent(), "sleep", "600"]).pid, flush=True)
+time.sleep(600)"""
+
+
+def test_a_program_ends_with_its_parent_even_if_that_is_killed() -> None:
+    words = [sys.executable, "-c", START_CHILD]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as parent:
+        child = int(parent.stdout.readline())
+        parent.kill()
+    wait_until(lambda: not is_running(child))
 
 
 # --- tools/demo.sh --target ----------------------------------------------------------------------

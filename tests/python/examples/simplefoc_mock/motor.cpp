@@ -10,6 +10,7 @@ static FrictionCompensator compensator(motor, 0.05f, 16384);
 
 extern "C" int motor_init(int direction, float other_ampere)
 {
+    clock_us = 4294967000; // micros() wraps soon
     motor.sensor = &sensor;
     motor.sensor_direction = static_cast<Direction>(direction);
     motor.feed_forward_current.q = other_ampere;
