@@ -26,7 +26,6 @@ from identify_tools import (
     log_of,
     noise_of,
     turns_of,
-    varying_torque,
 )
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -55,8 +54,7 @@ def plus(shape: np.ndarray) -> list[Log]:
 
 def parts(sigma0: np.ndarray | float = 1.0, Fc: np.ndarray | float = 1.0) -> list[Log]:  # noqa: N803
     """Return a log of parameters that vary, in parts of the usual ones."""
-    ones = np.ones(2400)
-    return [log_of(PATH, varying_torque(PATH, SIGMA0 * sigma0 * ones, FC * Fc * ones), 0.01)]
+    return [log_of(PATH, dahl_torque(PATH, SIGMA0 * sigma0, FC * Fc), 0.01)]
 
 
 def thirds(change: Callable[[Log], Log]) -> list[Log]:

@@ -6,7 +6,6 @@ claimed if it is not there, and exported to plan, scene and check.
 from __future__ import annotations
 
 import json
-import re
 import subprocess
 from dataclasses import replace
 from types import SimpleNamespace
@@ -15,7 +14,7 @@ import numpy as np
 import pytest
 from conftest import built
 from dahl.identify import Log, check, identify
-from identify_tools import COUNT, FC, SIGMA0, noise_of, seen, sine, varying_torque
+from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, replayed_r2, seen, sine
 from log_reading import drawing, run
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -34,7 +33,7 @@ def loaded(course: str, seed: int, more: float = MORE, noise: float = 0.05) -> L
     """Return a log of 8 cycles of 10 presliding lengths; the load is in N."""
     theta, load = sine(seed, ROWS, CYCLES), 3 + 10 * COURSES[course]
     share = 1 + more * (load - 8)
-    torque = varying_torque(theta, share * SIGMA0, share * FC, is_reduced=True)
+    torque = dahl_torque(theta, share * SIGMA0, share * FC, is_reduced=True)
     torque += noise * FC * noise_of(seed, ROWS)
     read, time = np.round(theta / COUNT) * COUNT, np.arange(ROWS) * 1e-3
     return Log(course, read, torque, time, resolution=COUNT, load=load)
@@ -186,11 +185,5 @@ def test_a_firmware_with_the_header_follows_the_log(left, firmware):
     assert limited == pytest.approx(shares.clip(0, 2), abs=1e-5) and max(limited) < 2
 
 
-def test_the_scene_replays_the_load(left, dahl_loop):
-    folder = left.folder
-    words = [dahl_loop, "--scene", folder / "brake.ini", "--virtual", "--seconds", "4"]
-    subprocess.run([*words, "--log", folder / "run.log"], check=True, capture_output=True)
-    with drawing(rendered=False) as figures:
-        assert run("plot", folder / "run.log", "--scene", folder / "brake.ini").returncode == 0
-    caption = figures[0].axes[0].get_title(loc="left")
-    assert float(re.search(r"R² = (\S+)", caption)[1]) > 0.998
+def test_the_scene_replays_the_load(left, dahl_loop, tmp_path):
+    assert replayed_r2(dahl_loop, left.folder / "brake.ini", tmp_path) > 0.998
