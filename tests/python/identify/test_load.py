@@ -125,13 +125,24 @@ def left(tmp_path_factory):
     return SimpleNamespace(folder=folder, log=log, kept=kept, shown=done.stdout)
 
 
-def test_the_screen_has_the_numbers_of_the_load(left):
-    found = left.kept["load"]
-    assert 0 < found["slope_standard_error"] < 0.05 * found["slope"]
-    ends = np.array([left.log.load.min(), left.log.load.max()])
-    assert found["shares"] == pytest.approx(1 + found["slope"] * (ends - found["reference"]))
-    numbers = [f"{number:.3g}" for number in found["shares"]]
-    numbers += [f"{found[name]:.4f}" for name in ("r2", "r2_without")]
+def test_json_and_screen_have_the_numbers_of_the_load(left):
+    kept, least, most = left.kept["load"], left.log.load.min(), left.log.load.max()
+    r2 = {one["name"]: one["r2"] for one in left.kept["models"]}
+    assert kept == {
+        "reference": pytest.approx(np.median(left.log.load)),
+        "slope": pytest.approx(truth(kept["reference"])["slope"], rel=0.01),
+        "slope_standard_error": pytest.approx(2e-4, abs=1.9e-4),
+        "least": pytest.approx(least),
+        "most": pytest.approx(most),
+        "shares": [
+            pytest.approx(1 + kept["slope"] * (end - kept["reference"])) for end in (least, most)
+        ],
+        "r2": r2["loaded"],
+        "r2_without": r2["Dahl"],
+        "linearised_change": pytest.approx(0, abs=0.01),
+    }
+    numbers = [f"{number:.3g}" for number in kept["shares"]]
+    numbers += [f"{kept[name]:.4f}" for name in ("r2", "r2_without")]
     assert all(number in left.shown for number in numbers)
 
 
