@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 from dahl import Error
 from dahl.identify import Log, Options, Result, check, identify, report
-from dahl.identify.select import penalised_cost
 from identify_tools import (
     COUNT,
     FC,
@@ -235,35 +234,6 @@ def test_units_signs_and_origins_change_nothing_else(make, torque, angle, clock,
         assert found["extra"][term] == pytest.approx(wanted, rel=0.02, abs=1e-3 * abs(units[term]))
 
 
-def test_a_log_may_be_cut_at_a_turn_and_given_in_any_order():
-    log = shaft(2, rows=2400, cycles=10.3)
-    cut = 1200 + int(np.argmax(np.abs(log.theta[1200:1600])))
-    first = replace(log.part(slice(cut)), name="first")
-    second = replace(log.part(slice(cut, None)), name="b")
-    whole, parts, back = seen(log), seen(first, second), seen(second, first)
-    assert parts["identifiable"] == whole["identifiable"] == dict.fromkeys(TRUTH, True)
-    assert parts["rows"] == whole["rows"] and sorted(parts["logs"]) == ["b", "first"]
-    assert back["pieces"] == parts["pieces"][::-1] == [2400 - cut, cut]
-    for name in TRUTH:
-        low, high = whole["ci95"][name]
-        assert low <= parts[name] <= high
-        assert parts[name] == pytest.approx(back[name], rel=2e-3)
-
-
-def test_ten_times_the_rows_give_the_same():
-    """A long log is thinned to samples of several rows."""
-    less, more = (seen(synthetic(4, 0.05, rows=rows, cycles=10)) for rows in (2400, 24_000))
-    assert less["rows_per_sample"] == 1 < more["rows_per_sample"]
-    assert more["rows"] == sum(more["pieces"]) == 24_000
-    assert more["identifiable"] == dict.fromkeys(TRUTH, True)
-    assert more["rmse"] == pytest.approx(0.05 * FC / np.sqrt(more["rows_per_sample"]), rel=0.1)
-    for name, truth in TRUTH.items():
-        for low, high in (less["ci95"][name], more["ci95"][name]):
-            assert low <= truth <= high
-        near = 1.5 * (width(less, name) + width(more, name)) * truth
-        assert less[name] == pytest.approx(more[name], abs=near)
-
-
 def test_a_spring_that_stiffens_is_a_cubic_term():
     torque = dahl_torque(PATH) + 0.3 * FC * (PATH / 0.05) ** 3
     terms = identify([log_of(PATH, torque, 0.01)]).terms
@@ -279,15 +249,6 @@ def plain() -> Result:
     theta = chirp(2400, first=6, last=12)
     torque = dahl_torque(theta) + 0.1 + 0.02 * np.gradient(theta, 1e-3)
     return identify([log_of(theta, torque, 0.05)])
-
-
-def test_a_law_is_shown_by_its_best_fit():
-    result = identify([machine(1, late=3)])
-    for law, fit in report.best_by_law(result).items():
-        fits = [one for one in result.fits if one.hypothesis.law == law]
-        costs = [penalised_cost(one).sum() for one in fits]
-        is_best = penalised_cost(fit).sum() == min(costs)
-        assert fit is result.chosen if law == result.hypothesis.law else is_best
 
 
 def test_residuals_and_the_data_frame():

@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 from dahl.identify import select
-from dahl.identify.fit import Fit, Fitter, Hypothesis
+from dahl.identify.fit import Fitter, Hypothesis
 from dahl.identify.samples import samples_of
 from dahl.identify.start import coarse_start, pair_starts, slip_start
 from identify_tools import FC, SIGMA0, behind_play, chirp, dahl_torque, log_of, springs
@@ -230,21 +230,6 @@ def test_starts_of_several_elements_are_near():
     h, p = slip_start(three, Hypothesis(), A)
     fit = three.fit(h, p)
     assert h.law == "3 slip" and fit.value == pytest.approx([100, 0.425], rel=0.05)
-
-
-def test_a_fit_has_the_parameters_of_its_columns():
-    fit = Fit(
-        Hypothesis("2 dahl"),
-        np.log([10.0, 100.0]),
-        np.array([3.0, 4.0]),
-        np.array([1.0, 2.0]),
-        np.array([3.0, 4.0, 0.1, -9.0, 0.0]),
-        np.array([[3.0, 4.0, 0.0, 0.0, 0.0]]),
-        np.ones(1),
-    )
-    assert fit.slopes == pytest.approx([10 * (3 + 0.1), 100 * (4 - 2 * 0.6)])
-    assert fit.value == pytest.approx([fit.slopes.sum(), 7]) and fit.step == 9
-    assert fit.without == pytest.approx(np.array([[430, 7]]))
 
 
 # --- the hypotheses that are fitted ---------------------------------------------------------------

@@ -66,22 +66,6 @@ def test_a_load_is_followed(course, more):
         assert abs(follows["slope"] - true["slope"]) < 4 * follows["slope_standard_error"]
 
 
-def test_the_numbers_of_the_load_follow_its_unit():
-    log = loaded("swings", 1)
-    first, second = (seen(one)["load"] for one in (log, replace(log, load=log.load / 64)))
-    powers = {"slope": -1, "slope_standard_error": -1, "reference": 1, "least": 1, "most": 1}
-    for name, power in powers.items():
-        assert second[name] * 64**power == pytest.approx(first[name], rel=1e-6), name
-
-
-def test_without_its_column_the_friction_drifts_and_no_claim_is_wrong():
-    found = seen(replace(loaded("rises", 1), load=None))
-    assert found["load"] is None and found["r2_plan"] < 0.98
-    for name, mean in (("sigma0", SIGMA0), ("Fc", FC)):
-        low, high = found["ci95"][name]
-        assert not found["identifiable"][name] or low <= mean <= high
-
-
 def test_each_of_several_logs_has_a_load_of_its_own():
     half = ROWS // 2
     low = replace(loaded("rises", 1).part(slice(half)), name="low")

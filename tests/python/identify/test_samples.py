@@ -81,15 +81,6 @@ def test_each_treatment_suits_its_turns():
     assert abs(error_at_turns(angle.between_counts(read(SINE), COUNT), SINE)) < 0.12
 
 
-def test_derivatives_of_a_sine():
-    pace = 2 * np.pi * 9 / 3000
-    smooth = angle.between_counts(read(SINE), COUNT)
-    one, two = angle.derivatives(read(SINE), smooth, COUNT)
-    inside = slice(200, -200)
-    assert np.abs(one - np.gradient(SINE))[inside].max() < 0.02 * 0.05 * pace
-    assert np.abs(two + pace**2 * SINE)[inside].max() < 0.05 * 0.05 * pace**2
-
-
 @pytest.mark.parametrize("counts", [0.0, 1.0, 5.0])
 def test_noise_beyond_the_counts_is_measured_and_smoothed(counts):
     noisy = read(SINE + counts * COUNT * noise_of(4, 3000))
