@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from dahl.io.log import Log
 from matplotlib.figure import Figure
@@ -133,10 +134,16 @@ def complaint(done: subprocess.CompletedProcess) -> tuple[int, str]:
     return done.returncode, found[1]
 
 
-def write_csv(path, theta: np.ndarray, torque: np.ndarray, header: str = "t,angle_deg,torque_Nm"):
+def write_csv(
+    path: Path, theta: np.ndarray, torque: np.ndarray, header: str = "t,angle_deg,torque_Nm"
+) -> Path:
     """A log as a file: time in s at 1 kHz, angle in deg."""
-    table = np.column_stack((np.arange(len(theta)) * 1e-3, np.degrees(theta), torque))
-    np.savetxt(path, table, fmt="%.9g", delimiter=",", header=header, comments="")
+    columns = (np.arange(len(theta)) * 1e-3, np.degrees(theta), torque)
+    return write_table(path, dict(zip(header.split(","), columns, strict=True)))
+
+
+def write_table(path: Path, columns: dict[str, np.ndarray]) -> Path:
+    pd.DataFrame(columns).to_csv(path, index=False, float_format="%.12g")
     return path
 
 

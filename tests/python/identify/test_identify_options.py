@@ -10,9 +10,8 @@ from pathlib import Path
 from unittest.mock import ANY
 
 import numpy as np
-import pandas as pd
 import pytest
-from identify_tools import COUNT, FC, complaint, dahl_torque, noise_of, sine, write_csv
+from identify_tools import COUNT, FC, complaint, dahl_torque, noise_of, sine, write_csv, write_table
 from log_reading import asked, read, run
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -33,8 +32,7 @@ def rig(tmp_path_factory) -> Path:
     holed = np.where(np.arange(ROWS) == 700, np.nan, 2 * torque)
     columns = {"t": np.arange(ROWS) * 1e-3, "angle_deg": np.degrees(theta), "torque_Nm": torque}
     path = tmp_path_factory.mktemp("rig") / "rig.csv"
-    pd.DataFrame({**columns, "friction_holed_Nm": holed}).to_csv(path, index=False)
-    return path
+    return write_table(path, {**columns, "friction_holed_Nm": holed})
 
 
 def found_by(*words: object) -> dict:
@@ -58,7 +56,6 @@ def test_each_option_of_the_fit_reaches_it(rig):
         ("--model SLIP-3", {"model": "slip-3"}),
     ):
         assert vars(asked(rig, *words.split())) == usual | change, words
-    assert found_by(rig)["delay_rows"] == pytest.approx(LATE, abs=2.5)
     found = found_by(rig, *"--terms offset,viscous --no-delay --counts-per-turn 8192".split())
     assert (found["delay_rows"], found["resolution"]) == (0, pytest.approx(2 * COUNT))
     assert found["extra"] == {"offset": pytest.approx(OFFSET, abs=0.3), "viscous": ANY}
@@ -163,7 +160,9 @@ def test_a_foreign_file_is_not_overwritten(dahl, tmp_path, rig):
 def test_an_interrupted_run_leaves_whole_files(rig, tmp_path, monkeypatch):
     """It is interrupted while the JSON is replaced. --force, since no plan models this delay."""
     words = ("identify", rig, "-o", tmp_path, "--name", "my x", "--force")
-    assert run(*words).returncode == 0
+    shown = run(*words).stdout
+    late = json.loads((tmp_path / "my_x.json").read_text())["delay_rows"]
+    assert late == pytest.approx(LATE, abs=2.5) and f"torque late by {late:.2g} rows" in shown
     whole = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     left = ["dahl_plan_my_x.h", "my_x.csv", "my_x.ini", "my_x.json", "my_x.png"]
     assert sorted(whole) == left

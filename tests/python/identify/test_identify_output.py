@@ -37,6 +37,7 @@ from identify_tools import (
     springs,
     turns_of,
     write_csv,
+    write_table,
 )
 from log_reading import drawing, run
 
@@ -67,10 +68,8 @@ def force_of(seed: int) -> np.ndarray:
 
 
 def write_log(folder: Path, seed: int) -> Path:
-    path = folder / f"{seed} of the left rig in the second hall.csv"
-    table = np.column_stack((TIME, 1e3 * way_of(seed), force_of(seed)))
-    np.savetxt(path, table, "%.12g", ",", header="t_s,pos_mm,force_N", comments="")
-    return path
+    columns = {"t_s": TIME, "pos_mm": 1e3 * way_of(seed), "force_N": force_of(seed)}
+    return write_table(folder / f"{seed} of the left rig in the second hall.csv", columns)
 
 
 @pytest.fixture(scope="module")
@@ -241,11 +240,13 @@ def test_json_has_each_number_under_its_name(rig):
     assert [one for one in kept["choices"] if one["taken"]] == [taken]
 
 
-POWERS = {  # of the units of torque and angle, by the last name in a path of JSON
-    **dict.fromkeys("sigma0 spring viscous inertia bilinear_sigma0".split(), (1, -1)),
-    **dict.fromkeys("Fc rmse offset Fc_low Fc_forward Fc_backward".split(), (1, 0)),
-    **dict.fromkeys("length_long resolution theta_per_count backlash".split(), (0, 1)),
-    "a": (0, -1),
+POWERS = {  # of the units of torque, angle and time, by the last name in a path of JSON
+    **dict.fromkeys("sigma0 spring bilinear_sigma0".split(), (1, -1, 0)),
+    **dict.fromkeys("Fc rmse offset Fc_low Fc_forward Fc_backward".split(), (1, 0, 0)),
+    **dict.fromkeys("length_long resolution theta_per_count backlash".split(), (0, 1, 0)),
+    "viscous": (1, -1, 1),
+    "inertia": (1, -1, 2),
+    "a": (0, -1, 0),
 }
 
 
@@ -259,17 +260,25 @@ def numbers_in(kept: object, name: str = "") -> Iterator[tuple[str, float]]:
         yield name, float(kept)
 
 
-def test_all_numbers_follow_the_units_of_torque_and_angle():
-    """The same log with 64 times the torque and an eighth of the angle has the same fits."""
+def test_all_numbers_follow_the_units_of_torque_angle_and_time():
+    """64 times the torque by a turned sensor, an eighth of the angle and four times the seconds
+    give the same fits; another origin changes the results by roundings.
+    """
     log = log_of(MOTION, each_way() + 4 * MOTION)
-    other = replace(log, torque=64 * log.torque, theta=log.theta / 8, resolution=COUNT / 8)
+    other = replace(log, torque=-64 * log.torque, theta=log.theta / 8, resolution=COUNT / 8)
+    shifted = replace(log, theta=log.theta + 4321 * COUNT, time=log.time + 5)
+    logs = log, replace(other, time=4 * log.time), shifted
     options = {"terms": tuple(TERMS), "delay": False, "trust_units": True}
-    first, second = (seen(one, **options) for one in (log, other))
+    first, second, third = (seen(one, **options) for one in logs)
+    for name in ("sigma0", "Fc", "r2", "r2_plan"):
+        assert third[name] == pytest.approx(first[name], rel=1e-3)
+    assert (first["torque_sign"], second.pop("torque_sign")) == (1, -first.pop("torque_sign"))
     pairs = [*zip(numbers_in(first), numbers_in(second), strict=True)]
     assert len(pairs) > 200 and first["model"] == second["model"] == "asymmetric"
     for (name, one), (same, two) in pairs:
-        torque, angle = POWERS.get(name, (0, 0))
-        assert name == same and two == pytest.approx(one * 64**torque / 8**angle, rel=1e-6), name
+        torque, angle, time = POWERS.get(name, (0, 0, 0))
+        factor = 64**torque / 8**angle * 4**time
+        assert name == same and two == pytest.approx(one * factor, rel=1e-6), name
 
 
 # --- screen and header ----------------------------------------------------------------------------

@@ -14,7 +14,17 @@ import numpy as np
 import pytest
 from conftest import built
 from dahl.identify import Log, check, identify
-from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, replayed_r2, seen, sine
+from identify_tools import (
+    COUNT,
+    FC,
+    SIGMA0,
+    dahl_torque,
+    noise_of,
+    replayed_r2,
+    seen,
+    sine,
+    write_table,
+)
 from log_reading import drawing, run
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -98,9 +108,8 @@ def test_another_log_is_predicted_with_its_own_load():
 @pytest.fixture(scope="module")
 def left(tmp_path_factory):
     folder, log = tmp_path_factory.mktemp("left"), loaded("swings", 0, noise=0.01)
-    table = np.column_stack((log.time, np.degrees(log.theta), log.torque, log.load))
-    names = "t_s,angle_deg,torque_Nm,clamp_N"
-    np.savetxt(folder / "log.csv", table, "%.12g", ",", header=names, comments="")
+    columns = {"t_s": log.time, "angle_deg": np.degrees(log.theta), "torque_Nm": log.torque}
+    write_table(folder / "log.csv", {**columns, "clamp_N": log.load})
     words = ("--load", "clamp_N", "--counts-per-turn", 2**14, "-o", folder, "--name", "brake")
     with drawing(rendered=False):
         done = run("identify", folder / "log.csv", *words)
