@@ -216,7 +216,7 @@ def test_a_coarse_start_is_near(a, late, side):
     torque = side * np.roll(dahl_torque(PATH, a * SIGMA0), late)
     found, delay, sign = coarse_start(fitter_of(torque + 4 * PATH))
     assert sign == side and delay == pytest.approx(late, abs=3)
-    assert found == pytest.approx(a * A, rel=0.5)
+    assert found == pytest.approx(a * A, rel=0.2 if abs(late) < 20 else 0.5)  # of a grid of 1.45
 
 
 def test_starts_of_several_elements_are_near():
