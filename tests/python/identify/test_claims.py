@@ -258,6 +258,16 @@ def test_a_filter_keeps_its_time_on_a_log_with_other_blocks():
     assert check(result, logs[1]) > 0.995
 
 
+def test_a_log_without_an_encoder_is_predicted_though_the_fit_used_counts_as_read():
+    count, theta = FC / SIGMA0 / 2, chirp(2400)
+    read = np.floor(theta / count + 0.3) * count
+    torque = dahl_torque(read) + 0.01 * FC * noise_of(3, 2400)
+    log = Log("rig", read, torque, np.arange(2400) * 1e-3, resolution=count)
+    result = identify([log], Options(terms=("offset",), delay=False))
+    assert result.hypothesis.angle == "as read" and check(result, log) > 0.998
+    assert check(result, log_of(theta, dahl_torque(theta), 0.01, 0.0)) > 0.98
+
+
 def test_another_log_is_predicted_with_the_mean_of_several_delays():
     logs = []
     for number, delay in enumerate((0, 12, 6)):
