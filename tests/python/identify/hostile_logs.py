@@ -2,7 +2,7 @@
 """Logs of known truth that the hypotheses of `dahl identify` do not describe, or describe late.
 
 Each kind has one thing that real rigs have: a sensor, a mechanism, a recorder or a motion. The
-torque comes from recurrences of this file, with no code of the package in it. The truth is always
+torque has no code of the package in it. The truth is always
 SIGMA0 (slope at rest) and FC (full slip; the mean, if Fc varies), of all friction together.
 """
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from dahl.io.log import Log
-from identify_tools import COUNT, FC, SIGMA0, springs
+from identify_tools import COUNT, FC, SIGMA0, dahl_torque, springs
 from scipy.signal import filtfilt, lfilter
 
 LENGTH = FC / SIGMA0  # rad, of presliding
@@ -50,31 +50,36 @@ class Rig:
     def speed(self) -> np.ndarray:
         return np.gradient(self.theta, STEP)
 
+    @property
+    def fastest(self) -> float:
+        return np.abs(self.speed).max()
+
     def friction(self, factor: np.ndarray | None = None) -> np.ndarray:
         """Eq. 1 along the motion; with a factor of Fc for each row its mean is FC."""
-        return dahl(self.theta, Fc=FC if factor is None else FC * factor / factor[LEAD:].mean())
+        limit = FC if factor is None else FC * factor / factor[LEAD:].mean()
+        return dahl_torque(self.theta, Fc=limit)
 
     def noise(self, part: float) -> np.ndarray:
         return part * FC * self.random.normal(size=len(self.theta))
 
-    def log(self, torque: np.ndarray, noise: float = 0.03, theta: np.ndarray | None = None) -> Log:
-        """The recorded log: 14 bits, every millisecond."""
+    def along(self, theta: np.ndarray) -> Rig:
+        """The rig with another motion."""
+        self.theta = theta
+        return self
+
+    def log(
+        self,
+        torque: np.ndarray | None = None,
+        noise: float = 0.03,
+        theta: np.ndarray | None = None,
+    ) -> Log:
+        """The recorded log, usually of the friction alone: 14 bits, every millisecond."""
+        torque = self.friction() if torque is None else torque
         seen = self.theta if theta is None else theta
         read = np.round((seen + self.random.uniform() * COUNT) / COUNT) * COUNT
         measured = torque + self.noise(noise)
         time = STEP * np.arange(ROWS)
         return Log(f"seed {self.seed}", read[LEAD:], measured[LEAD:], time, resolution=COUNT)
-
-
-def dahl(theta: np.ndarray, sigma0: float = SIGMA0, Fc: np.ndarray | float = FC) -> np.ndarray:  # noqa: N803
-    """Eq. 1 with a limit at each row; the exact step."""
-    limits = np.broadcast_to(np.asarray(Fc, dtype=float), theta.shape).tolist()
-    force, torque = 0.0, []
-    for move, limit in zip(np.diff(theta, prepend=theta[0]).tolist(), limits, strict=True):
-        end = limit if move > 0 else -limit
-        force += (end - force) * -np.expm1(-sigma0 * abs(move) / limit)
-        torque.append(force)
-    return np.array(torque)
 
 
 # --- sensors --------------------------------------------------------------------------------------
@@ -114,7 +119,7 @@ def offset_jumps(rig: Rig) -> Log:
 
 def interpolated_rows(rig: Rig) -> Log:
     """Both channels come every four rows and are interpolated."""
-    log = rig.log(rig.friction())
+    log = rig.log()
     known = np.arange(0, ROWS, 4)
     theta, torque = (np.interp(np.arange(ROWS), known, x[known]) for x in (log.theta, log.torque))
     return Log(log.name, theta, torque, log.time)
@@ -122,7 +127,7 @@ def interpolated_rows(rig: Rig) -> Log:
 
 def jittering_clock(rig: Rig) -> Log:
     """Times that are wrong by up to .4 of a row; a viscous part that needs them."""
-    log = rig.log(rig.friction() + 0.15 * FC * rig.speed / np.abs(rig.speed).max())
+    log = rig.log(rig.friction() + 0.15 * FC * rig.speed / rig.fastest)
     log.time = log.time + STEP * rig.random.uniform(-0.4, 0.4, size=ROWS)
     return log
 
@@ -140,12 +145,12 @@ def missed_counts(rig: Rig) -> Log:
     lost = np.zeros(len(rig.theta))
     for turn in turns[:: 4 - rig.seed % 2]:
         lost[turn:] += COUNT
-    return rig.log(rig.friction(), theta=rig.theta - lost)
+    return rig.log(theta=rig.theta - lost)
 
 
 def late_packets(rig: Rig) -> Log:
     """One torque in ten is lost; the recorder repeats the one before."""
-    log = rig.log(rig.friction())
+    log = rig.log()
     arrived = np.where(rig.random.random(ROWS) < 0.9, np.arange(ROWS), 0)
     log.torque = log.torque[np.maximum.accumulate(arrived)]
     return log
@@ -193,24 +198,6 @@ def heavy_rotor(rig: Rig) -> Log:
     return rig.log(rig.friction() + FC * acceleration / np.abs(acceleration).max())
 
 
-def warming_grease(rig: Rig) -> Log:
-    """A viscous torque of 40 % of Fc that halves as the grease warms."""
-    warm = 1 - 0.5 * np.maximum(rig.rows, 0) / ROWS
-    return rig.log(rig.friction() + 0.4 * FC * warm * rig.speed / np.abs(rig.speed).max())
-
-
-def by_logarithm_of_speed(rig: Rig) -> Log:
-    """Fc grows by 4 % of its mean for each factor e of speed, as dry contacts do."""
-    speed = np.abs(rig.speed)
-    return rig.log(rig.friction(1 + 0.04 * np.log(np.maximum(speed / speed.mean(), 0.03))))
-
-
-def gear_teeth(rig: Rig) -> Log:
-    """A torque of 5 % of Fc at each tooth; each stroke passes 40."""
-    period = np.ptp(rig.theta) / 40
-    return rig.log(rig.friction() + 0.05 * FC * np.sin(2 * np.pi * rig.theta / period + rig.seed))
-
-
 # --- motions --------------------------------------------------------------------------------------
 
 
@@ -231,34 +218,13 @@ def stick_slip(rig: Rig) -> Log:
         if abs(target - held) > 1.5 * LENGTH:
             held = target
         moved.append(held)
-    rig.theta = filtfilt([0.4], [1, -0.6], np.array(moved))
-    return rig.log(rig.friction())
+    return rig.along(filtfilt([0.4], [1, -0.6], np.array(moved))).log()
 
 
 def stops_within_strokes(rig: Rig) -> Log:
     pace = np.where(np.sin(3.7 * rig.phase + 1) > 0.5, 0.0, 1.0)
     phase = np.cumsum(pace) / pace.sum() * np.ptp(rig.phase) + rig.phase[0]
-    rig.theta = rig.stroke(phase, rig.seed % 3)
-    return rig.log(rig.friction())
-
-
-def ratchet(rig: Rig) -> Log:
-    """Each cycle goes a third further than it comes back."""
-    drift = 0.35 * 2 * rig.amplitude * LENGTH * rig.cycles * (rig.rows / ROWS)
-    rig.theta = rig.theta + drift
-    return rig.log(rig.friction())
-
-
-def two_lengths(rig: Rig) -> Log:
-    """Five long strokes, then many of .8 presliding lengths."""
-    rig.theta = rig.theta * np.where(rig.rows < ROWS * 0.4, 1.0, 0.8 / rig.amplitude)
-    return rig.log(rig.friction())
-
-
-def dithered(rig: Rig) -> Log:
-    """A vibration of two counts on top of each stroke, faster than the motion."""
-    rig.theta = rig.theta + 2 * COUNT * np.sin(2 * np.pi * 0.043 * rig.rows)
-    return rig.log(rig.friction())
+    return rig.along(rig.stroke(phase, rig.seed % 3)).log()
 
 
 MAKERS: dict[str, Callable[[Rig], Log]] = {
@@ -267,7 +233,7 @@ MAKERS: dict[str, Callable[[Rig], Log]] = {
         rig.friction() + 0.1 * FC * np.sin(2 * np.pi * rig.rows * 0.0507 + rig.seed)
     ),
     "noise with speed": lambda rig: rig.log(
-        rig.friction() + rig.noise(0.15) * (np.abs(rig.speed) / np.abs(rig.speed).max())
+        rig.friction() + rig.noise(0.15) * (np.abs(rig.speed) / rig.fastest)
     ),
     "noise bursts": noise_bursts,
     "dead band of the sensor": dead_band,
@@ -275,11 +241,11 @@ MAKERS: dict[str, Callable[[Rig], Log]] = {
     "offset jumps": offset_jumps,
     # the angle goes through a filter of two rows, so that the torque seems early
     "filtered angle": lambda rig: rig.log(
-        rig.friction(), theta=lfilter([1 - np.exp(-0.5)], [1, -np.exp(-0.5)], rig.theta)
+        theta=lfilter([1 - np.exp(-0.5)], [1, -np.exp(-0.5)], rig.theta)
     ),
     # an error of three counts once per turn, on strokes of a small part of a turn
     "eccentric encoder": lambda rig: rig.log(
-        rig.friction(), theta=rig.theta + 3 * COUNT * np.sin(rig.theta + rig.seed)
+        theta=rig.theta + 3 * COUNT * np.sin(rig.theta + rig.seed)
     ),
     # the torque was smoothed forward and backward before it was written
     "zero-phase filter": lambda rig: rig.log(
@@ -298,7 +264,7 @@ MAKERS: dict[str, Callable[[Rig], Log]] = {
         rig.friction(1 + 0.12 * np.exp(-np.maximum(rig.rows, 0) / (ROWS / 3)))
     ),
     "Fc by angle 12 %": lambda rig: rig.log(
-        dahl(rig.theta, Fc=FC * (1 + 0.12 * np.sin(rig.theta / (2 * LENGTH) + rig.seed)))
+        dahl_torque(rig.theta, Fc=FC * (1 + 0.12 * np.sin(rig.theta / (2 * LENGTH) + rig.seed)))
     ),
     "adhesion after rests": adhesion_after_rest,
     "eight elements": eight_elements,
@@ -307,13 +273,35 @@ MAKERS: dict[str, Callable[[Rig], Log]] = {
     "moved by hand": moved_by_hand,
     "stick-slip motion": stick_slip,
     "stops within strokes": stops_within_strokes,
-    "two lengths": two_lengths,
-    "ratchet": ratchet,
-    "dithered motion": dithered,
+    # five long strokes, then many of .8 presliding lengths
+    "two lengths": lambda rig: rig.along(
+        rig.theta * np.where(rig.rows < ROWS * 0.4, 1.0, 0.8 / rig.amplitude)
+    ).log(),
+    # each cycle goes a third further than it comes back
+    "ratchet": lambda rig: rig.along(
+        rig.theta + 0.35 * 2 * rig.amplitude * LENGTH * rig.cycles * (rig.rows / ROWS)
+    ).log(),
+    # a vibration of two counts on top of each stroke, faster than the motion
+    "dithered motion": lambda rig: rig.along(
+        rig.theta + 2 * COUNT * np.sin(2 * np.pi * 0.043 * rig.rows)
+    ).log(),
     "repeated packets": late_packets,
-    "warming grease": warming_grease,
-    "Fc by log of speed": by_logarithm_of_speed,
-    "gear teeth": gear_teeth,
+    # a viscous torque of 40 % of Fc that halves as the grease warms
+    "warming grease": lambda rig: rig.log(
+        rig.friction()
+        + 0.4 * FC * (1 - 0.5 * np.maximum(rig.rows, 0) / ROWS) * rig.speed / rig.fastest
+    ),
+    # Fc grows by 4 % of its mean for each factor e of speed, as dry contacts do
+    "Fc by log of speed": lambda rig: rig.log(
+        rig.friction(
+            1 + 0.04 * np.log(np.maximum(np.abs(rig.speed) / np.abs(rig.speed).mean(), 0.03))
+        )
+    ),
+    # a torque of 5 % of Fc at each tooth; each stroke passes 40
+    "gear teeth": lambda rig: rig.log(
+        rig.friction()
+        + 0.05 * FC * np.sin(2 * np.pi * rig.theta / (np.ptp(rig.theta) / 40) + rig.seed)
+    ),
 }
 MOTIONS = {
     "unbalanced shaft": {"amplitude": 60.0, "cycles": 8.4},

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Synthetic logs for the tests of identification. The torque comes from the closed form of Eq. 1
-between reversals, with no code of the package in it; the encoder rounds a motion that is smooth.
+"""Synthetic logs for the tests of identification. The torque comes from recurrences of this file,
+with no code of the package in it; the encoder rounds a motion that is smooth.
 """
 
 from __future__ import annotations
@@ -9,11 +9,14 @@ import json
 import re
 import subprocess
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from dahl.io.log import Log
+from matplotlib.figure import Figure
 
 SIGMA0, FC = 100.0, 0.5  # N m/rad, N m
 COUNT = 2 * np.pi / 2**14  # rad
@@ -29,18 +32,26 @@ def springs(theta: np.ndarray, *parts: tuple[float, float]) -> np.ndarray:
     return np.array(drawn)
 
 
-def dahl_torque(theta: np.ndarray, sigma0: float = SIGMA0, Fc: float = FC):  # noqa: N803
-    """Torque on a path that turns at its rows: anchored at each reversal, from rest."""
+def dahl_torque(
+    theta: np.ndarray,
+    sigma0: np.ndarray | float = SIGMA0,
+    Fc: np.ndarray | float = FC,  # noqa: N803
+    is_reduced: bool = False,
+) -> np.ndarray:
+    """Torque by the exact step of Eq. 1 from row to row, from rest, with parameters for each row.
+
+    If `is_reduced`, a falling Fc reduces the torque at once, as a falling load does.
+    """
+    stiffness, limits = (np.broadcast_to(np.asarray(x, float), theta.shape) for x in (sigma0, Fc))
+    torque, F, before = [], 0.0, limits[0]  # noqa: N806
     moves = np.diff(theta, prepend=theta[0])
-    a, ratio = sigma0 / Fc, np.zeros(len(theta))
-    moving = np.flatnonzero(moves)
-    turns = moving[1:][np.diff(np.sign(moves[moving])) != 0]  # the first row of each new direction
-    for start, end in zip([0, *turns], [*turns, len(theta)], strict=True):
-        before = ratio[start - 1] if start else 0.0
-        side = np.sign(moves[start:end].sum())
-        travel = np.cumsum(np.abs(moves[start:end]))
-        ratio[start:end] = side - (side - before) * np.exp(-a * travel)
-    return Fc * ratio
+    for move, k, limit in zip(moves.tolist(), stiffness.tolist(), limits.tolist(), strict=True):
+        F *= min(limit / before, 1.0) if is_reduced else 1.0  # noqa: N806
+        end = limit if move > 0 else -limit
+        F += (end - F) * -np.expm1(-k * abs(move) / limit)  # noqa: N806
+        torque.append(F)
+        before = limit
+    return np.array(torque)
 
 
 def behind_play(theta: np.ndarray, width: float) -> np.ndarray:
@@ -50,26 +61,6 @@ def behind_play(theta: np.ndarray, width: float) -> np.ndarray:
         position = min(max(position, ahead - width / 2), ahead + width / 2)
         behind.append(position)
     return np.array(behind)
-
-
-def varying_torque(
-    theta: np.ndarray,
-    sigma0: np.ndarray,
-    Fc: np.ndarray,  # noqa: N803
-    is_reduced: bool = False,
-) -> np.ndarray:
-    """Torque with parameters of each row's own: the exact step from row to row, in long double.
-
-    If `is_reduced`, a falling Fc reduces the torque at once, as a falling load does.
-    """
-    torque, F, before = [], np.longdouble(0), Fc[0]  # noqa: N806
-    for move, stiffness, limit in zip(np.diff(theta, prepend=theta[0]), sigma0, Fc, strict=True):
-        F *= min(limit / before, 1.0) if is_reduced else 1.0  # noqa: N806
-        share = -np.expm1(-np.longdouble(stiffness) * abs(move) / limit)
-        F += (np.sign(move) * limit - F) * share  # noqa: N806
-        torque.append(float(F))
-        before = limit
-    return np.array(torque)
 
 
 def sine(
@@ -119,14 +110,6 @@ def turns_of(theta: np.ndarray) -> np.ndarray:
     return np.flatnonzero(np.diff(np.sign(np.diff(theta)))) + 1
 
 
-def with_gaps(log: Log, *cuts: tuple[int, int]) -> Log:
-    """Without the rows of these cuts; the clock goes on."""
-    kept = np.ones(log.rows, dtype=bool)
-    for start, end in cuts:
-        kept[start:end] = False
-    return log.part(kept)
-
-
 def caller(capsys: pytest.CaptureFixture) -> Callable[..., subprocess.CompletedProcess]:
     """The command `dahl` in this process, which has its imports behind it: as run_dahl of conftest,
     several times as quick.
@@ -151,14 +134,17 @@ def complaint(done: subprocess.CompletedProcess) -> tuple[int, str]:
     return done.returncode, found[1]
 
 
-def write_csv(path, theta: np.ndarray, torque: np.ndarray, header: str = "t,angle_deg,torque_Nm"):
+def write_csv(
+    path: Path, theta: np.ndarray, torque: np.ndarray, header: str = "t,angle_deg,torque_Nm"
+) -> Path:
     """A log as a file: time in s at 1 kHz, angle in deg."""
-    table = np.column_stack((np.arange(len(theta)) * 1e-3, np.degrees(theta), torque))
-    np.savetxt(path, table, fmt="%.9g", delimiter=",", header=header, comments="")
+    columns = (np.arange(len(theta)) * 1e-3, np.degrees(theta), torque)
+    return write_table(path, dict(zip(header.split(","), columns, strict=True)))
+
+
+def write_table(path: Path, columns: dict[str, np.ndarray]) -> Path:
+    pd.DataFrame(columns).to_csv(path, index=False, float_format="%.12g")
     return path
-
-
-# --- the JSON of an identification ----------------------------------------------------------------
 
 
 def seen(*logs: Log, **options: object) -> dict[str, Any]:
@@ -168,7 +154,19 @@ def seen(*logs: Log, **options: object) -> dict[str, Any]:
     return json.loads(report.as_json(identify(logs, Options(**options))))
 
 
-def width(facts: dict[str, Any], name: str) -> float:
-    """Half the interval of a parameter, in parts of it."""
-    low, high = facts["ci95"][name]
-    return (high - low) / 2 / facts[name] if high is not None else np.inf
+def replayed(dahl_loop: Path, scene: Path, folder: Path, *words: object) -> Figure:
+    """The picture of `dahl plot` after a node has played a scene."""
+    from log_reading import drawing, run
+
+    record = folder / "run.log"
+    play = [dahl_loop, "--scene", scene, "--virtual", "--log", record, *map(str, words)]
+    subprocess.run(play, check=True, capture_output=True, timeout=60, cwd=scene.parent)
+    with drawing(rendered=False) as figures:
+        assert run("plot", record, "--scene", scene).returncode == 0
+    return figures[0]
+
+
+def replayed_r2(dahl_loop: Path, scene: Path, folder: Path) -> float:
+    """R2 of the torque of that node, as the picture states it."""
+    caption = replayed(dahl_loop, scene, folder, "--seconds", 4).axes[0].get_title(loc="left")
+    return float(re.search(r"R² = (\S+)", caption)[1])

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Logs whose truth is known, one kind for each thing that can spoil an identification. The torque
-comes from recurrences of this file, row by row, with no code of the package in it.
+comes from recurrences, row by row, with no code of the package in it.
 
 Each maker takes a seed and gives a log; the truth is always SIGMA0 and FC: the slope at rest and
 the friction at full slip, of all elements together, without what a kind adds to them.
@@ -14,8 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 from dahl.io.log import Log
-from hostile_logs import dahl
-from identify_tools import COUNT, FC, SIGMA0, noise_of
+from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of
 from scipy.signal import butter, lfilter, sosfilt
 
 ROWS, STEP = 10_000, 1e-3  # s
@@ -44,6 +43,19 @@ class Motion:
         return Log(f"seed {self.seed}", theta, torque[LEAD:] + noise, time, resolution=COUNT)
 
 
+Maker = Callable[[int], Log]
+
+
+def of_torque(torque: Callable[[Motion], np.ndarray], length: float | None = None) -> Maker:
+    """A log of this torque along the motion of each seed; strokes of `length`."""
+
+    def make(seed: int) -> Log:
+        motion = Motion(seed, length)
+        return motion.log(torque(motion))
+
+    return make
+
+
 def general(theta: np.ndarray, exponent: float) -> np.ndarray:
     """Dahl's model of 1968, dw/du = |1 - s w|^exponent, in closed form."""
     w, left, drawn = 0.0, 1 - exponent, []
@@ -57,7 +69,7 @@ def general(theta: np.ndarray, exponent: float) -> np.ndarray:
 
 def plain(seed: int, part: float = NOISE, shared: float = 0.0) -> Log:
     motion = Motion(seed)
-    return motion.log(dahl(motion.theta), part, shared)
+    return motion.log(dahl_torque(motion.theta), part, shared)
 
 
 def outliers(seed: int) -> Log:
@@ -67,53 +79,27 @@ def outliers(seed: int) -> Log:
     return log
 
 
-def late(seed: int, rows: int) -> Log:
-    motion = Motion(seed)
-    return motion.log(np.roll(dahl(motion.theta), rows))  # what rolls round is in the lead
-
-
-def loaded(seed: int) -> Log:
+def loaded(motion: Motion) -> np.ndarray:
     """A spring of a fifth of Fc and a viscous torque of a tenth, of a sensor's offset a fifth."""
-    motion = Motion(seed)
     spring = 0.2 * FC * motion.theta / np.abs(motion.theta).max()
     viscous = 0.1 * FC * motion.speed / np.abs(motion.speed).max()
-    return motion.log(dahl(motion.theta) + spring + viscous + 0.2 * FC)
+    return dahl_torque(motion.theta) + spring + viscous + 0.2 * FC
 
 
-def slipping(seed: int, length: float) -> Log:
-    """Strokes of this number of presliding lengths."""
-    motion = Motion(seed, length)
-    return motion.log(dahl(motion.theta))
-
-
-def bent(seed: int, exponent: float) -> Log:
-    motion = Motion(seed)
-    return motion.log(general(motion.theta, exponent))
-
-
-def stribeck(seed: int) -> Log:
+def stribeck(motion: Motion) -> np.ndarray:
     """A third more friction at slow speed."""
-    motion = Motion(seed)
     slow = np.exp(-((motion.speed / (0.2 * np.abs(motion.speed).max())) ** 2))
-    return motion.log(dahl(motion.theta, Fc=FC * (1 + 0.3 * slow)))
+    return dahl_torque(motion.theta, Fc=FC * (1 + 0.3 * slow))
 
 
-def two(seed: int) -> Log:
-    """Two elements, of which one slips three times as early."""
-    motion = Motion(seed)
-    parts = (dahl(motion.theta, 0.75 * SIGMA0, FC / 2), dahl(motion.theta, SIGMA0 / 4, FC / 2))
-    return motion.log(sum(parts))
-
-
-def low_passed(seed: int) -> Log:
+def low_passed(motion: Motion) -> np.ndarray:
     """A filter of the first or the second order, or a running mean: by the seed."""
-    motion = Motion(seed)
     filters = (
         lambda x: lfilter([0.1], [1, -0.9], x),
         lambda x: lfilter(np.ones(15) / 15, [1], x),
         lambda x: sosfilt(butter(2, 0.04, output="sos"), x),
     )
-    return motion.log(filters[seed % 3](dahl(motion.theta)))
+    return filters[motion.seed % 3](dahl_torque(motion.theta))
 
 
 def shaky(seed: int) -> Log:
@@ -121,11 +107,6 @@ def shaky(seed: int) -> Log:
     motion, log = Motion(seed), plain(seed)
     errors = 5 * COUNT * noise_of(seed + 5000, ROWS)
     return replace(log, theta=np.floor((motion.theta[LEAD:] + errors) / COUNT) * COUNT)
-
-
-def changing(seed: int, factor: np.ndarray) -> Log:
-    motion = Motion(seed)
-    return motion.log(dahl(motion.theta, Fc=FC * np.concatenate((np.ones(LEAD), factor))))
 
 
 def under_load(seed: int) -> Log:
@@ -148,64 +129,78 @@ def aliased(seed: int) -> Log:
     cycle = int(np.exp(draw.uniform(np.log(60), np.log(400))))
     phase = 2 * np.pi * (np.arange(-LEAD, ROWS) % cycle / cycle + draw.uniform())
     motion.theta = draw.uniform(6, 15) * FC / SIGMA0 * np.sin(phase)
-    return motion.log(dahl(motion.theta), 0.01)
+    return motion.log(dahl_torque(motion.theta), 0.01)
 
 
-def stale(seed: int, every: int) -> Log:
-    """The angle is read every few rows, the torque in each."""
+def stale(seed: int) -> Log:
+    """The angle is read every ten rows, the torque in each."""
     log = plain(seed)
-    return replace(log, theta=log.theta[np.arange(ROWS) // every * every])
+    return replace(log, theta=log.theta[np.arange(ROWS) // 10 * 10])
 
 
-def seldom(seed: int, every: int) -> Log:
-    """The torque is read every few rows and held, or interpolated: by the seed."""
+def seldom(seed: int) -> Log:
+    """The torque is read every 20 rows and held, or interpolated: by the seed."""
     log, rows = plain(seed), np.arange(ROWS)
-    read = rows[::every]
-    held, straight = log.torque[rows // every * every], np.interp(rows, read, log.torque[read])
+    read = rows[::20]
+    held, straight = log.torque[rows // 20 * 20], np.interp(rows, read, log.torque[read])
     return replace(log, torque=held if seed % 2 else straight)
 
 
 def gaps(seed: int) -> Log:
     """Some of the log is lost: a tenth of a second here and there."""
-    log, draw = plain(seed), np.random.default_rng([seed, 9])
-    kept = np.ones(ROWS, dtype=bool)
+    draw, kept = np.random.default_rng([seed, 9]), np.ones(ROWS, dtype=bool)
     for start in draw.integers(0, ROWS - 300, size=6):
         kept[start : start + int(draw.integers(80, 300))] = False
-    return replace(log, theta=log.theta[kept], torque=log.torque[kept], time=log.time[kept])
+    return plain(seed).part(kept)
 
 
 def wrapped(seed: int) -> Log:
     """A counter of 10 bits less than the motion needs; centred so that it does wrap."""
-    log = slipping(seed, length=30)
+    motion = Motion(seed, length=30)
+    log = motion.log(dahl_torque(motion.theta))
     return replace(log, theta=np.mod(log.theta + 128 * COUNT, 512 * COUNT))
+
+
+def late(rows: int) -> Maker:
+    return of_torque(lambda m: np.roll(dahl_torque(m.theta), rows))  # the lead rolls round
+
+
+def changing(factor: np.ndarray) -> Maker:
+    whole = FC * np.concatenate((np.ones(LEAD), factor))
+    return of_torque(lambda m: dahl_torque(m.theta, Fc=whole))
 
 
 RAMP, HALF = np.linspace(-0.1, 0.1, ROWS), np.arange(ROWS) >= ROWS // 2
 
-KINDS: dict[str, Callable[[int], Log]] = {
+KINDS: dict[str, Maker] = {
     "white 1 %": lambda seed: plain(seed, 0.01),
     "white 5 %": plain,
     "white 20 %": lambda seed: plain(seed, 0.2),
     "AR .95, 5 %": lambda seed: plain(seed, NOISE, 0.95),
     "outliers 10 %": outliers,
-    "delay of 1 row": lambda seed: late(seed, 1),
-    "delay of 3 rows": lambda seed: late(seed, 3),
-    "delay of 10 rows": lambda seed: late(seed, 10),
-    "delay of 60 rows": lambda seed: late(seed, 60),
-    "spring and viscous": loaded,
-    "a A = 1.5": lambda seed: slipping(seed, 1.5),  # strokes that hardly slip
-    "exponent .3": lambda seed: bent(seed, 0.3),
-    "exponent 1.6": lambda seed: bent(seed, 1.6),
-    "Stribeck 30 %": stribeck,
-    "two elements": two,
-    "low-passed torque": low_passed,
+    "delay of 1 row": late(1),
+    "delay of 3 rows": late(3),
+    "delay of 10 rows": late(10),
+    "delay of 60 rows": late(60),
+    "spring and viscous": of_torque(loaded),
+    "a A = 1.5": of_torque(lambda m: dahl_torque(m.theta), length=1.5),  # strokes that hardly slip
+    "exponent .3": of_torque(lambda m: general(m.theta, 0.3)),
+    "exponent 1.6": of_torque(lambda m: general(m.theta, 1.6)),
+    "Stribeck 30 %": of_torque(stribeck),
+    # two elements, of which one slips three times as early
+    "two elements": of_torque(
+        lambda m: (
+            dahl_torque(m.theta, 0.75 * SIGMA0, FC / 2) + dahl_torque(m.theta, SIGMA0 / 4, FC / 2)
+        )
+    ),
+    "low-passed torque": of_torque(low_passed),
     "angle noise, 5 counts": shaky,
-    "Fc trend 20 %": lambda seed: changing(seed, 1 + RAMP),
-    "Fc step 20 %": lambda seed: changing(seed, np.where(HALF, 1.1, 0.9)),
+    "Fc trend 20 %": changing(1 + RAMP),
+    "Fc step 20 %": changing(np.where(HALF, 1.1, 0.9)),
     "load that swings by half": under_load,
     "encoder aliasing, 1 %": aliased,
-    "angle read every 10 rows": lambda seed: stale(seed, 10),
-    "torque read every 20 rows": lambda seed: seldom(seed, 20),
+    "angle read every 10 rows": stale,
+    "torque read every 20 rows": seldom,
     "gaps": gaps,
     "wrap": wrapped,
 }

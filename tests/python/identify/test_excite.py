@@ -8,15 +8,14 @@ from __future__ import annotations
 import functools
 import json
 import re
-import subprocess
 import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 from dahl.identify import identify
-from identify_tools import COUNT, FC, SIGMA0, complaint, dahl_torque, log_of, turns_of
-from log_reading import drawing, run
+from identify_tools import COUNT, FC, SIGMA0, complaint, dahl_torque, log_of, replayed, turns_of
+from log_reading import run
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -102,13 +101,9 @@ def test_each_option_shapes_the_motion_as_it_is_printed(words, tmp_path):
 
 def test_the_scene_plays_the_table(tmp_path, dahl_loop):
     assert run("excite", *KNOWN, "-o", tmp_path).returncode == 0
-    scene, record = tmp_path / "excite.ini", tmp_path / "run.log"
-    played = [dahl_loop, "--scene", scene, "--virtual", "--log", record]
-    subprocess.run(played, cwd=tmp_path, capture_output=True, timeout=60, check=True)
-    with drawing(rendered=False) as figures:
-        assert run("plot", record, "--scene", scene).returncode == 0
+    figure = replayed(dahl_loop, tmp_path / "excite.ini", tmp_path)
     counts = np.loadtxt(tmp_path / "excite.csv", delimiter=",", skiprows=1)[:, 2]
-    shown = figures[0].axes[0].lines[0].get_xdata() / COUNT
+    shown = figure.axes[0].lines[0].get_xdata() / COUNT
     assert shown == pytest.approx((counts - counts[0])[: len(shown)], abs=0.01)
     assert len(shown) >= len(counts) - 1
 

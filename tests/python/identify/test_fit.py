@@ -3,25 +3,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from dahl.identify import select
-from dahl.identify.fit import Fit, Fitter, Hypothesis, cost_of, excess, jackknife, solve
+from dahl.identify.fit import Fitter, Hypothesis
 from dahl.identify.samples import samples_of
 from dahl.identify.start import coarse_start, pair_starts, slip_start
-from identify_tools import (
-    FC,
-    SIGMA0,
-    behind_play,
-    chirp,
-    dahl_torque,
-    log_of,
-    springs,
-    varying_torque,
-)
+from identify_tools import FC, SIGMA0, behind_play, chirp, dahl_torque, log_of, springs
 from scipy.optimize import least_squares
 from scipy.signal import filtfilt, lfilter
 
@@ -55,12 +47,6 @@ LAGS = {  # a torque with a lag, and the last parameter that describes it
 @cache
 def plain(lag: str = "none") -> Fitter:
     return fitter_of(LAGS[lag][0] + 0.1 + 4 * PATH + 0.02 * SPEED)
-
-
-@cache
-def two_logs() -> Fitter:
-    late = np.concatenate((np.zeros(5), dahl_torque(PATH)[:-5]))
-    return fitter_of(dahl_torque(PATH), late)
 
 
 def dense(fitter: Fitter, table: np.ndarray, rows: np.ndarray | slice) -> np.ndarray:
@@ -171,7 +157,7 @@ NO_FRICTION = {  # a torque, and a hypothesis whose best fit is none of friction
     "pushed when fast": (dahl_torque(PATH) - 0.1 * SPEED, Hypothesis(terms=("offset", "viscous"))),
     "cancelled by a spring": (10 * PATH, Hypothesis(terms=("offset", "spring"))),
     "less when slow": (
-        varying_torque(PATH, 0 * PATH + SIGMA0, FC * (1 - 0.3 * np.exp(-((SPEED / 0.4) ** 2)))),
+        dahl_torque(PATH, SIGMA0, FC * (1 - 0.3 * np.exp(-((SPEED / 0.4) ** 2)))),
         Hypothesis("stribeck"),
     ),
     "stiffer than a count": (
@@ -191,57 +177,33 @@ def test_a_fit_that_is_no_friction_is_not_returned(name):
     assert fitter.fit(h, start) is None
 
 
-def test_lags_against_row_by_row():
-    """Each log starts anew."""
-    fitter = two_logs()
-    pieces, true = fitter.samples.pieces, {}
+def filtered(x: np.ndarray) -> np.ndarray:
+    return lfilter([1 - np.exp(-1 / 2.5)], [1, -np.exp(-1 / 2.5)], x)
+
+
+def delayed(rows: float) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda x: np.interp(np.arange(1500) - rows, np.arange(1500), x)
+
+
+@pytest.mark.parametrize(
+    ("h", "p", "of_first", "of_second"),
+    [
+        (Hypothesis(lag="delay"), [2.5], delayed(2.5), delayed(2.5)),
+        (Hypothesis(lag="delays"), [2.5, -1.0], delayed(2.5), delayed(-1)),
+        (Hypothesis(lag="low pass"), [2.5], filtered, filtered),
+        (Hypothesis(skew=0.5), [], delayed(0.5), delayed(0.5)),
+    ],
+)
+def test_each_log_has_the_lag_from_its_start_on(h, p, of_first, of_second):
+    fitter = fitter_of(FRICTION, np.concatenate((np.zeros(5), FRICTION[:-5])))
     (w,) = fitter.elements(Hypothesis(), np.log([A]))
-    rows = np.arange(1500.0)
-    parts = [w[piece] for piece in pieces]
-    true["delay"] = [np.interp(rows - 2.5, rows, x) for x in parts]
-    true["delays"] = [
-        np.interp(rows - late, rows, x) for late, x in zip((2.5, -1), parts, strict=True)
-    ]
-    low = []
-    for x in parts:
-        y, out = 0.0, []
-        for now in x.tolist():
-            y += (now - y) * (1 - np.exp(-1 / 2.5))
-            out.append(y)
-        low.append(np.array(out))
-    true["low pass"] = low
-    for lag, wanted in true.items():
-        p = np.array([np.log(A), 2.5, -1.0][: 3 if lag == "delays" else 2])
-        (found,) = fitter.elements(Hypothesis(lag=lag), p)
-        assert found == pytest.approx(np.concatenate(wanted), abs=1e-9), lag
-    (skewed,) = fitter.elements(Hypothesis(skew=0.5), np.log([A]))
-    wanted = np.concatenate([np.interp(rows - 0.5, rows, x) for x in parts])
-    assert skewed == pytest.approx(wanted, abs=1e-9)
-    (both,) = fitter.elements(Hypothesis(lag="zero-phase filter"), np.array([np.log(A), 3.0]))
-    delay = [np.sum(both * np.roll(w, k)) for k in (-2, 0, 2)]
-    assert max(delay) == delay[1] and np.abs(both).max() < 1
-
-
-def test_each_log_has_a_delay_of_its_own():
-    fitter, h = two_logs(), Hypothesis(lag="delays")
-    fit = fitter.fit(h, fitter.start(h, A, 1.0))
-    assert fit.p[-2:] == pytest.approx([0, 5], abs=0.3)
-    assert fit.value == pytest.approx([SIGMA0, FC], rel=0.02)
-
-
-def test_algebra_of_scores():
-    random = np.random.default_rng(1)
-    table = random.normal(size=(60, 4)) * (1, 1e3, 1e-3, 1)
-    gram = table.T @ table
-    wanted = np.linalg.lstsq(table[:, [2, 0]], table[:, 3], rcond=None)[0]
-    assert solve(gram, [2, 0]) == pytest.approx(wanted, rel=1e-6)
-    left = table[:, 3] - table[:, [2, 0]] @ wanted
-    assert cost_of(gram, [2, 0], wanted) == pytest.approx(left @ left)
-    exact = np.column_stack([table[:, :3], table[:, :3] @ (1, 2, 3)])
-    assert 0 <= cost_of(exact.T @ exact, [0, 1, 2], np.array([1.0, 2, 3])) < 1e-6
-    cost, best = np.array([1.0, 4, 3]), np.array([1.0, 2, 2])
-    assert excess(cost, best) == (3, pytest.approx(np.sqrt(3)))
-    assert jackknife(np.array([[1.0], [3]])) == pytest.approx(1)
+    (found,) = fitter.elements(h, np.array([np.log(A), *p]))
+    lagged = np.concatenate((of_first(w[:1500]), of_second(w[1500:])))
+    assert found == pytest.approx(lagged, abs=1e-9)
+    if h.lag == "delays":
+        fit = fitter.fit(h, fitter.start(h, A, 1.0))
+        assert fit.p[-2:] == pytest.approx([0, 5], abs=0.3)
+        assert fit.value == pytest.approx([SIGMA0, FC], rel=0.02)
 
 
 # --- start values ---------------------------------------------------------------------------------
@@ -254,7 +216,7 @@ def test_a_coarse_start_is_near(a, late, side):
     torque = side * np.roll(dahl_torque(PATH, a * SIGMA0), late)
     found, delay, sign = coarse_start(fitter_of(torque + 4 * PATH))
     assert sign == side and delay == pytest.approx(late, abs=3)
-    assert found == pytest.approx(a * A, rel=0.5)
+    assert found == pytest.approx(a * A, rel=0.2 if abs(late) < 20 else 0.5)  # of a grid of 1.45
 
 
 def test_starts_of_several_elements_are_near():
@@ -268,21 +230,6 @@ def test_starts_of_several_elements_are_near():
     h, p = slip_start(three, Hypothesis(), A)
     fit = three.fit(h, p)
     assert h.law == "3 slip" and fit.value == pytest.approx([100, 0.425], rel=0.05)
-
-
-def test_a_fit_has_the_parameters_of_its_columns():
-    fit = Fit(
-        Hypothesis("2 dahl"),
-        np.log([10.0, 100.0]),
-        np.array([3.0, 4.0]),
-        np.array([1.0, 2.0]),
-        np.array([3.0, 4.0, 0.1, -9.0, 0.0]),
-        np.array([[3.0, 4.0, 0.0, 0.0, 0.0]]),
-        np.ones(1),
-    )
-    assert fit.slopes == pytest.approx([10 * (3 + 0.1), 100 * (4 - 2 * 0.6)])
-    assert fit.value == pytest.approx([fit.slopes.sum(), 7]) and fit.step == 9
-    assert fit.without == pytest.approx(np.array([[430, 7]]))
 
 
 # --- the hypotheses that are fitted ---------------------------------------------------------------

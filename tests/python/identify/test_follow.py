@@ -10,9 +10,12 @@ import json
 import re
 from types import SimpleNamespace
 
+import can
+import log_writers
+import numpy as np
 import pytest
-from dahl import paths
-from dahl.identify.follow import is_known
+from dahl import Error, paths
+from dahl.identify import Log, Source, follow
 from dahl.identify.result import Parameter
 from identify_tools import FC, SIGMA0, complaint
 from log_reading import signals
@@ -21,20 +24,44 @@ from loop_tools import serving
 pytestmark = pytest.mark.usefixtures("library")
 
 
-@pytest.mark.parametrize(
-    ("claimed", "halves", "known"),
-    [
-        ((True, True), (0.02, 0.01), True),
-        ((True, True), (0.021, 0.01), False),
-        ((True, True), (0.01, 0.021), False),
-        ((True, False), (0.01, 0.01), False),
-        ((False, True), (0.01, 0.01), False),
-    ],
-)
-def test_both_parameters_must_be_claimed_and_narrow(claimed, halves, known):
-    sigma0, Fc = (Parameter(1.0, 1 - w, 1 + w, True, "noise") for w in halves)  # noqa: N806
-    result = SimpleNamespace(claimed=claimed, sigma0=sigma0, Fc=Fc)
-    assert is_known(result, 0.0201) is known
+LOOKS = [  # rows of each estimate; which parameters it claims, and their half widths
+    (500, None, None),  # no estimate yet
+    (625, (True, False), (0.01, 0.01)),
+    (781, (False, True), (0.01, 0.01)),
+    (976, (True, True), (0.021, 0.01)),
+    (1220, (True, True), (0.01, 0.021)),
+    (1525, (True, True), (0.02, 0.01)),
+]
+
+
+LAST = (1000, (False, False), (1.0, 1.0))
+
+
+@pytest.mark.parametrize(("rows", "looks"), [(2000, LOOKS), (1000, [*LOOKS[:4], LAST])])
+def test_estimates_are_shown_until_both_parameters_are_claimed_and_narrow(
+    rows, looks, tmp_path, monkeypatch
+):
+    """Each has a quarter more rows. If the frames end before, the result has all of them."""
+    log_writers.frames(tmp_path / "x.log", *(np.arange(rows) * step for step in (1e-3, 1, 1)))
+    (tmp_path / "bus.dbc").write_text(log_writers.DBC)
+    expected, shown = iter(looks), []
+
+    def identify(logs: list[Log], options: object) -> SimpleNamespace:
+        (log,), (rows, claimed, halves) = logs, next(expected)
+        assert (log.name, log.rows, options) == ("bus", rows, "options")
+        if claimed is None:
+            raise Error("at rest")
+        sigma0, Fc = (Parameter(1.0, 1 - w, 1 + w, True, "noise") for w in halves)  # noqa: N806
+        return SimpleNamespace(claimed=claimed, sigma0=sigma0, Fc=Fc, verdict=f"of {rows}")
+
+    monkeypatch.setattr(follow, "identify", identify)
+    source = Source("Angle", "Torque", dbc=tmp_path / "bus.dbc")
+    with can.LogReader(tmp_path / "x.log") as frames:
+        result = follow.follow(frames, source, "options", 0.0201, lambda *one: shown.append(one))
+    assert shown[0] == (500, None, "at rest") and result.verdict == f"of {looks[-1][0]}"
+    for (row, found, why), (wanted, *_) in zip(shown[1:], LOOKS[1:], strict=False):
+        assert (row, found.verdict, why) == (wanted, why, f"of {wanted}")
+    assert len(shown) == len([look for look in looks if look is not LAST])
 
 
 def test_following_needs_signals_and_ends_after_its_time(dahl_here, tmp_path):

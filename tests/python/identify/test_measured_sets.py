@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from dahl.io import data
-from identify_tools import caller
+from log_reading import run
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -51,20 +51,21 @@ WITHIN = {  # values from papers on these machines and from direct fits
     "pneumatic 5 bar": {"Fc": (8.3, 9.2)},
 }
 
-Identified = Callable[..., dict]
+
+def identified_by(*words: object) -> dict:
+    done = run("identify", *words, "--json", "-", "--no-files")
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout, parse_constant=pytest.fail)
 
 
 @pytest.fixture
-def identified(capsys, measured_file) -> Identified:
-    def run(name: str, *more: object, files: list[str] | None = None) -> dict:
+def identified(measured_file) -> Callable[..., dict]:
+    def identify(name: str, *more: object, files: list[str] | None = None) -> dict:
         folder, usual, words = SETS[name]
         paths = [measured_file(folder, file) for file in files or usual]
-        call = ("identify", *paths, *words.split(), *more, "--json", "-", "--no-files")
-        done = caller(capsys)(*call)
-        assert done.returncode == 0, done.stderr
-        return json.loads(done.stdout, parse_constant=pytest.fail)
+        return identified_by(*paths, *words.split(), *more)
 
-    return run
+    return identify
 
 
 @pytest.mark.parametrize("name", SETS)
@@ -93,7 +94,7 @@ def test_cycloidal_play_on_a_repetition_not_fitted(identified, measured_file, nu
     assert any("turns back at once" in note for note in found["notes"])
 
 
-def test_the_moving_load_of_the_band_brake(measured_file, capsys, tmp_path):
+def test_the_moving_load_of_the_band_brake(measured_file, tmp_path):
     """Two electric actuators move the band during the test: the first half is fitted and the second
     predicted, with the sum of their positions as load.
     """
@@ -107,19 +108,15 @@ def test_the_moving_load_of_the_band_brake(measured_file, capsys, tmp_path):
     other = tmp_path / "second.csv"
     load = ("--load", "first", "--load", "second")
     words = ("--angle", "x_in", "--torque", "force_kip", *load, "--check", other)
-    call = ("identify", tmp_path / "first.csv", *words, "--json", "-", "--no-files")
-    assert json.loads(caller(capsys)(*call).stdout)["checks"][str(other)] >= MIN_R2_BY_LOAD
+    assert identified_by(tmp_path / "first.csv", *words)["checks"][str(other)] >= MIN_R2_BY_LOAD
 
 
-def test_can_logs_of_a_parked_car_are_read_alike_and_claim_nothing(capsys, measured_file):
+def test_can_logs_of_a_parked_car_are_read_alike_and_claim_nothing(measured_file):
     assert set(data.SETS) == {folder for folder, *_ in SETS.values()} | {"can_steering"}
     dbc = measured_file("can_steering", "opendbc_hyundai_can.dbc")
     words = ("--dbc", dbc, "--angle", "SAS_Angle", "--torque", "CR_Mdps_StrColTq")
-    found = []
-    for kind in ("log", "asc", "blf"):
-        path = measured_file("can_steering", f"kona_ccan_steering_subset.{kind}")
-        done = caller(capsys)("identify", path, *words, "--json", "-", "--no-files")
-        found.append(json.loads(done.stdout))
+    path = measured_file("can_steering", "kona_ccan_steering_subset.log")
+    found = [identified_by(path.with_suffix(f".{kind}"), *words) for kind in ("log", "asc", "blf")]
     assert len({one["rows"] for one in found}) == 1
     for one in found:
         assert one["identifiable"] == {"sigma0": False, "Fc": False}
