@@ -83,6 +83,25 @@ def fading_peak() -> Log:
     return log_of(theta, dahl_torque(theta) + peak, 0.01)
 
 
+SMOOTH, ABRUPT = (1 - np.cos(np.pi * np.linspace(0, 1, 150))) / 2, np.linspace(0, 1, 150)
+
+
+def strokes_and_rests(stroke: np.ndarray) -> np.ndarray:
+    """Strokes of other lengths with a rest after each, rad."""
+    ends = 0.05 * np.resize([1.0, -0.9, 0.8, -1.0, 0.9, -0.8], 18)
+    parts = [
+        np.append(start + (end - start) * stroke, np.full(100, end))
+        for start, end in itertools.pairwise(ends)
+    ]
+    return np.concatenate(parts).round(9)  # exact rests
+
+
+def stops(noise: float) -> Log:
+    """Abrupt stops, by an angle without counts."""
+    theta = strokes_and_rests(ABRUPT)
+    return log_of(theta + noise * noise_of(4, len(theta)), dahl_torque(theta), 0.01, 0.0)
+
+
 BY_ANGLE = hostile_logs.KINDS["Fc by angle 12 %"]
 YES, NO, EITHER = True, False, None
 CASES: dict[str, tuple[Callable[[], list[Log]], tuple[bool | None, bool | None], str]] = {
@@ -103,6 +122,8 @@ CASES: dict[str, tuple[Callable[[], list[Log]], tuple[bool | None, bool | None],
     "two machines": (lambda: [machine(1), machine(2, 1.3)], (EITHER, EITHER), ""),
     "sensor turned in one": (lambda: [machine(1), machine(2, side=-1)], (EITHER, EITHER), ""),
     "sensor turned in both": (lambda: [machine(k, side=-1) for k in (1, 2)], (YES, YES), ""),
+    "abrupt stops": (lambda: [stops(0.0)], (YES, YES), "sigma0 = "),
+    "abrupt stops, noise": (lambda: [stops(1e-5)], (YES, YES), "sigma0 = "),
     "other delays": (lambda: [machine(1), machine(2, late=4)], (YES, YES), ""),
 }
 
@@ -279,19 +300,16 @@ def test_another_log_is_predicted_with_the_mean_of_several_delays():
     assert check(result, logs[2]) > 0.995
 
 
-def test_coulomb_friction_keeps_its_sign_in_a_rest():
-    ends = 0.05 * np.resize([1.0, -0.9, 0.8, -1.0, 0.9, -0.8], 18)
-    share = (1 - np.cos(np.pi * np.linspace(0, 1, 150))) / 2
-    strokes = [
-        np.append(start + (end - start) * share, np.full(100, end))
-        for start, end in itertools.pairwise(ends)
-    ]
-    theta = np.concatenate(strokes).round(9)  # exact rests
+@pytest.mark.parametrize("noise", [0.0, 1e-5])
+@pytest.mark.parametrize("stroke", [SMOOTH, ABRUPT])
+def test_coulomb_friction_keeps_its_sign_in_a_rest(stroke, noise):
+    theta = strokes_and_rests(stroke)
     torque, moves = dahl_torque(theta), np.diff(theta, prepend=theta[0])
     moving = np.maximum.accumulate(np.where(moves != 0, np.arange(len(theta)), 0))
     columns = np.column_stack((np.sign(moves)[moving], np.ones(len(theta))))
     _, (left,), *_ = np.linalg.lstsq(columns, torque, rcond=None)
-    found = seen(log_of(theta, torque, 0.01, 0.0), terms=("offset",), delay=False)
+    read = theta + noise * noise_of(4, len(theta))
+    found = seen(log_of(read, torque, 0.01, 0.0), terms=("offset",), delay=False)
     assert found["r2_coulomb"] == pytest.approx(1 - left / len(theta) / torque.var(), abs=0.03)
 
 
