@@ -150,9 +150,11 @@ def silenced(ticks: int) -> list[can.Message]:
 
 
 SILENT_SINCE_A_LOSS = [("angles", 3), ("silent", 3), ("bus", 2), ("silent", 1), ("normal", 5)]
+AFTER_48 = [("normal", 30), ("recorder", 48), ("normal", 8), ("recorder", 14), ("normal", 9)]
 FOREIGN = ("is_extended_id", "is_remote_frame", "is_error_frame", "is_fd")
 CASES = {
     "a pause": (angles(range(100), lambda n: n + 6000 * (n > 50)), (0, 0)),
+    "a gap after a hidden one": (record(AFTER_48, with_node=False)[0], (14, 14)),
     "a stuck counter": (angles(min(n, 50) for n in range(100)), (0, 0)),
     "a repeated frame": (angles(n - (n > 50) for n in range(100)), (0, 0)),
     "the same, slow": (angles((n - (n > 50) for n in range(100)), lambda n: 100 * n), (0, 0)),

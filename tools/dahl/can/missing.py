@@ -2,8 +2,8 @@
 """Count the frames of friction nodes that a recorder has missed, by their sequence counters.
 
 A counter has 4 bits, so it shows a gap modulo 16: the least number of missing frames. The most
-follows from the time stamps and the mean period. A gap of 16 n frames looks like a pause of the
-sender, and is not counted.
+follows from the time stamps and the mean of the last periods. A gap of 16 n frames looks like a
+pause of the sender, and is not counted.
 
 Angles that did not reach the node either were lost on the bus, not by the recorder. The counter of
 the answers then has no gap. Without answers each gap counts.
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections import deque
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 ANGLE, TORQUE, STATUS = codec.EncoderState.base, codec.FrictionTorque.base, codec.Status.base
 MAX_UNANSWERED = 16  # angles after a gap; after more the node does not answer
 MAX_SPOILED = 16  # frames in a row; after more this id is not of a node
+PERIODS = 64  # last ones, of which the mean is used
 
 
 class Gap(NamedTuple):
@@ -80,7 +82,7 @@ class _Sequence:
     def __init__(self) -> None:
         self.counter = 0  # of the newest
         self._time: float | None = None
-        self._steps, self._seconds = 0, 0.0  # of frames without a gap between them
+        self._periods: deque[float] = deque(maxlen=PERIODS)  # s, of frames without a gap
         self._spoiled = 0  # frames with a wrong CRC or length since the newest
 
     def spoil(self) -> None:
@@ -103,7 +105,7 @@ class _Sequence:
                     self._time = now
                 return None
             if most == 1:
-                self._steps, self._seconds = self._steps + 1, self._seconds + now - before
+                self._periods.append(now - before)
         else:
             least = most = 1
         spoiled, self._spoiled = self._spoiled, 0
@@ -117,13 +119,19 @@ class _Sequence:
         ahead = (counter - self.counter) % codec.COUNTERS
         if ahead == 1:
             return 1, 1
-        if self._seconds <= 0:  # no period yet, and this sender may not count
+        period = self._mean_period()
+        if period <= 0:  # unknown, and this sender may not count
             step = 0 if ahead == 0 else counters.step(self.counter, counter, seconds)
             return step, step
-        periods = seconds * self._steps / self._seconds
-        turns = math.ceil((periods - ahead) / codec.COUNTERS - 0.5)
+        turns = math.ceil((seconds / period - ahead) / codec.COUNTERS - 0.5)
         most = ahead + codec.COUNTERS * turns
         return (0, 0) if most <= 0 else (ahead or codec.COUNTERS, most)
+
+    def _mean_period(self) -> float:
+        """s; 0 if it is unknown. The longest one is left out, since it may be a pause."""
+        if len(self._periods) < 2:
+            return 0.0
+        return (sum(self._periods) - max(self._periods)) / (len(self._periods) - 1)
 
 
 class _Node:
