@@ -72,6 +72,10 @@ static void test_held_parameters_change_together(void)
     TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_DONE, ask(DAHL_FRAMES_PARAM_SIGMA0, DAHL_FRAMES_PARAM_HOLD, 1).result);
     TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 1));
     TEST_ASSERT_EQUAL(1, param_now(DAHL_FRAMES_PARAM_SIGMA0));
+    (void)ask(DAHL_FRAMES_PARAM_SIGMA0, DAHL_FRAMES_PARAM_HOLD, 2);
+    (void)reset(DAHL_FRAMES_RESET_RESTART); /* drops what is held */
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 2));
+    TEST_ASSERT_EQUAL(1, param_now(DAHL_FRAMES_PARAM_SIGMA0));
 }
 
 /* Also if the firmware sets values beyond the range of a client. */
