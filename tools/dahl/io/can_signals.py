@@ -139,10 +139,10 @@ def _message_with(database: cantools.database.Database, name: str) -> cantools.d
 
 
 def _is_in_range(value: float, signal: cantools.database.Signal) -> bool:
-    """Return whether the DBC allows a value; equal limits mean that there is no limit."""
+    """Return whether the DBC allows a value; cantools reads [0|0] as no limits."""
     low = -np.inf if signal.minimum is None else signal.minimum
     high = np.inf if signal.maximum is None else signal.maximum
-    return not np.isnan(value) and bool(low == high or low <= value <= high)
+    return bool(low <= value <= high)
 
 
 def _torque_at(angle_time: np.ndarray, time: np.ndarray, torque: np.ndarray) -> Series:
