@@ -98,9 +98,9 @@ static const story_t STORIES[] = {
      {MAY_STEP(100), ANSWERED(0, 0, INIT, 0), ANSWERED(1, 60, OK, 60), UNANSWERED(12, 5000000), UNANSWERED(13, 5000010), ANSWERED(14, 5000020, WRONG_SEQUENCE, 0),
       ANSWERED(15, 5000030, OK, 10)},
      SEEN(WRONG_SEQUENCE)},
-    {"the step limit holds backward too", "ok 4, jump 2", 7,
+    {"the step limit holds backward too, for each started millisecond", "ok 5, jump 2", 9,
      {MAY_STEP(100), ANSWERED(0, 0, INIT, 0), ANSWERED(1, -100, OK, -100), UNANSWERED(2, -100 - 101), UNANSWERED(3, INT32_MIN), ANSWERED(4, -150, OK, -50),
-      ANSWERED(5, -151, OK, -1)},
+      ANSWERED(5, -151, OK, -1), WAITS(1), ANSWERED(6, -351, OK, -200)},
      DAHL_FRAMES_ERROR_JUMP},
     /* The largest limit times three frames is more than 32 bits hold. */
     {"the largest step limit allows any travel of two frames", "ok 3, lost 2, jump 1", 5,
