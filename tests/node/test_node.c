@@ -80,10 +80,11 @@ typedef struct {
 } story_t;
 
 static const story_t STORIES[] = {
-    {"after a new start the next row needs three frames again", "ok 6, wrong_sequence 6", 12,
-     {ANSWERED(0, 0, INIT, 0), UNANSWERED(5, 900), UNANSWERED(6, 900), ANSWERED(7, 900, WRONG_SEQUENCE, 0), ANSWERED(8, 900, OK, 0), ANSWERED(9, 900, OK, 0),
-      ANSWERED(10, 900, OK, 0), ANSWERED(11, 900, OK, 0), ANSWERED(12, 900, OK, 0), UNANSWERED(8, 5), UNANSWERED(9, 5), ANSWERED(10, 5, WRONG_SEQUENCE, 0)},
-     SEEN(WRONG_SEQUENCE)},
+    {"bad and repeated frames do not end a row out of sequence, an answer does", "ok 6, repeated 1, wrong_sequence 6, crc 1", 14,
+     {ANSWERED(0, 0, INIT, 0), UNANSWERED(5, 900), CORRUPTS(6), UNANSWERED(6, 900), UNANSWERED(0, 0), ANSWERED(7, 900, WRONG_SEQUENCE, 0), ANSWERED(8, 900, OK, 0),
+      ANSWERED(9, 900, OK, 0), ANSWERED(10, 900, OK, 0), ANSWERED(11, 900, OK, 0), ANSWERED(12, 900, OK, 0), UNANSWERED(8, 5), UNANSWERED(9, 5),
+      ANSWERED(10, 5, WRONG_SEQUENCE, 0)},
+     SEEN(REPEATED) | SEEN(WRONG_SEQUENCE) | SEEN(CRC)},
     {"an invalid count is no starting point", "ok 1, wrong_sequence 3, invalid 1", 5,
      {INVALID(1, 9999), ANSWERED(2, 7, INIT, 0), UNANSWERED(8, 5000), INVALID(9, 9999), ANSWERED(10, 5001, WRONG_SEQUENCE, 0)},
      SEEN(WRONG_SEQUENCE) | DAHL_FRAMES_ERROR_INVALID},
