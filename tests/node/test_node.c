@@ -251,6 +251,7 @@ static void test_status_is_sent_every_100_ms_or_on_news(void)
     TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us, &out));
     TEST_ASSERT_EQUAL(DAHL_FRAMES_GOOD, dahl_frames_unpack_status(&out, &status));
     TEST_ASSERT_EQUAL(DAHL_FRAMES_STALE, status.state);
+    TEST_ASSERT_TRUE(status.version_major == DAHL_VERSION_MAJOR && status.version_minor == DAHL_VERSION_MINOR);
     TEST_ASSERT_FALSE(dahl_node_tick(&node, now_us + 1000000, &out));
     dahl_node_bus_off(&node, now_us);
     TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us, &out));
