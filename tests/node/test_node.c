@@ -80,10 +80,11 @@ typedef struct {
 } story_t;
 
 static const story_t STORIES[] = {
-    {"after a new start the next row needs three frames again", "ok 6, wrong_sequence 6", 12,
-     {ANSWERED(0, 0, INIT, 0), UNANSWERED(5, 900), UNANSWERED(6, 900), ANSWERED(7, 900, WRONG_SEQUENCE, 0), ANSWERED(8, 900, OK, 0), ANSWERED(9, 900, OK, 0),
-      ANSWERED(10, 900, OK, 0), ANSWERED(11, 900, OK, 0), ANSWERED(12, 900, OK, 0), UNANSWERED(8, 5), UNANSWERED(9, 5), ANSWERED(10, 5, WRONG_SEQUENCE, 0)},
-     SEEN(WRONG_SEQUENCE)},
+    {"bad and repeated frames do not end a row out of sequence, an answer does", "ok 6, repeated 1, wrong_sequence 6, crc 1", 14,
+     {ANSWERED(0, 0, INIT, 0), UNANSWERED(5, 900), CORRUPTS(6), UNANSWERED(6, 900), UNANSWERED(0, 0), ANSWERED(7, 900, WRONG_SEQUENCE, 0), ANSWERED(8, 900, OK, 0),
+      ANSWERED(9, 900, OK, 0), ANSWERED(10, 900, OK, 0), ANSWERED(11, 900, OK, 0), ANSWERED(12, 900, OK, 0), UNANSWERED(8, 5), UNANSWERED(9, 5),
+      ANSWERED(10, 5, WRONG_SEQUENCE, 0)},
+     SEEN(REPEATED) | SEEN(WRONG_SEQUENCE) | SEEN(CRC)},
     {"an invalid count is no starting point", "ok 1, wrong_sequence 3, invalid 1", 5,
      {INVALID(1, 9999), ANSWERED(2, 7, INIT, 0), UNANSWERED(8, 5000), INVALID(9, 9999), ANSWERED(10, 5001, WRONG_SEQUENCE, 0)},
      SEEN(WRONG_SEQUENCE) | DAHL_FRAMES_ERROR_INVALID},
@@ -98,9 +99,9 @@ static const story_t STORIES[] = {
      {MAY_STEP(100), ANSWERED(0, 0, INIT, 0), ANSWERED(1, 60, OK, 60), UNANSWERED(12, 5000000), UNANSWERED(13, 5000010), ANSWERED(14, 5000020, WRONG_SEQUENCE, 0),
       ANSWERED(15, 5000030, OK, 10)},
      SEEN(WRONG_SEQUENCE)},
-    {"the step limit holds backward too", "ok 4, jump 2", 7,
+    {"the step limit holds backward too, for each started millisecond", "ok 5, jump 2", 9,
      {MAY_STEP(100), ANSWERED(0, 0, INIT, 0), ANSWERED(1, -100, OK, -100), UNANSWERED(2, -100 - 101), UNANSWERED(3, INT32_MIN), ANSWERED(4, -150, OK, -50),
-      ANSWERED(5, -151, OK, -1)},
+      ANSWERED(5, -151, OK, -1), WAITS(1), ANSWERED(6, -351, OK, -200)},
      DAHL_FRAMES_ERROR_JUMP},
     /* The largest limit times three frames is more than 32 bits hold. */
     {"the largest step limit allows any travel of two frames", "ok 3, lost 2, jump 1", 5,
@@ -250,6 +251,7 @@ static void test_status_is_sent_every_100_ms_or_on_news(void)
     TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us, &out));
     TEST_ASSERT_EQUAL(DAHL_FRAMES_GOOD, dahl_frames_unpack_status(&out, &status));
     TEST_ASSERT_EQUAL(DAHL_FRAMES_STALE, status.state);
+    TEST_ASSERT_TRUE(status.version_major == DAHL_VERSION_MAJOR && status.version_minor == DAHL_VERSION_MINOR);
     TEST_ASSERT_FALSE(dahl_node_tick(&node, now_us + 1000000, &out));
     dahl_node_bus_off(&node, now_us);
     TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us, &out));

@@ -75,7 +75,7 @@ static void test_a_frame_queue_gives_back_in_order_what_it_has_room_for(void)
     TEST_ASSERT_FALSE(frame_queue_take(&queue, &frame));
 }
 
-/* A clock without a wait, as a firmware's: then there is none. Nobody else is there, and closing keeps what was sent. */
+/* With a clock that cannot wait, as in firmware, it returns at once. It has no peers, and a close keeps the sent frames. */
 static void test_an_empty_loopback_waits_by_the_clock(void)
 {
     dahl_can_frame_t in = {.id = 5, .length = 1, .data = {9}}, out;

@@ -200,6 +200,18 @@ static void test_commands_have_their_answers_in_each_stage(void)
     }
 }
 
+static void test_a_client_is_a_peer_from_its_first_frame_in_raw_mode_on(void)
+{
+    clear_server();
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, socketcand_serve(&server, 0, "vcan0", clock_of_play));
+    (void)visit(0, "< open vcan0 >");
+    speak(0, "< rawmode >");
+    TEST_ASSERT_EQUAL(0, server.bus.ops->peers(&server.bus));
+    speak(0, "< send 123 0 >");
+    TEST_ASSERT_EQUAL(1, server.bus.ops->peers(&server.bus));
+    server.bus.ops->close(&server.bus);
+}
+
 static void test_unsent_bytes_of_a_client_do_not_reach_the_next(void)
 {
     const dahl_can_frame_t frame = {.id = 0x123, .length = 8};

@@ -95,9 +95,10 @@ def test_draw_has_the_bits_of_c_and_needs_elements_with_a_state() -> None:
         one.draw(element, measured)
         c.dahl_compensator_pull(plan, w, target)
     assert 2**60 < element.state.w == w.w < 2**62 and measured.state.w == target.w
-    for pair in ("element", (ELEMENTS["slip"](), measured)), ("measured", (element, dahl.Work)):
-        with pytest.raises(dahl.Error, match=f"^{pair[0]} = .* has no State"):
-            one.draw(*pair[1])
+    wrong = {"element": (ELEMENTS["slip"](), measured), "measured": (element, dahl.Work)}
+    for name, pair in wrong.items():
+        with pytest.raises(dahl.Error, match=f"^{name} = .* has no State"):
+            one.draw(*pair)
 
 
 def test_the_adaptation_has_the_bits_of_the_c_calls() -> None:

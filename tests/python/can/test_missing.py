@@ -133,11 +133,11 @@ def spoiled_answers(spoiled: range, lost: range) -> list[can.Message]:
 
 
 def restarted(kind: type[codec.Frame]) -> list[can.Message]:
-    """Node and encoder restart at tick 50: counters begin at 0, the first state is Init."""
+    """Node and encoder restart after a counter of 12: it begins at 0, the first state is Init."""
     frames = []
     for tick in range(100):
-        counter = (tick - 50 if tick >= 50 else tick + START) % 16
-        state = State.INIT if tick == 50 else State.OK
+        counter = (tick - 56 if tick >= 56 else tick + START) % 16
+        state = State.INIT if tick == 56 else State.OK
         answer = FrictionTorque(0, counter, state, counter)
         frames.append(message(EncoderState(tick, counter), tick))
         frames.append(message(answer if kind is FrictionTorque else status(counter, state), tick))

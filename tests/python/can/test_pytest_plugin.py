@@ -152,16 +152,16 @@ def test_frames_wait_for_the_test_while_properties_are_read(dahl_bus, dahl_node)
 
 @pytest.mark.parametrize("where", ["here", "on a rig", "served on its bus"])
 def test_the_same_tests_run_on_a_simulated_node_and_on_a_rig(outcome, tmp_path, dahl_loop, where):
-    lines = f"gain = 0.75\nnode = {9 if where[0] == 's' else 0}"
-    with rig(tmp_path, lines) as (bus, _):
-        before = parameters(bus, 9 if where[0] == "s" else 0)
-        options = {"h": (), "o": bus, "s": [*bus, "--dahl-serve"]}[where[0]]
+    number = 9 if where == "served on its bus" else 0  # of the rig
+    with rig(tmp_path, f"gain = 0.75\nnode = {number}") as (bus, _):
+        before = parameters(bus, number)
+        options = {"here": (), "on a rig": bus}.get(where, [*bus, "--dahl-serve"])
         done = outcome(SAME, *options)
         assert (done.code, done.last[:8]) == (0, "4 passed"), done.said
         assert "dahl.node" not in {thread.name for thread in threading.enumerate()}
         readme = outcome(f"{README}    assert dahl_node.counts.ok == 2\n", *options)
         assert (readme.code, readme.last[:8]) == (0, "1 passed"), readme.said
-        assert parameters(bus, 9 if where[0] == "s" else 0) == before
+        assert parameters(bus, number) == before
 
 
 def parameters(options: list[str], number: int) -> list[int]:

@@ -44,9 +44,9 @@ class Case:
     def errors(self, name: str) -> str:
         return (self.folder / f"{name}.err").read_text()
 
-    def counted(self) -> dict[str, int]:
+    def counted(self, name: str = "node") -> dict[str, int]:
         """The counts of the node that are not 0."""
-        return {name: count for name, count in self.summary("node")["node"].items() if count}
+        return {kind: count for kind, count in self.summary(name)["node"].items() if count}
 
     def frames(self, name: str) -> list[tuple[str, str]]:
         """(time, id#data) of each line of a log."""
@@ -138,8 +138,7 @@ def test_noise_on_the_encoders_own_id_loses_no_answer(machine):
     assert sorted(case.frames("run")) == sorted(case.frames("candump"))
     summary = case.summary("both")
     assert (summary["frames_sent"], summary["frames_lost"]) == (3000, 0)
-    seen = {name: count for name, count in summary["node"].items() if count}
-    assert seen == {"ok": 3000, "crc": 150, "format": 150, "ignored": 100}
+    assert case.counted("both") == {"ok": 3000, "crc": 150, "format": 150, "ignored": 100}
 
 
 def test_after_bus_off_the_third_good_frame_restores_the_torque(machine):
@@ -152,16 +151,16 @@ def test_after_bus_off_the_third_good_frame_restores_the_torque(machine):
     assert node["rearm"] > 2  # two would be enough if the node did not wait for the timeout
     assert node["ok"] + node["rearm"] == summary["frames_sent"]
     log = read_log(case.folder / "run.log")
-    at = [frame.id for frame in log].index(0x20000040)
+    at = [frame.id for frame in log].index(BUS_OFF)
     after = log[at + 1 :]
-    if after[0].id == 0x110:  # was on its way
+    if after[0].id == TORQUE:  # was on its way
         assert after[0].data[1] >> 4 == 0
         after = after[1:]
-    back = next(frame for frame in after if frame.id == 0x110)
+    back = next(frame for frame in after if frame.id == TORQUE)
     unanswered = sum(frame.id == 0x100 for frame in after[: after.index(back)])
     assert node["rearm"] <= unanswered - 1 <= node["rearm"] + 1
     assert back.data[1] >> 4 == 5  # STALE: a new start
-    assert log[at - 1].id != 0x20000040
+    assert log[at - 1].id != BUS_OFF
     assert 0x20000004 in {frame.id for frame in log[:at]}
 
 
@@ -172,10 +171,10 @@ def test_the_fourth_bus_off_in_a_row_is_latched(machine):
     assert summary["node"]["bus_off"] == 4
     assert summary["node"]["ok"] + summary["node"]["rearm"] == summary["frames_sent"]
     log = read_log(case.folder / "latched.log")
-    last = max(i for i, frame in enumerate(log) if frame.id == 0x20000040)
+    last = max(i for i, frame in enumerate(log) if frame.id == BUS_OFF)
     after = [frame.id for frame in log[last:]]
     assert after.count(0x100) > 1500  # longer than the timeout
-    assert 0x110 not in after
+    assert TORQUE not in after
     assert 0x120 in after
 
 

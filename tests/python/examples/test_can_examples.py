@@ -250,7 +250,7 @@ SAMPLE = """
 
 @pytest.mark.parametrize("code", [0, -5])
 def test_the_zephyr_sample_prints_the_line_of_its_metadata_or_an_error(
-    root: Path, tmp_path: Path, code: int
+    tmp_path: Path, code: int
 ) -> None:
     """Twister waits for the line. The program then serves frames until it is stopped."""
     (mock := tmp_path / "mock.c").write_text(SAMPLE)

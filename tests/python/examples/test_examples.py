@@ -108,7 +108,7 @@ def test_the_encoder_example_passes_the_wrap_of_its_timer(root, tmp_path) -> Non
 
 
 @pytest.mark.checks
-def test_an_example_without_a_node_ends_with_one_line(root, tmp_path):
+def test_an_example_without_a_node_ends_with_one_line(root):
     """python-can tries for 10 s and logs each of 100,000 attempts."""
     said = run(sys.executable, root / "examples/python_can/asyncio_node.py", "1", code=1)
     assert "connect" in said and said.count("\n") == 1

@@ -78,8 +78,8 @@ def test_each_variable_has_its_unit_and_each_parameter_its_start_value(export, m
     for row in one.xml.find("ModelVariables"):
         name, number = row.get("name"), row.attrib | (row[0].attrib if one.fmi == 2 else {})
         assert number.get("unit", "") == UNITS.get(re.match("Fc|sigma0|.*", name)[0], "")
-        is_given = row.get("causality") in ("parameter", "input")
-        assert (float(number["start"]) if is_given else one.get(name)) == one.get(name)
+        if row.get("causality") in ("parameter", "input"):
+            assert float(number["start"]) == one.get(name)
 
 
 @pytest.mark.parametrize("words", [(), ("--fixed-stiffness",)])

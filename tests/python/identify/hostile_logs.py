@@ -140,7 +140,7 @@ def drifting_clocks(rig: Rig) -> Log:
 
 
 def missed_counts(rig: Rig) -> Log:
-    """The counter loses a count in one of four reversals."""
+    """The counter loses a count in each third or fourth reversal, by the seed."""
     turns = np.flatnonzero(np.diff(np.sign(np.diff(rig.theta)))) + 1
     lost = np.zeros(len(rig.theta))
     for turn in turns[:: 4 - rig.seed % 2]:

@@ -80,7 +80,7 @@ def outliers(seed: int) -> Log:
 
 
 def loaded(motion: Motion) -> np.ndarray:
-    """A spring of a fifth of Fc and a viscous torque of a tenth, of a sensor's offset a fifth."""
+    """A spring and an offset of a fifth of Fc each, and a viscous torque of a tenth."""
     spring = 0.2 * FC * motion.theta / np.abs(motion.theta).max()
     viscous = 0.1 * FC * motion.speed / np.abs(motion.speed).max()
     return dahl_torque(motion.theta) + spring + viscous + 0.2 * FC
@@ -110,17 +110,14 @@ def shaky(seed: int) -> Log:
 
 
 def under_load(seed: int) -> Log:
-    """Fc and sigma0 follow a load that swings by half, unrelated to the strokes; F is kept where it
-    grows. The log has it in parts of that at which both have their true values.
+    """sigma0 and Fc follow a load that swings by half, unrelated to the strokes. At a load of 1
+    both have their true values.
     """
     motion, draw = Motion(seed), np.random.default_rng([seed, 10])
     phase = 2 * np.pi * (draw.uniform(0.5, 8) * np.arange(LEAD + ROWS) / ROWS + draw.uniform())
-    load, F, drawn = 1 + 0.5 * np.sin(phase), 0.0, []  # noqa: N806
-    for k, move in enumerate(np.diff(motion.theta, prepend=motion.theta[0]).tolist()):
-        F *= min(load[k] / load[max(k - 1, 0)], 1.0)  # noqa: N806
-        F += (math.copysign(load[k] * FC, move) - F) * -math.expm1(-SIGMA0 / FC * abs(move))  # noqa: N806
-        drawn.append(F)
-    return replace(motion.log(np.array(drawn)), load=load[LEAD:])
+    load = 1 + 0.5 * np.sin(phase)
+    torque = dahl_torque(motion.theta, load * SIGMA0, load * FC, is_reduced=True)
+    return replace(motion.log(torque), load=load[LEAD:])
 
 
 def aliased(seed: int) -> Log:

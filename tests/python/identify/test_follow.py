@@ -23,7 +23,6 @@ from loop_tools import serving
 
 pytestmark = pytest.mark.usefixtures("library")
 
-
 LOOKS = [  # rows of each estimate; which parameters it claims, and their half widths
     (500, None, None),  # no estimate yet
     (625, (True, False), (0.01, 0.01)),
@@ -32,8 +31,6 @@ LOOKS = [  # rows of each estimate; which parameters it claims, and their half w
     (1220, (True, True), (0.01, 0.021)),
     (1525, (True, True), (0.02, 0.01)),
 ]
-
-
 LAST = (1000, (False, False), (1.0, 1.0))
 
 
@@ -60,7 +57,7 @@ def test_estimates_are_shown_until_both_parameters_are_claimed_and_narrow(
         result = follow.follow(frames, source, "options", 0.0201, lambda *one: shown.append(one))
     assert shown[0] == (500, None, "at rest") and result.verdict == f"of {looks[-1][0]}"
     for (row, found, why), (wanted, *_) in zip(shown[1:], LOOKS[1:], strict=False):
-        assert (row, found.verdict, why) == (wanted, why, f"of {wanted}")
+        assert row == wanted and found.verdict == why == f"of {wanted}"
     assert len(shown) == len([look for look in looks if look is not LAST])
 
 

@@ -23,7 +23,7 @@ import pytest
 from dahl import Plan, __version__
 from dahl.binding import plan_header
 from dahl.binding.asymmetric import Asymmetric
-from dahl.identify import Log, Options, export, identify, plot, report
+from dahl.identify import Log, Options, export, identify, models, plot, report
 from identify_tools import (
     COUNT,
     FC,
@@ -541,10 +541,8 @@ def test_the_bounds_cover_all_plausible_limits():
         assert found.compensator_bounds == pytest.approx(wanted, rel=1e-9)
 
 
-def test_the_nearest_runnable_model_is_named_with_what_it_loses(tmp_path):
+def test_the_nearest_runnable_model_is_named_with_what_it_loses():
     """The library has no general exponent."""
-    from dahl.identify import models
-
     moves = np.diff(MOTION, prepend=MOTION[0])
     w = models.tabulated(moves, [slice(0, len(moves))], SIGMA0 / FC, "exponent", 2.2)
     log = log_of(MOTION, FC * w + 4 * MOTION, 0.002, 0.0)

@@ -53,9 +53,6 @@ def run(library) -> Run:
     return begun
 
 
-START = [0, 20, 30]  # counts of it, from the first
-
-
 # --- ticks that are used --------------------------------------------------------------------------
 
 

@@ -181,11 +181,11 @@ def test_the_trace_agrees_with_bus_drive_and_summary(traced, scene, sets, kp, kd
     assert len(rows) == ticks or sets == DROPS
     assert np.abs(trace["compensation"] - used_answers(log, ticks)).max() < 1e-12
     assert np.abs(trace["motor"] - drive(trace, kp, kd, limit)).max() < 1e-9
-    told, error = summary["control"], trace["reference"] - trace["angle"]
-    assert told["max_error_rad"] == pytest.approx(np.abs(error).max(), rel=1e-9)
-    assert told["rms_error_rad"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-9)
-    assert told["torque_alternations"] == turns(np.sign(trace["motor"]))
-    assert told["reference_reversals"] == turns(np.sign(np.diff(trace["reference"]))) >= 2
+    control, error = summary["control"], trace["reference"] - trace["angle"]
+    assert control["max_error_rad"] == pytest.approx(np.abs(error).max(), rel=1e-9)
+    assert control["rms_error_rad"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-9)
+    assert control["torque_alternations"] == turns(np.sign(trace["motor"]))
+    assert control["reference_reversals"] == turns(np.sign(np.diff(trace["reference"]))) >= 2
 
 
 def test_a_driven_shaft_is_read_to_the_count_until_its_motor_ends(traced):
@@ -205,11 +205,11 @@ def test_compensation_divides_the_error_by_five_without_chatter(traced, scene):
     """The motor torque changes its sign at most once for each reversal of the reference."""
     _, without, _ = traced(scene, "friction.gain=0")
     trace, summary, _ = traced(scene)
-    told = summary["control"]
+    control = summary["control"]
     assert np.abs(trace["compensation"]).max() <= 0.95 * FC * (1 + 1e-6)
-    assert without["control"]["rms_error_rad"] >= 5 * told["rms_error_rad"]
-    assert told["torque_alternations"] <= told["reference_reversals"]
-    assert turns(np.sign(trace["compensation"])) <= told["reference_reversals"]
+    assert without["control"]["rms_error_rad"] >= 5 * control["rms_error_rad"]
+    assert control["torque_alternations"] <= control["reference_reversals"]
+    assert turns(np.sign(trace["compensation"])) <= control["reference_reversals"]
 
 
 STRONG = ["control.kp=1e12", "control.torque_limit=1e12", "rotor.inertia=3e-7"]

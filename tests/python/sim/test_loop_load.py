@@ -37,12 +37,12 @@ def quantile(values: np.ndarray, part: float) -> float:
     return float(np.sort(values)[int(np.ceil(part * len(values))) - 1])
 
 
-def check_histogram(told: dict, values: np.ndarray) -> None:
+def check_histogram(stated: dict, values: np.ndarray) -> None:
     """Median, 99 % and greatest: the histogram's bins are 1/32 of their place wide."""
     for name, part in (("p50", 0.5), ("p99", 0.99)):
         exact = quantile(values, part)
-        assert exact - 1e-3 <= told[name] <= exact * 33 / 32 + 1e-3, name
-    assert told["max"] == pytest.approx(values.max(), abs=1e-3)
+        assert exact - 1e-3 <= stated[name] <= exact * 33 / 32 + 1e-3, name
+    assert stated["max"] == pytest.approx(values.max(), abs=1e-3)
 
 
 RUNS = [  # bit/s, nodes, s, load above 70 %
@@ -161,6 +161,6 @@ def test_each_of_three_nodes_behaves_as_alone(tmp_path, keys):
 def test_four_nodes_at_one_kilohertz_lose_nothing(tmp_path, seconds):
     options = ("--bus", "socketcand:0", "--nodes", "4", *setting(f"motion.seconds={seconds}"))
     result = run(tmp_path, STEERING, *options, timeout=680)
-    told = result.summary
+    summary = result.summary
     assert result.code == 0, result.err
-    assert told["frames_sent"] == told["frames_answered"] == 4000 * seconds
+    assert summary["frames_sent"] == summary["frames_answered"] == 4000 * seconds

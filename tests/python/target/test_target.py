@@ -75,7 +75,7 @@ def test_avr_gives_the_golden_bits() -> None:
         need(program, "equal bits with an int of 16 bits")
     run("cmake", "--preset", "avr", cwd=ROOT)
     run("cmake", "--build", ROOT / "build/avr")
-    run("ctest", "--test-dir", ROOT / "build/avr")
+    run("ctest", "--test-dir", ROOT / "build/avr", "--no-tests=error")
 
 
 def test_no_double_load_overwrites_its_address_first() -> None:
