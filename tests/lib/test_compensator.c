@@ -199,8 +199,8 @@ static dahl_compensator_params_t random_params(void)
 /* A unit of few bits is rounded up, so that a fine encoder does not fade late. */
 static void check_speed_unit(const dahl_compensator_plan_t *plan, double counts_to_fade)
 {
-    const double unit = 1 / (counts_to_fade * FROM_Q20);
-    check_fixed(counts_to_fade > 0 ? unit : 0, 0, ONE_Q30, plan->speed_unit);
+    const double unit = counts_to_fade > 0 ? 1 / (counts_to_fade * FROM_Q20) : 0;
+    check_fixed(unit, 0, ONE_Q30, plan->speed_unit);
     TEST_ASSERT_TRUE(counts_to_fade <= DAHL_COMPENSATOR_FINE_COUNTS || plan->speed_unit >= unit);
 }
 

@@ -115,7 +115,8 @@ static void pass(ramp_t *r, uint32_t us)
 static void check_ramp(ramp_t *r, uint32_t us)
 {
     now_us += us - 1000; /* feed() lets 1 ms pass */
-    TEST_ASSERT_TRUE(feed(r->counter++, r->count += 1000000));
+    r->count = (int32_t)((uint32_t)r->count + 1000000u); /* wraps */
+    TEST_ASSERT_TRUE(feed(r->counter++, r->count));
     pass(r, us);
     TEST_ASSERT_INT_WITHIN(1 + r->changes, (int32_t)r->gain, answer.torque_q30 >> 14);
 }
