@@ -6,8 +6,8 @@
 # each skipped test, then the sum of all single tests:
 #   N passed, N failed[, N skipped]
 # It exits with 0 if no test failed and each run was complete.
-#   (none)     5 minutes on two cores
-#   --checks   also proofs, fuzzers, static analysis, coverage, small cores in QEMU, a kernel with CAN, the API pages: 20 minutes
+#   (none)     4 minutes on two cores
+#   --checks   also proofs, fuzzers, static analysis, coverage, small cores in QEMU, a kernel with CAN, the API pages: 15 minutes
 #   --full     also the tests marked long: every sanitizer, ten minutes of four nodes, a bare Debian (--long is the same)
 #   --soak     only the tests marked soak: 1e9 ticks, 1e9 executions of each fuzzer; hours to days
 #   -k WORD    only tests with WORD in their name, in C and in Python; also "WORD or WORD"
