@@ -337,15 +337,16 @@ def _columns_of(
     return table
 
 
-def _direction(theta: np.ndarray, noise_travel: float) -> np.ndarray:
-    """The sign of the last move at each row, without moves back and forth by noise."""
-    moves = np.diff(theta, prepend=theta[:1])
-    if noise_travel:  # a spring that slips is at its limit only after travel in one direction
-        ratio = models.slip(moves, [slice(0, len(theta))], 2 / noise_travel)
-        moves = np.where(np.abs(ratio) > 1 - 1e-9, ratio, 0.0)
-    last = np.maximum.accumulate(np.where(moves != 0, np.arange(len(moves)), 0))
-    direction: np.ndarray = np.sign(moves[last])
-    return direction
+def _direction(theta: np.ndarray, play: float) -> np.ndarray:
+    """The sign of the last move at each row, behind a play that absorbs noise."""
+    low, sign, signs = float(theta[0]) - play / 2, 0.0, []
+    for angle in theta.tolist():
+        if angle > low + play:
+            low, sign = angle - play, 1.0
+        elif angle < low:
+            low, sign = angle, -1.0
+        signs.append(sign)
+    return np.array(signs)
 
 
 def _in_blocks(table: dict[str, np.ndarray], block: int) -> dict[str, np.ndarray]:
