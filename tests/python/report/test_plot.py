@@ -14,22 +14,10 @@ import can
 import pytest
 from identify_tools import complaint
 from log_reading import drawing
-from loop_tools import program
+from loop_tools import REPLAY, program
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
-REPLAY = """[scene]
-title = mine
-[friction]
-sigma0 = 50
-Fc = 0.5
-theta_per_count = 1e-4
-[motion]
-kind = log
-file = a.csv
-angle = a
-counts_per_unit = 1
-"""
 MEASURED = "[measured]\ntorque = T\n"
 
 

@@ -31,6 +31,19 @@ LINE = re.compile(
     r"\((\d{10}\.\d{6})\) (\S+) ([0-9A-F]{3}|[0-9A-F]{8})#((?:[0-9A-F]{2}){0,8}|R[1-8]?)"
 )
 
+REPLAY = """[scene]
+title = mine
+[friction]
+sigma0 = 50
+Fc = 0.5
+theta_per_count = 1e-4
+[motion]
+kind = log
+file = a.csv
+angle = a
+counts_per_unit = 1
+"""
+
 
 def program() -> str:
     return str(built("host_sim", "dahl-loop"))

@@ -22,7 +22,7 @@ from dahl.sim import loop
 from demo_tools import FC, OWN, SIGMA0, TURN, in_role, scene_of, summary_of, write_loop
 from identify_tools import complaint
 from log_reading import drawing
-from loop_tools import SCENES, is_running
+from loop_tools import REPLAY, SCENES, is_running
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop", "unpainted")
 
@@ -108,18 +108,6 @@ def test_an_own_log_is_drawn_again_from_any_folder(dahl, monkeypatch, columns):
 
 # --- a run follows its options --------------------------------------------------------------------
 
-REPLAY = """[scene]
-title = mine
-[friction]
-sigma0 = 50
-Fc = 0.5
-theta_per_count = 1e-4
-[motion]
-kind = log
-file = tribometer/a.csv
-angle = a
-counts_per_unit = 1
-"""
 RUNS = [  # words, facts of the summary
     ("--scene segments --bus socketcand --seed 0", {"time": "real", "seed": 0, "log": None}),
     ("--scene creep", {"time": "virtual", "seed": 1, "log": None}),
@@ -134,7 +122,7 @@ def test_a_run_follows_its_options_and_not_files_of_an_earlier_run(dahl, monkeyp
     (log := Path("sets/tribometer/a.csv").resolve()).parent.mkdir(parents=True)
     log.write_text("\n".join(["a", *map(str, range(400))]))
     monkeypatch.setenv("DAHL_DATA", str(log.parents[1]))
-    Path("own.ini").write_text(REPLAY)
+    Path("own.ini").write_text(REPLAY.replace("a.csv", "tribometer/a.csv"))
     Path("out").mkdir()
     for name in ("node", "encoder", "both", "summary"):
         Path(f"out/{name}.json").write_text('{"ticks": 99, "node": {"crc": 70000}}')
