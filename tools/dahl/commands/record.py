@@ -9,7 +9,7 @@ frames; their number is printed at the end.
 If the log lacks frames of a friction node, because this program read too slowly, it prints how many
 and exits with 1. They are counted by the 4-bit sequence counters of EncoderState, FrictionTorque
 and Status; with SocketCAN also by the kernel. "3 to 1987" means 3 by the counters and 1987 by the
-time stamps.
+time stamps. A gap of 16, 32, ... frames looks like a pause of the sender and is not counted.
 """
 
 from __future__ import annotations

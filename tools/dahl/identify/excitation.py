@@ -32,11 +32,13 @@ def warning(logs: Sequence[Log], a: float, min_turn: float) -> str:
         speeds += (np.abs(np.diff(log.theta[turns])) / seconds).tolist()
         sides = (log.theta[turns[0::2]], log.theta[turns[1::2]])
         spreads += [float(np.ptp(np.percentile(side, (10, 90)))) for side in sides]
-    hidden = []
+    alike, effects = [], []
     if speeds and np.percentile(speeds, 90) < MAX_SPEED_RATIO * np.percentile(speeds, 10):
-        hidden.append("one speed: a part of the torque that is late")
+        alike.append("one speed")
+        effects.append("a late torque")
     if spreads and a * max(spreads) < MAX_SPREAD_LENGTHS:
-        hidden.append("the same turning points: an error of the encoder there")
-    if not hidden:
+        alike.append("the same turning points")
+        effects.append("an encoder error there")
+    if not alike:
         return ""
-    return f"all strokes have {', and '.join(hidden)}, would pass for another sigma0"
+    return f"all strokes have {' and '.join(alike)}: {' or '.join(effects)} could change sigma0"

@@ -34,6 +34,7 @@ NEIGHBOURS = 9  # rows whose median says what a row should be
 MAX_OUTLIERS = 0.002  # part of the rows; with more, blocks would spread outliers
 MIN_NOISE_COUNTS = 0.3  # below it, noise of an angle is part of its counts
 NOISE_PLAY = 8.0  # standard deviations of an angle: noise at rest moves it less
+ROUNDING = 1e-9  # of the range of an angle: a computed one rests with its last bits in motion
 KEEP_ALL = 0.6  # part of the rows, above which segments are not worth the cycles that they cut
 MIN_SEGMENT_ROWS = 300
 NO_CLOCK_STEP = 1e-3  # s, of rows without a clock
@@ -325,7 +326,7 @@ def _columns_of(
         "speed": one / np.maximum(step, MIN_STEP * usual),
         "acceleration": two / usual**2,
         "between counts": smooth,
-        "direction": _direction(log.theta, NOISE_PLAY * noise),
+        "direction": _direction(log.theta, NOISE_PLAY * noise or ROUNDING * np.ptp(log.theta)),
     }
     has_counts = log.resolution > 0 and not noise
     if has_counts and "sharp turns" in angles:  # slow
