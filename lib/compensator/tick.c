@@ -10,17 +10,31 @@
 /** The size of this array is invalid if the state has more than 48 bytes. */
 typedef char dahl_compensator_has_at_most_48_bytes[sizeof(dahl_compensator_t) <= 48 ? 1 : -1];
 
-/** Hold the torque for the first bad ticks, then fade out. The speed is kept, so that a fault at high speed does not
- * look like rest. */
-static int32_t reject(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator)
+/** Use no move. Hold the torque for the first bad readings, then fade out. The speed is kept, so that a fault at high
+ * speed does not look like rest. */
+static int32_t hold_torque(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator)
 {
     uint32_t fade = dahl_least(compensator->fade_q30, ONE_Q30);
-    compensator->bad_ticks += compensator->bad_ticks != UINT32_MAX;
-    compensator->rejected += compensator->rejected != UINT32_MAX;
     fade -= compensator->bad_ticks < DAHL_COMPENSATOR_BAD_TICKS ? 0 : dahl_least(fade, plan->fall_q30);
     compensator->fade_q30 = fade;
     compensator->move = 0;
     return 0;
+}
+
+static int32_t reject_reading(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator)
+{
+    compensator->bad_ticks += compensator->bad_ticks != UINT32_MAX;
+    compensator->rejected += compensator->rejected != UINT32_MAX;
+    compensator->needs_start = 1;
+    return hold_torque(plan, compensator);
+}
+
+/** The move to a good reading after a rejected one is unknown: it may begin at a wrong count, or cover several ticks. It
+ * leaves bad_ticks, so that good and bad readings in turn fade out too. */
+static int32_t start_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator)
+{
+    compensator->needs_start = 0;
+    return hold_torque(plan, compensator);
 }
 
 /** Return the part of the move that leaves the play. Unsigned sums: any play_position is safe. */
@@ -53,7 +67,10 @@ int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensa
                               int is_good)
 {
     if (!is_good || is_jump(dcounts, plan->jump)) {
-        return reject(plan, compensator);
+        return reject_reading(plan, compensator);
+    }
+    if (compensator->needs_start != 0) {
+        return start_move(plan, compensator);
     }
     int32_t move = apply_play(plan, compensator, dcounts);
     update_speed(plan, compensator, move);

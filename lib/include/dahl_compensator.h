@@ -176,12 +176,14 @@ typedef struct {
     uint32_t speed_unit;    /**< [Q20] speed of one count per tick over fade_speed */
 } dahl_compensator_plan_t;
 
-/** State and telemetry of one compensator, 40 bytes. All zeros: relaxed, faded out. */
+/** State and telemetry of one compensator, 44 bytes. All zeros: relaxed, faded out. */
 typedef struct {
     int32_t play_position;    /**< [count] position of the counts within the play */
     int32_t move;             /**< [count] last result of dahl_compensator_move() */
-    uint32_t bad_ticks;       /**< consecutive ticks with a rejected reading */
+    uint32_t bad_ticks;       /**< rejected readings since the last move that was used */
     uint32_t rejected;        /**< rejected readings since the start; stops at UINT32_MAX */
+    uint32_t needs_start;     /**< 0, or not 0 if the last reading was rejected: the next good one
+                                   only sets the start of a move */
     int32_t speed_q20;        /**< [Q20 of fade_speed] mean of the speed */
     uint32_t fade_q30;        /**< [Q30] fade: 0 out, 2^30 in */
     uint32_t speed_fade_q15;  /**< [Q15] fade over speed */

@@ -276,17 +276,20 @@ static void test_an_adaptation_plan_has_the_values_of_its_parameters(void)
 
 /* --- ticks ------------------------------------------------------------------------------------------------------------ */
 
-/* Speed and play as the header defines them. */
+/* Speed, play and bad readings as the header defines them. */
 typedef struct {
     int64_t position, speed_q20, bad_ticks, rejected;
     double fade, torque_q30;
+    int was_bad; /* the last reading */
 } model_t;
 
 static int32_t model_move(model_t *model, const dahl_compensator_plan_t *plan, int32_t dcounts, int is_good)
 {
-    if (!is_good || llabs((int64_t)dcounts) > plan->jump) {
-        model->bad_ticks++;
-        model->rejected++;
+    const int is_bad = !is_good || llabs((int64_t)dcounts) > plan->jump, is_unknown = is_bad || model->was_bad;
+    model->was_bad = is_bad;
+    model->bad_ticks += is_bad;
+    model->rejected += is_bad;
+    if (is_unknown) { /* one of the two readings of the move */
         model->fade -= model->bad_ticks < DAHL_COMPENSATOR_BAD_TICKS ? 0 : plan->fall_q30 * FROM_Q30;
         model->fade = fmax(0, model->fade);
         return 0;
@@ -357,6 +360,42 @@ static void test_ticks_of_random_motions_follow_the_model(void)
         for (int t = 0; t < 1000; t++) {
             check_move(&plan, &compensator, &model, random_counts(&plan, t));
             check_torque(&plan, &compensator, &model, random_i32());
+        }
+    }
+}
+
+/* Readings of a shaft that turns by 5 counts a tick: B is flagged, J is an unflagged jump of 200 counts. Of the moves, 5 is
+ * used. The fade is at once: 0 is out. */
+static void test_a_move_between_two_good_readings_is_used(void)
+{
+    static const struct {
+        const char *readings, *moves, *fade;
+    } cases[] = {
+        {"GGGG", "5555", "1111"},
+        {"GBGG", "5005", "1111"},
+        {"GJGGG", "50005", "11111"}, /* the way back is a jump too */
+        {"BGGG", "0055", "0011"},
+        {"GBBGG", "50005", "11111"},
+        {"GBBBGG", "500005", "111001"},
+        {"GBGBGBGG", "50000005", "11111001"},
+        {"GBGGBGGBGG", "5005005005", "1111111111"},
+        {"GBBGBBGG", "50000005", "11110001"},
+    };
+    dahl_compensator_params_t params = valid;
+    params.noise = 0;
+    params.play = 1;
+    const dahl_compensator_plan_t plan = plan_of(&params);
+    for (size_t k = 0; k < 2 * sizeof cases / sizeof cases[0]; k++) {
+        const int is_passed = k % 2 != 0; /* the bad readings, to dahl_encoder_move() */
+        const char *readings = cases[k / 2].readings;
+        dahl_compensator_t compensator = {.play_position = 1};
+        for (int t = 0, last = 0; readings[t] != 0; t++) {
+            const int reading = 5 * (t + 1) + (readings[t] == 'J' ? 200 : readings[t] == 'B' ? 60 : 0);
+            const int is_good = readings[t] != 'B', is_read = is_good || is_passed;
+            const int32_t move = dahl_compensator_move(&plan, &compensator, is_read ? reading - last : 0, is_good);
+            last = is_read ? reading : last;
+            TEST_ASSERT_EQUAL_INT_MESSAGE(cases[k / 2].moves[t] - '0', move, readings);
+            TEST_ASSERT_EQUAL_INT_MESSAGE(cases[k / 2].fade[t] - '0', compensator.fade_q30 >> 30, readings);
         }
     }
 }
