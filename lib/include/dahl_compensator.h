@@ -37,6 +37,16 @@
  *     w = dahl_step_counts_q30(&friction, &bristle, reference_move);
  * @endverbatim
  *
+ * @par Bad readings
+ * A move is used only if both its readings are good. The first good reading after a rejected one
+ * sets the start of the next move and returns 0. So no way back from a wrong count is taken as
+ * motion, whether dahl_encoder_move() read the bad count or not.
+ * - A bad reading costs the motion of its tick and of the next one. If a jump is not reported,
+ *   the way back can also be rejected, which costs a third one.
+ * - The torque is held. From #DAHL_COMPENSATOR_BAD_TICKS bad readings without a used move on, it
+ *   fades out in `fall`, also if good and bad readings take turns.
+ * - A wrong reading that is neither reported nor longer than `jump` counts as motion.
+ *
  * @par Torque
  * y = gain w fade speed_fade, then a limit on its slew, then a limit on y. A torque is a fraction
  * of Fc of the element in Q30, with the sign of the motion: add it to the command. dahl_to_units()
@@ -80,9 +90,9 @@
  * is relaxed and fades in. Any bits are a safe state: the torque stays within the limit.
  *
  * @par Cost
- * In addition to the tick of the element, worst case: 96 instructions for move and torque, 111 on
- * Cortex-M0. This includes 11 of the function that calls both. A pull adds 12, or 13 on M0, and the
- * tick of a second element. The three calls alone then execute 97, or 113 on M0.
+ * In addition to the tick of the element, worst case: 99 instructions for move and torque, 114 on
+ * Cortex-M0. This includes 11 of the function that calls both. A pull adds 13, or 14 on M0, and the
+ * tick of a second element. The three calls alone then execute 101, or 117 on M0.
  */
 #ifndef DAHL_COMPENSATOR_H
 #define DAHL_COMPENSATOR_H
@@ -93,7 +103,7 @@
 extern "C" {
 #endif
 
-/** Consecutive bad readings that start the fade. Fewer only hold the torque. */
+/** Bad readings without a used move in between that start the fade. Fewer only hold the torque. */
 #define DAHL_COMPENSATOR_BAD_TICKS 3u
 /** [count] Largest play, and largest noise times 2. */
 #define DAHL_COMPENSATOR_PLAY_MAX 16777216u
@@ -211,9 +221,9 @@ DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
  * @param compensator state
  * @param dcounts     [counts] measured move since the last tick, any int32_t
  * @param is_good     0 if the reading is bad or stale: CRC error, timeout, lost magnet
- * @return [counts] move for the element of the measured law; 0 if the reading is rejected. After
- *   a rejected reading, the next one counts from the new position.
- * @note Cost: about half of the 96 instructions.
+ * @return [counts] move for the element of the measured law; 0 if this reading or the one before is
+ *   rejected
+ * @note Cost: about half of the 99 instructions.
  */
 int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator,
                               int32_t dcounts, int is_good);
@@ -227,7 +237,7 @@ int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensa
  * @note Error: 2.3 x 2^-15 of ratio_q30 at most, from the fades. It is ratio_q30 with gain 1, if
  *   no fade, slew or limit is in reach. The opposite input from the opposite state gives the
  *   opposite torque within 2^-30, also in a run: the mean of the speed is symmetric. Cost: about
- *   half of the 96 instructions.
+ *   half of the 99 instructions.
  */
 int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
                                 dahl_compensator_t *compensator, int32_t ratio_q30);
