@@ -154,16 +154,20 @@ def foc(root: Path, tmp_path: Path) -> ctypes.CDLL:
     return lib
 
 
+def foc_current(foc: ctypes.CDLL, turns: float, enabled: int = 1, good: int = 1, us: int = 1000):
+    """Return the current of a tick in A. turns: -1 .. 1, negative for SimpleFOC's `Encoder`."""
+    return foc.motor_loop(ctypes.c_float(turns * 2 * math.pi), ctypes.c_ulong(us), enabled, good)
+
+
 @pytest.mark.parametrize("direction", [1, -1])
 def test_simplefoc_gets_ampere_within_the_limit(direction: int, foc: ctypes.CDLL) -> None:
     """On top of the current of another term, through the zero of the sensor, and 0 if disabled."""
     other = 0.25  # A
-    assert foc.motor_init(direction, ctypes.c_float(other)) == 0
+    assert foc.motor_init(direction, ctypes.c_float(other), 16384) == 0
 
     def turn(ticks: int, counts: int, start: int, enabled: int = 1, us: int = 1000) -> list[float]:
-        angles = [(start + counts * k) % 16384 / 16384 * 2 * math.pi for k in range(ticks)]
-        call = foc.motor_loop
-        return [call(ctypes.c_float(a), ctypes.c_ulong(us), enabled) - other for a in angles]
+        turns = [(start + counts * k) % 16384 / 16384 for k in range(ticks)]
+        return [foc_current(foc, one, enabled, us=us) - other for one in turns]
 
     early = turn(40, 1, 15960, us=250)  # a quarter of a period: each fourth call is a tick
     assert 5 < sum(a != b for a, b in zip(early, early[1:], strict=False)) <= 10
@@ -176,6 +180,23 @@ def test_simplefoc_gets_ampere_within_the_limit(direction: int, foc: ctypes.CDLL
     assert turn(300, -2, 16598)[-1] == pytest.approx(-direction * limit, rel=1e-5)
     assert foc.motor_rejected() == 0
     assert turn(60, -2, 15998, enabled=0)[-1] == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("counts_per_turn", [8000, 10000, 16384])
+def test_negative_angles_of_simplefoc_turn_on(counts_per_turn: int, foc: ctypes.CDLL) -> None:
+    """Encoder::update() of 2.4.0 returns the remainder of a turn with the sign of its counter. To
+    and fro through the turns around 0, no move is longer than the shaft's, and the torque keeps
+    the sign of the motion.
+    """
+    assert foc.motor_init(1, ctypes.c_float(0), counts_per_turn) == 0
+    count, sign = 0, 1
+    for sign, length in ((-1, 2.5), (1, 4), (-1, 3.2), (1, 1.7)):
+        for travel in range(round(length * counts_per_turn)):
+            count += sign
+            current = foc_current(foc, math.fmod(count, counts_per_turn) / counts_per_turn)
+            assert abs(foc.motor_moved()) <= 1
+            assert travel < 100 or current * sign > 0
+    assert foc.motor_rejected() == 0
 
 
 # --- odrive_moteus --------------------------------------------------------------------------------
@@ -278,7 +299,8 @@ def test_a_host_feeds_newton_metres_forward(
         due = torques_of_moves([0] + 400 * [3] + 199 * [-3], module.PERIOD_S)
         assert found == pytest.approx(due, abs=1e-9)
         assert (max(found), found[-1]) == pytest.approx((LIMIT, -LIMIT), rel=1e-5)
-        for count in (math.nan, 603, 1e38, 603, 603):  # no number; a jump there and back
+        # no number, then a jump there and back
+        for count in (math.nan, 603, 603, 1e38, 603, 603, 603):
             drive.send(angle(count / 16384))
             assert feed.tick(host) == pytest.approx(-LIMIT, rel=1e-5)
         cut = angle(0.0)
