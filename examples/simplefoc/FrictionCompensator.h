@@ -40,15 +40,16 @@ class FrictionCompensator {
         return code != DAHL_OK ? code : dahl_compensator_prepare(&plan_, &params);
     }
 
-    // Update the feed-forward current once in each period. is_good: false if the sensor reports an error; its reading is
-    // then not used, and the next one only sets the start of the next move.
+    // Update the feed-forward current once in each period. is_good: false if the sensor reports an error; its angle is then
+    // not read.
     void loop(bool is_good = true)
     {
         if (static_cast<uint32_t>(_micros()) - last_us_ < period_us_) {
             return;
         }
         last_us_ += period_us_;
-        int32_t move = dahl_compensator_move(&plan_, &compensator_, moved(), is_good && motor_.enabled);
+        is_good = is_good && motor_.enabled;
+        int32_t move = dahl_compensator_move(&plan_, &compensator_, is_good ? moved() : 0, is_good);
         int32_t w = dahl_step_counts_q30(&friction_, &bristle_, move);
         float torque = static_cast<float>(dahl_compensator_torque(&plan_, &compensator_, w)) * DAHL_Q30 * Fc_;
         motor_.feed_forward_current.q += torque / torque_per_ampere_ - current_; // keeps the share of other terms

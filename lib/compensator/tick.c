@@ -21,16 +21,17 @@ static int32_t hold_torque(const dahl_compensator_plan_t *plan, dahl_compensator
     return 0;
 }
 
-static int32_t reject_reading(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator)
+/** If dcounts is 0, the next move begins at the last good reading, whether the caller stores bad readings or not. Otherwise
+ * it may begin at a wrong one, and after a long time it may be aliased. */
+static int32_t reject_reading(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t dcounts)
 {
     compensator->bad_ticks += compensator->bad_ticks != UINT32_MAX;
     compensator->rejected += compensator->rejected != UINT32_MAX;
-    compensator->needs_start = 1;
+    compensator->needs_start |= dcounts != 0 || compensator->bad_ticks >= DAHL_COMPENSATOR_BAD_TICKS;
     return hold_torque(plan, compensator);
 }
 
-/** The move to a good reading after a rejected one is unknown: it may begin at a wrong count, or cover several ticks. It
- * leaves bad_ticks, so that good and bad readings in turn fade out too. */
+/** Let the next move begin at this reading. bad_ticks stays, so that good and bad readings in turn fade out too. */
 static int32_t start_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator)
 {
     compensator->needs_start = 0;
@@ -67,7 +68,7 @@ int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensa
                               int is_good)
 {
     if (!is_good || is_jump(dcounts, plan->jump)) {
-        return reject_reading(plan, compensator);
+        return reject_reading(plan, compensator, dcounts);
     }
     if (compensator->needs_start != 0) {
         return start_move(plan, compensator);

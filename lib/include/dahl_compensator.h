@@ -38,13 +38,19 @@
  * @endverbatim
  *
  * @par Bad readings
- * A move is used only if both its readings are good. The first good reading after a rejected one
- * sets the start of the next move and returns 0. So no way back from a wrong count is taken as
- * motion, whether dahl_encoder_move() read the bad count or not.
- * - A bad reading costs the motion of its tick and of the next one. If a jump is not reported,
- *   the way back can also be rejected, which costs a third one.
- * - The torque is held. From #DAHL_COMPENSATOR_BAD_TICKS bad readings without a used move on, it
- *   fades out in `fall`, also if good and bad readings take turns.
+ * In a tick with a bad reading, pass dcounts = 0 and is_good = 0, and do not call
+ * dahl_encoder_move(). The next move then covers both ticks, and no motion is lost. docs/encoder.md
+ * has an example.
+ *
+ * The start of a move is unknown after a bad reading with another dcounts, after a move longer than
+ * `jump`, and after #DAHL_COMPENSATOR_BAD_TICKS bad readings. The next good reading then only sets
+ * the start and returns 0. So if you give all readings to dahl_encoder_move(), no way back from a
+ * wrong count is used, but each bad reading loses the motion of two ticks. An unreported jump loses
+ * three if the way back is one too.
+ * - The torque is held. After #DAHL_COMPENSATOR_BAD_TICKS bad readings without a used move, it
+ *   fades out in `fall`.
+ * - Each lost move adds the noise of a reading to the play. If bad readings keep coming, pass
+ *   dcounts = 0: otherwise a free axis trembles.
  * - A wrong reading that is neither reported nor longer than `jump` counts as motion.
  *
  * @par Torque
@@ -192,8 +198,7 @@ typedef struct {
     int32_t move;             /**< [count] last result of dahl_compensator_move() */
     uint32_t bad_ticks;       /**< rejected readings since the last move that was used */
     uint32_t rejected;        /**< rejected readings since the start; stops at UINT32_MAX */
-    uint32_t needs_start;     /**< 0, or not 0 if the last reading was rejected: the next good one
-                                   only sets the start of a move */
+    uint32_t needs_start;     /**< not 0: the next good reading only sets the start of a move */
     int32_t speed_q20;        /**< [Q20 of fade_speed] mean of the speed */
     uint32_t fade_q30;        /**< [Q30] fade: 0 out, 2^30 in */
     uint32_t speed_fade_q15;  /**< [Q15] fade over speed */
@@ -219,10 +224,10 @@ DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
  * every tick, with both laws.
  * @param plan        prepared plan
  * @param compensator state
- * @param dcounts     [counts] measured move since the last tick, any int32_t
+ * @param dcounts     [counts] measured move since the last tick, any int32_t; 0 for a bad reading
  * @param is_good     0 if the reading is bad or stale: CRC error, timeout, lost magnet
- * @return [counts] move for the element of the measured law; 0 if this reading or the one before is
- *   rejected
+ * @return [counts] move for the element of the measured law; 0 if the reading is rejected, or if it
+ *   only sets the start of the next move
  * @note Cost: about half of the 99 instructions.
  */
 int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator,

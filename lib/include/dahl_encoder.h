@@ -21,9 +21,9 @@
  * jump loses the motion of two ticks.
  * - If you know that a reading is bad (CRC, timeout, lost magnet), do not call dahl_encoder_move()
  *   in that tick. The next move covers both ticks; largest_step must allow it.
- * - In front of a compensator, pass largest_step 0, and report bad readings to
- *   dahl_compensator_move() as is_good = 0. It uses no move from or to a bad reading, whether
- *   dahl_encoder_move() read it or not. Its `jump` rejects longer moves, and it fades out.
+ * - In front of a compensator, pass largest_step 0, because its `jump` rejects the same moves and
+ *   fades out. In a tick with a bad reading, call dahl_compensator_move() with dcounts = 0 and
+ *   is_good = 0.
  *
  * @par Interrupts
  * If a tick runs between the code that sets the counter and dahl_encoder_home(), it takes the new

@@ -280,16 +280,16 @@ static void test_an_adaptation_plan_has_the_values_of_its_parameters(void)
 typedef struct {
     int64_t position, speed_q20, bad_ticks, rejected;
     double fade, torque_q30;
-    int was_bad; /* the last reading */
+    int has_no_start;
 } model_t;
 
 static int32_t model_move(model_t *model, const dahl_compensator_plan_t *plan, int32_t dcounts, int is_good)
 {
-    const int is_bad = !is_good || llabs((int64_t)dcounts) > plan->jump, is_unknown = is_bad || model->was_bad;
-    model->was_bad = is_bad;
+    const int is_bad = !is_good || llabs((int64_t)dcounts) > plan->jump, is_unused = is_bad || model->has_no_start;
     model->bad_ticks += is_bad;
     model->rejected += is_bad;
-    if (is_unknown) { /* one of the two readings of the move */
+    model->has_no_start = is_bad && (model->has_no_start || dcounts != 0 || model->bad_ticks >= DAHL_COMPENSATOR_BAD_TICKS);
+    if (is_unused) {
         model->fade -= model->bad_ticks < DAHL_COMPENSATOR_BAD_TICKS ? 0 : plan->fall_q30 * FROM_Q30;
         model->fade = fmax(0, model->fade);
         return 0;
@@ -364,38 +364,40 @@ static void test_ticks_of_random_motions_follow_the_model(void)
     }
 }
 
-/* Readings of a shaft that turns by 5 counts a tick: B is flagged, J is an unflagged jump of 200 counts. Of the moves, 5 is
- * used. The fade is at once: 0 is out. */
-static void test_a_move_between_two_good_readings_is_used(void)
+/* Readings of a shaft that turns by 5 counts a tick: B is flagged, J is an unflagged jump of 200 counts, and the letters are moves
+ * in units of 5. The fade is at once: 0 is out. */
+static void test_a_move_is_used_only_if_its_start_is_known(void)
 {
     static const struct {
-        const char *readings, *moves, *fade;
+        const char *readings;
+        const char *moves[2], *fade[2]; /* bad readings are not passed to dahl_encoder_move(), or passed */
     } cases[] = {
-        {"GGGG", "5555", "1111"},
-        {"GBGG", "5005", "1111"},
-        {"GJGGG", "50005", "11111"}, /* the way back is a jump too */
-        {"BGGG", "0055", "0011"},
-        {"GBBGG", "50005", "11111"},
-        {"GBBBGG", "500005", "111001"},
-        {"GBGBGBGG", "50000005", "11111001"},
-        {"GBGGBGGBGG", "5005005005", "1111111111"},
-        {"GBBGBBGG", "50000005", "11110001"},
+        {"GGGG", {"1111", "1111"}, {"1111", "1111"}},
+        {"GBGG", {"1021", "1001"}, {"1111", "1111"}},
+        {"GJGGG", {"10001", "10001"}, {"11111", "11111"}}, /* the way back is a jump too */
+        {"BGGG", {"0211", "0011"}, {"1111", "1111"}},
+        {"GBBGG", {"10031", "10001"}, {"11111", "11111"}},
+        {"GBBBGG", {"100001", "100001"}, {"111001", "111001"}},
+        {"GBGBGBGG", {"10202021", "10000001"}, {"11111111", "11111001"}},
+        {"GBGGBGGBGG", {"1021021021", "1001001001"}, {"1111111111", "1111111111"}},
+        {"GBBGBBGG", {"10030031", "10000001"}, {"11111111", "11110001"}},
+        {"GJBGG", {"10000", "10001"}, {"11100", "11111"}},
     };
     dahl_compensator_params_t params = valid;
     params.noise = 0;
     params.play = 1;
     const dahl_compensator_plan_t plan = plan_of(&params);
     for (size_t k = 0; k < 2 * sizeof cases / sizeof cases[0]; k++) {
-        const int is_passed = k % 2 != 0; /* the bad readings, to dahl_encoder_move() */
+        const int is_passed = k % 2;
         const char *readings = cases[k / 2].readings;
-        dahl_compensator_t compensator = {.play_position = 1};
+        dahl_compensator_t compensator = {.play_position = 1, .fade_q30 = ONE_Q30};
         for (int t = 0, last = 0; readings[t] != 0; t++) {
             const int reading = 5 * (t + 1) + (readings[t] == 'J' ? 200 : readings[t] == 'B' ? 60 : 0);
             const int is_good = readings[t] != 'B', is_read = is_good || is_passed;
             const int32_t move = dahl_compensator_move(&plan, &compensator, is_read ? reading - last : 0, is_good);
             last = is_read ? reading : last;
-            TEST_ASSERT_EQUAL_INT_MESSAGE(cases[k / 2].moves[t] - '0', move, readings);
-            TEST_ASSERT_EQUAL_INT_MESSAGE(cases[k / 2].fade[t] - '0', compensator.fade_q30 >> 30, readings);
+            TEST_ASSERT_EQUAL_INT_MESSAGE(5 * (cases[k / 2].moves[is_passed][t] - '0'), move, readings);
+            TEST_ASSERT_EQUAL_INT_MESSAGE(cases[k / 2].fade[is_passed][t] - '0', compensator.fade_q30 >> 30, readings);
         }
     }
 }

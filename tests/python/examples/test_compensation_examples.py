@@ -443,7 +443,7 @@ uint32_t counter; int moved;
 static uint32_t is_masked;
 static void tick(void) { if (!is_masked) { moved += dahl_encoder_move(&encoder, counter); } }
 void set_counter(uint32_t count) { counter = count; tick(); }
-uint32_t mask_interrupts(void) { uint32_t before = is_masked; tick(); is_masked = 1; return before; }
+uint32_t mask_interrupts(void) { tick(); uint32_t was = is_masked; is_masked = 1; return was; }
 void unmask_interrupts(uint32_t before) { is_masked = before; tick(); }
 int turn(int counts) { moved = 0; counter += (uint32_t)counts; tick(); return moved; }
 int init(void) { return dahl_encoder_init(&encoder, 0, 1, 0); }

@@ -182,8 +182,12 @@ class Compensator(Copied):
 
     def move(self, dcounts: int, is_good: bool = True) -> int:
         """Read the encoder: reject, fade, play. Call it first in each tick. Returns the counts that
-        step the element of the measured law. dcounts is a whole number within int32; is_good is
-        False for a bad or stale reading. Raises dahl.Error for any other dcounts or flag.
+        step the element of the measured law. dcounts is a whole number within int32.
+
+        For a bad or stale reading, pass 0 and is_good = False, and do not pass the reading to
+        Encoder.move(): the next move then covers both ticks. After a bad reading with another
+        dcounts, a jump, or three bad readings, the next good one only sets the start of a move and
+        returns 0. Raises dahl.Error for any other dcounts or flag.
         """
         moved, flag = checks.counts(dcounts), checks.flag("is_good", is_good)
         return int(c.dahl_compensator_move(self._prepared, self._state, moved, flag))
@@ -219,8 +223,9 @@ class Compensator(Copied):
         element.step_counts_q30() and torque(), tick by tick. The element keeps its state.
 
         reference_moves are the counts of the reference law, is_good the encoder's flag of each
-        tick; both have the shape of moves. Raises dahl.Error, before any move, for another shape or
-        type, for a missing or surplus reference_moves, and for another kind of element.
+        tick; both have the shape of moves. A bad reading should have a move of 0. Raises
+        dahl.Error, before any move, for another shape or type, for a missing or surplus
+        reference_moves, and for another kind of element.
         """
         checks.instance("element", element, RatioElement)
         array = arrays.moves(moves, np.int32)
