@@ -254,7 +254,8 @@ int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
  * @param plan     prepared plan; without pull, the state is unchanged
  * @param state    state of the element that the reference steps
  * @param measured state of the same element, stepped by the results of dahl_compensator_move()
- * @note A gap below 2^(pull_shift - 30) Fc stays. Cost: 12 instructions, 13 on Cortex-M0.
+ * @note A gap of up to 2^(pull_shift - 30) Fc stays. States that dahl_state_ok() accepts stay so.
+ *   Cost: 10 instructions, 15 on Cortex-M0.
  */
 void dahl_compensator_pull(const dahl_compensator_plan_t *plan, dahl_state_t *state,
                            const dahl_state_t *measured);

@@ -443,22 +443,38 @@ static void test_counts_of_rejections_do_not_wrap(void)
     TEST_ASSERT_TRUE(compensator.bad_ticks == UINT32_MAX && compensator.rejected == UINT32_MAX);
 }
 
-/* Between all states, also beyond +-1 Fc. A step of the pull is 2^-30 Fc. */
+/* Any state in range, often at an end. */
+static dahl_state_t random_state_in_range(void)
+{
+    static const int64_t one = (int64_t)1 << 62;
+    const int64_t any = (int64_t)((uint64_t)random_u32(&seed) << 32 | random_u32(&seed));
+    const int64_t near_end = one - (any >> 1 & (one - 1) >> (random_u32(&seed) & 63u));
+    dahl_state_t state = {random_u32(&seed) % 2 == 0 ? near_end : ~near_end};
+    state.w = random_u32(&seed) % 4 == 0 ? (any < 0 ? -one : one) : state.w;
+    return state;
+}
+
+/* A step of the pull is 2^-30 Fc. It leaves every state in range, and does not move from the measured one by more than its dead
+ * zone. */
 static void test_a_pull_closes_its_part_of_the_gap(void)
 {
     dahl_compensator_params_t params = valid;
-    params.pull = 0.3f;
-    const dahl_compensator_plan_t plan = plan_of(&params), without = plan_of(&valid);
-    for (int k = 0; k < 1000; k++) {
-        dahl_state_t state, measured;
-        randomize(&state, sizeof state);
-        randomize(&measured, sizeof measured);
+    const dahl_compensator_plan_t without = plan_of(&valid);
+    for (int k = 0; k < 20 * PLANS; k++) {
+        params.pull = (float)random_between(1e-8, 300);
+        const dahl_compensator_plan_t plan = plan_of(&params);
+        dahl_state_t state = random_state_in_range(), measured = random_state_in_range();
+        if (random_u32(&seed) % 2 == 0) {
+            measured.w = state.w + (random_i32() < 0 ? -1 : 1) * (int64_t)(random_u32(&seed) % 4) * ((int64_t)1 << 32);
+        }
         const int64_t before = state.w;
         dahl_compensator_pull(&without, &state, &measured);
         TEST_ASSERT_TRUE(before == state.w);
+        const int is_ok = dahl_state_ok(&state) && dahl_state_ok(&measured);
         dahl_compensator_pull(&plan, &state, &measured);
+        TEST_ASSERT_TRUE(!is_ok || dahl_state_ok(&state));
         const double gap = (double)measured.w - (double)before, moved = (double)state.w - (double)before;
-        TEST_ASSERT_DOUBLE_WITHIN(0x1p33, gap / 512, moved); /* 0.31 Hz at 1 kHz */
+        TEST_ASSERT_DOUBLE_WITHIN(2.0 * 0x1p32 + 0x1p32, ldexp(gap, -plan.pull_shift), moved);
         TEST_ASSERT_TRUE((uint32_t)state.w == (uint32_t)before);
     }
 }
