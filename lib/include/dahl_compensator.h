@@ -119,6 +119,8 @@ extern "C" {
 #define DAHL_COMPENSATOR_JUMP_SPEEDS 1000u
 /** [count] Counts of a tick at fade_speed above which half of that factor applies. */
 #define DAHL_COMPENSATOR_FINE_COUNTS 16384u
+/** [1] Rounding of gain and fades, as a part of the torque of the element. */
+#define DAHL_COMPENSATOR_ERROR 1.0682e-4
 
 /** Result of dahl_compensator_prepare() and dahl_adaptation_prepare(). */
 typedef enum {
@@ -239,8 +241,9 @@ int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensa
  * @param compensator state
  * @param ratio_q30   [Q30 of Fc] torque of the element: result of its Q30 call
  * @return [Q30 of Fc] torque to add to the command, within the limit
- * @note Error: 2.3 x 2^-15 of ratio_q30 at most, from the fades. It is ratio_q30 with gain 1, if
- *   no fade, slew or limit is in reach. The opposite input from the opposite state gives the
+ * @note Error: at most #DAHL_COMPENSATOR_ERROR of ratio_q30 and 2^-30, towards 0, for the gain of
+ *   the parameters and the fade_q30 and speed_q20 of the state. It is ratio_q30 with gain 1, if no
+ *   fade, slew or limit is in reach. The opposite input from the opposite state gives the
  *   opposite torque within 2^-30, also in a run: the mean of the speed is symmetric. Cost: about
  *   half of the 99 instructions.
  */

@@ -316,12 +316,14 @@ static void check_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *
     TEST_ASSERT_DOUBLE_WITHIN(1e-9, model->fade, compensator->fade_q30 * FROM_Q30);
 }
 
-static void check_torque(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, model_t *model, int32_t ratio)
+static void check_torque(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, model_t *model, double gain,
+                         int32_t ratio)
 {
     const double speed_fade = fmax(0, fmin(1, 2 - fabs((double)model->speed_q20 * FROM_Q20)));
-    const double wanted = ratio * (plan->gain_q16 * 0x1p-16) * model->fade * speed_fade, slew = plan->slew_q30;
+    const double wanted = ratio * gain * model->fade * speed_fade, slew = plan->slew_q30;
     const int32_t torque = dahl_compensator_torque(plan, compensator, ratio);
-    TEST_ASSERT_DOUBLE_WITHIN(fabs(2.3 * 0x1p-15 * ratio) + 1, wanted, compensator->wanted_q30);
+    TEST_ASSERT_DOUBLE_WITHIN(fabs(DAHL_COMPENSATOR_ERROR * ratio) + 1, wanted, compensator->wanted_q30);
+    TEST_ASSERT_TRUE(fabs(wanted) > fabs((double)compensator->wanted_q30) - 1);
     TEST_ASSERT_TRUE(fabs(wanted) < fabs((double)ratio) || ratio == INT32_MIN || compensator->wanted_q30 == ratio);
     TEST_ASSERT_DOUBLE_WITHIN(0x1p-15, speed_fade, compensator->speed_fade_q15 * 0x1p-15);
     model->torque_q30 += clamp(compensator->wanted_q30 - model->torque_q30, slew);
@@ -359,8 +361,24 @@ static void test_ticks_of_random_motions_follow_the_model(void)
         model_t model = {0};
         for (int t = 0; t < 1000; t++) {
             check_move(&plan, &compensator, &model, random_counts(&plan, t));
-            check_torque(&plan, &compensator, &model, random_i32());
+            check_torque(&plan, &compensator, &model, (double)params.gain, random_i32());
         }
+    }
+}
+
+/* The worst of a search over gain and both fades. All three are just below a step of their rounding. */
+static void test_the_bound_of_rounding_is_reached_within_2_percent(void)
+{
+    dahl_compensator_params_t params = valid;
+    params.gain = nextafterf(65359 / 65536.0f, 0);
+    const dahl_compensator_plan_t plan = plan_of(&params);
+    const int32_t left_q20 = (32709 << 5) - 1, fade_q30 = (32585 << 15) - 1;
+    const double exact = (double)params.gain * fade_q30 * left_q20 * FROM_Q20;
+    for (int sign = -1; sign <= 1; sign += 2) {
+        dahl_compensator_t compensator = {.fade_q30 = (uint32_t)fade_q30, .speed_q20 = (2 << 20) - left_q20};
+        (void)dahl_compensator_torque(&plan, &compensator, sign * ONE_Q30);
+        const double error = (exact - sign * compensator.wanted_q30) * FROM_Q30;
+        TEST_ASSERT_TRUE(0.98 * DAHL_COMPENSATOR_ERROR < error && error < DAHL_COMPENSATOR_ERROR);
     }
 }
 
