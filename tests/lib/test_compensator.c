@@ -98,8 +98,9 @@ static void test_parameters_are_refused_with_the_code_of_their_bound(void)
         {AT(rise), 0x1p-65f, DAHL_COMPENSATOR_RANGE},
         {AT(fade_speed), -1.0f, DAHL_COMPENSATOR_PARAM},
         {AT(pull), NAN, DAHL_COMPENSATOR_PARAM},
-        {AT(fade_speed), 0.03f, DAHL_COMPENSATOR_RANGE}, /* jump is 1278 times this speed */
-        {AT(fade_speed), 0.04f, DAHL_COMPENSATOR_OK},
+        {AT(fade_speed), 0.0383495130f, DAHL_COMPENSATOR_RANGE}, /* jump is 1000 times this speed */
+        {AT(fade_speed), 0.0383495167f, DAHL_COMPENSATOR_OK}, /* the next float */
+        {AT(slew), 0x1p-32f, DAHL_COMPENSATOR_RANGE}, /* in a tick, less than 2^-30 Fc */
         {AT(fade_speed), -0.0f, DAHL_COMPENSATOR_OK},
         {AT(Fc_low), 0.49999997f, DAHL_COMPENSATOR_GAIN},
         {AT(friction.Fc), 0.50000006f, DAHL_COMPENSATOR_GAIN},
@@ -186,7 +187,7 @@ static dahl_compensator_params_t random_params(void)
     params.period = (float)random_between(2e-6, 2e-2);
     params.gain = (float)(random_u32(&seed) % 1001) / 1000.0f;
     params.limit = (float)random_between(1e-12, 1e9);
-    params.slew = (float)random_between(1e-12, 1e12);
+    params.slew = (float)random_between(1e-9, 1e12);
     float *const optional[] = {&params.rise, &params.fall, &params.fade_speed, &params.pull};
     static const double most[] = {1e7, 1e7, 1e4, 1e7};
     for (size_t k = 0; k < sizeof optional / sizeof optional[0]; k++) {
@@ -211,16 +212,12 @@ static double corner_factor(const dahl_compensator_plan_t *plan, const dahl_comp
     return fmax(wanted / got, got / wanted);
 }
 
-/* The header promises factors of 1000 and 500; a jump above 1100 times these counts is always refused. */
-static int is_jump_short(double jump, double counts_to_fade)
+/* Within 1e-9 of the limit, a double does not decide it. */
+static void check_jump(double jump, double counts_to_fade, int is_accepted)
 {
     const double factor = DAHL_COMPENSATOR_JUMP_SPEEDS / (counts_to_fade > DAHL_COMPENSATOR_FINE_COUNTS ? 2.0 : 1.0);
-    return counts_to_fade <= 0 || jump < factor * counts_to_fade * 0.999;
-}
-
-static int is_jump_too_long(double jump, double counts_to_fade)
-{
-    return counts_to_fade > 0 && jump > 1100 * counts_to_fade;
+    const double part = counts_to_fade > 0 ? jump / (factor * counts_to_fade) : 0;
+    TEST_ASSERT_TRUE(is_accepted ? part < 1 + 1e-9 : part > 1 - 1e-9);
 }
 
 static void test_a_plan_has_the_values_of_its_parameters(void)
@@ -232,14 +229,21 @@ static void test_a_plan_has_the_values_of_its_parameters(void)
         const double counts_to_fade = (double)p.fade_speed * period / (double)p.friction.theta_per_count;
         dahl_compensator_plan_t plan;
         const int is_accepted = dahl_compensator_prepare(&plan, &p) == DAHL_COMPENSATOR_OK;
-        TEST_ASSERT_TRUE(is_accepted ? !is_jump_too_long(p.jump, counts_to_fade) : !is_jump_short(p.jump, counts_to_fade));
+        const double slew = (double)p.slew * period / Fc * ONE_Q30;
+        if (slew < 1 - 1e-9) {
+            TEST_ASSERT_FALSE(is_accepted);
+            continue;
+        }
+        check_jump(p.jump, counts_to_fade, is_accepted);
         if (!is_accepted) {
             continue;
         }
         accepted++;
+        TEST_ASSERT_TRUE((uint64_t)plan.jump * plan.speed_unit < ONE_Q30);
         TEST_ASSERT_EQUAL_UINT32((uint32_t)((double)p.gain * 65536), plan.gain_q16);
         check_fixed((double)p.limit / Fc * ONE_Q30, 0, INT32_MAX, plan.limit_q30);
-        check_fixed((double)p.slew * period / Fc * ONE_Q30, 1, UINT32_MAX, plan.slew_q30);
+        check_fixed(slew, 1, UINT32_MAX, plan.slew_q30);
+        TEST_ASSERT_TRUE(plan.slew_q30 <= slew);
         check_fixed(fade_step(period, (double)p.rise), 1, ONE_Q30, plan.rise_q30);
         check_fixed(fade_step(period, (double)p.fall), 1, ONE_Q30, plan.fall_q30);
         check_speed_unit(&plan, counts_to_fade);
@@ -374,10 +378,11 @@ static void test_the_bound_of_rounding_is_reached_within_2_percent(void)
     const dahl_compensator_plan_t plan = plan_of(&params);
     const int32_t left_q20 = (32709 << 5) - 1, fade_q30 = (32585 << 15) - 1;
     const double exact = (double)params.gain * fade_q30 * left_q20 * FROM_Q20;
-    for (int sign = -1; sign <= 1; sign += 2) {
+    static const int32_t ratios[] = {-ONE_Q30, ONE_Q30};
+    for (int k = 0; k < 2; k++) {
         dahl_compensator_t compensator = {.fade_q30 = (uint32_t)fade_q30, .speed_q20 = (2 << 20) - left_q20};
-        (void)dahl_compensator_torque(&plan, &compensator, sign * ONE_Q30);
-        const double error = (exact - sign * compensator.wanted_q30) * FROM_Q30;
+        (void)dahl_compensator_torque(&plan, &compensator, ratios[k]);
+        const double error = (exact - abs(compensator.wanted_q30)) * FROM_Q30;
         TEST_ASSERT_TRUE(0.98 * DAHL_COMPENSATOR_ERROR < error && error < DAHL_COMPENSATOR_ERROR);
     }
 }
