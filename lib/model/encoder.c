@@ -64,7 +64,7 @@ static int is_jump(const dahl_encoder_t *encoder, int32_t move)
 }
 
 /** The next reading is a first one: the way back from a wrong reading may be shorter than largest_step. */
-static int32_t reject_jump(dahl_encoder_t *encoder)
+static int32_t drop_jump(dahl_encoder_t *encoder)
 {
     encoder->jumps += encoder->jumps != UINT32_MAX;
     encoder->primed = 0;
@@ -85,5 +85,5 @@ int32_t dahl_encoder_rare_move(dahl_encoder_t *encoder, uint32_t reading)
         before = reading;
     }
     int32_t move = dahl_shortest_move(before, now, encoder->modulus);
-    return is_jump(encoder, move) ? reject_jump(encoder) : move;
+    return is_jump(encoder, move) ? drop_jump(encoder) : move;
 }

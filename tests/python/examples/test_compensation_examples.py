@@ -469,3 +469,24 @@ def test_no_tick_runs_between_the_index_and_its_home(root: Path, tmp_path: Path)
         moved.value = 0
         lib.index_interrupt()
         assert moved.value == 0 and ctypes.c_uint32.in_dll(lib, "counter").value == 0
+
+
+def error_of_sweeps(turns: int, start: int) -> float:
+    """Return the largest error, in Fc, of sweeps of 100 counts by differences of a float angle."""
+    theta = 2 * math.pi / 16384
+    plan = dahl.Plan(200 * 0.5, 0.5, theta)
+    by_angle, by_counts, worst = dahl.Friction(plan), dahl.Friction(plan), 0.0
+    step = (1, 2, 5, 10, 20, 50, 100)[start % 7]
+    sweep = [*range(0, 100, step), *range(100, 0, -step)]
+    counts = turns * 16384 + start + np.array(6 * sweep)
+    angles = (counts * theta).astype(np.float32)
+    for angle, dcounts in zip(np.diff(angles).tolist(), np.diff(counts).tolist(), strict=True):
+        error = by_angle.step(angle) - by_counts.step_counts(dcounts)
+        worst = max(worst, abs(error) / plan.Fc)
+    return worst
+
+
+@pytest.mark.parametrize(("turns", "limit"), [(0, 1.4e-4), (538, 0.071)])
+def test_a_float_angle_errs_as_the_page_says(turns: int, limit: float) -> None:
+    worst = max(error_of_sweeps(turns, start) for start in range(0, 16284, 9))
+    assert 0.9 * limit < worst <= limit
