@@ -67,8 +67,9 @@ static double friction_move(friction_t *f, double dtheta, double speed)
     return sign * Fc * dtheta - sign * closed * Fc / f->sigma0;
 }
 
-/* Wrong readings: reported and passed to dahl_encoder_move(), reported and not passed, or longer than the jump. */
-typedef enum { REPORTED, SKIPPED, JUMP, FAULTS } fault_t;
+/* Wrong readings: reported and passed to dahl_encoder_move(), reported and not stored, reported with a move of 0, or longer than
+ * the jump. */
+typedef enum { REPORTED, NOT_STORED, SKIPPED, JUMP, FAULTS } fault_t;
 
 typedef struct {
     friction_t friction;
@@ -172,10 +173,11 @@ static int32_t read_encoder(axis_t *axis)
         axis->is_bad = axis->is_wrong && axis->fault != JUMP;
         counts += axis->is_wrong ? wrong_counts(axis) : 0;
     }
-    if (axis->is_bad && axis->fault == SKIPPED) {
-        return 0;
+    const uint32_t modulus = axis->encoder.modulus, reading = (uint32_t)counts % modulus;
+    if (axis->is_bad && axis->fault != REPORTED) {
+        return axis->fault == SKIPPED ? 0 : dahl_counts_between(axis->encoder.last, reading, modulus);
     }
-    return dahl_encoder_move(&axis->encoder, (uint32_t)counts % axis->encoder.modulus);
+    return dahl_encoder_move(&axis->encoder, reading);
 }
 
 static double compensate(axis_t *axis, int32_t dcounts)
@@ -391,7 +393,7 @@ static void check_led_tick(axis_t *axis, stroke_t *stroke, int *hidden)
     const double before = axis->commands[0], step = 50 * axis->period;
     lead(axis, stroke);
     (void)drive(axis);
-    *hidden = axis->is_wrong ? (axis->fault == REPORTED ? 2 : 3) : *hidden;
+    *hidden = axis->is_wrong ? (axis->fault <= NOT_STORED ? 2 : 3) : *hidden;
     stroke->hidden_runs += axis->is_wrong;
     stroke->known += *hidden > 0 ? 0 : stroke->speed;
     *hidden -= *hidden > 0;
