@@ -21,17 +21,15 @@ static int32_t hold_torque(const dahl_compensator_plan_t *plan, dahl_compensator
     return 0;
 }
 
-/** If dcounts is 0, the next move begins at the last good reading, whether the caller stores bad readings or not.
- * Otherwise it may begin at a wrong one, and after a long time it may be aliased. */
-static int32_t reject_reading(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t dcounts)
+static int32_t reject_reading(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator)
 {
     compensator->bad_ticks += compensator->bad_ticks != UINT32_MAX;
     compensator->rejected += compensator->rejected != UINT32_MAX;
-    compensator->needs_start |= dcounts != 0 || compensator->bad_ticks >= DAHL_COMPENSATOR_BAD_TICKS;
+    compensator->needs_start = 1;
     return hold_torque(plan, compensator);
 }
 
-/** Let the next move begin at this reading. bad_ticks stays, so that good and bad readings in turn fade out too. */
+/** Set the start of the next move. bad_ticks stays, so that good and bad readings in turn fade out too. */
 static int32_t start_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator)
 {
     compensator->needs_start = 0;
@@ -64,16 +62,18 @@ static int is_jump(int32_t dcounts, uint32_t jump)
     return (uint32_t)dcounts + jump > 2 * jump;
 }
 
+/** A move after a rejected reading may begin at a wrong count. It is used within the play only: if the caller did not store
+ * the rejected reading, the noise then stays within the play. */
 int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t dcounts,
                               int is_good)
 {
     if (!is_good || is_jump(dcounts, plan->jump)) {
-        return reject_reading(plan, compensator, dcounts);
+        return reject_reading(plan, compensator);
     }
+    int32_t move = apply_play(plan, compensator, dcounts);
     if (compensator->needs_start != 0) {
         return start_move(plan, compensator);
     }
-    int32_t move = apply_play(plan, compensator, dcounts);
     update_speed(plan, compensator, move);
     compensator->fade_q30 = dahl_least(compensator->fade_q30 + plan->rise_q30, ONE_Q30);
     compensator->bad_ticks = 0;

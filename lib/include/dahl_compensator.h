@@ -38,19 +38,18 @@
  * @endverbatim
  *
  * @par Bad readings
- * In a tick with a bad reading, pass dcounts = 0 and is_good = 0, and do not call
- * dahl_encoder_move(). The next move then covers both ticks, and no motion is lost. docs/encoder.md
- * has an example.
+ * In a tick with a bad reading, pass is_good = 0, and do not call dahl_encoder_move(). There is an
+ * example in docs/encoder.md.
  *
- * The start of a move is unknown after a bad reading with another dcounts, after a move longer than
- * `jump`, and after #DAHL_COMPENSATOR_BAD_TICKS bad readings. The next good reading then only sets
- * the start and returns 0. So if you give all readings to dahl_encoder_move(), no way back from a
- * wrong count is used, but each bad reading loses the motion of two ticks. An unreported jump loses
- * three if the way back is one too.
- * - The torque is held. After #DAHL_COMPENSATOR_BAD_TICKS bad readings without a used move, it
- *   fades out in `fall`.
- * - Each lost move adds the noise of a reading to the play. If bad readings keep coming, pass
- *   dcounts = 0: otherwise a free axis trembles.
+ * A move is used only if the reading before it was accepted too. The first good reading after a
+ * rejected one returns 0: it sets the start of the next move, and may shift the counts within the
+ * play. So no way back from a wrong count steps the element, even if dahl_encoder_move() read it.
+ * - A bad reading loses the motion of its tick and of the next one. An unreported jump loses that
+ *   of a third tick if the way back is a jump too.
+ * - The torque is held. From #DAHL_COMPENSATOR_BAD_TICKS bad readings without a used move on, it
+ *   fades out in `fall`, also if good and bad readings take turns.
+ * - If dahl_encoder_move() reads bad readings again and again, a free axis trembles: each time, the
+ *   place of the noise within the play is lost.
  * - A wrong reading that is neither reported nor longer than `jump` counts as motion.
  *
  * @par Torque
@@ -96,9 +95,9 @@
  * is relaxed and fades in. Any bits are a safe state: the torque stays within the limit.
  *
  * @par Cost
- * In addition to the tick of the element, worst case: 99 instructions for move and torque, 114 on
+ * In addition to the tick of the element, worst case: 99 instructions for move and torque, 113 on
  * Cortex-M0. This includes 11 of the function that calls both. A pull adds 11, or 15 on M0, and the
- * tick of a second element. The three calls alone then execute 99, or 118 on M0.
+ * tick of a second element. The three calls alone then execute 99, or 117 on M0.
  */
 #ifndef DAHL_COMPENSATOR_H
 #define DAHL_COMPENSATOR_H
@@ -154,8 +153,8 @@ typedef struct {
                                      With the reference law, 0 skips the check. */
     float gain;                 /**< [1] 0 .. 1: share of the friction to cancel */
     float limit;                /**< [N m] largest torque; above 2 Fc counts as 2 Fc */
-    float slew;                 /**< [N m/s] largest change of the torque, at least 2^-30 Fc in a tick;
-                                     20 to 100 costs little */
+    float slew;                 /**< [N m/s] largest change of the torque, at least 2^-30 Fc in a
+                                     tick; 20 to 100 costs little */
     float period;               /**< [s] time between two ticks */
     float rise;                 /**< [s] time to fade in at start and after a fault, at most 2^30
                                      ticks; 0: at once */
@@ -203,7 +202,8 @@ typedef struct {
     int32_t move;             /**< [count] last result of dahl_compensator_move() */
     uint32_t bad_ticks;       /**< rejected readings since the last move that was used */
     uint32_t rejected;        /**< rejected readings since the start; stops at UINT32_MAX */
-    uint32_t needs_start;     /**< not 0: the next good reading only sets the start of a move */
+    uint32_t needs_start;     /**< not 0: the last reading was rejected; the next good one only sets
+                                   the start of a move */
     int32_t speed_q20;        /**< [Q20 of fade_speed] mean of the speed */
     uint32_t fade_q30;        /**< [Q30] fade: 0 out, 2^30 in */
     uint32_t speed_fade_q15;  /**< [Q15] fade over speed */
@@ -229,7 +229,8 @@ DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
  * every tick, with both laws.
  * @param plan        prepared plan
  * @param compensator state
- * @param dcounts     [counts] measured move since the last tick, any int32_t; 0 for a bad reading
+ * @param dcounts     [counts] measured move since the last tick, any int32_t; unused with a bad
+ *   reading
  * @param is_good     0 if the reading is bad or stale: CRC error, timeout, lost magnet
  * @return [counts] move for the element of the measured law; 0 if the reading is rejected, or if it
  *   only sets the start of the next move

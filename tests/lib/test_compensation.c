@@ -67,8 +67,8 @@ static double friction_move(friction_t *f, double dtheta, double speed)
     return sign * Fc * dtheta - sign * closed * Fc / f->sigma0;
 }
 
-/* Wrong readings: reported and passed to dahl_encoder_move(), reported and not stored, reported with a move of 0, or longer than
- * the jump. */
+/* Wrong readings: reported and passed to dahl_encoder_move(), reported and not stored, reported with a move of 0, or not reported
+ * and longer than the jump. */
 typedef enum { REPORTED, NOT_STORED, SKIPPED, JUMP, FAULTS } fault_t;
 
 typedef struct {
@@ -379,15 +379,15 @@ static void lead(axis_t *axis, stroke_t *stroke)
     axis->theta += stroke->direction * stroke->speed * axis->theta_per_count;
 }
 
-/* Counts after which the torque has the sign of the motion: the play, the travel from -Fc to 0, and rounding and noise of both ends
- * of each run of good readings. */
+/* Counts after which the torque has the sign of the motion: the travel from -Fc to 0, and the play, noise and rounding of each run
+ * of good readings. */
 static double counts_to_turn(const axis_t *axis, const stroke_t *stroke)
 {
     const double to_zero = log(2) * (double)axis->params.length_long / axis->theta_per_count;
-    return axis->params.play + to_zero + (stroke->hidden_runs + 1) * (2 * axis->noise + 1);
+    return to_zero + (stroke->hidden_runs + 1) * ((double)axis->params.play + 2 * axis->noise + 1);
 }
 
-/* A wrong reading hides the motion of its tick and of the next one; an unreported one, or a long silence, a third one. */
+/* A wrong reading hides the motion of its tick and of the next one; an unreported one, or a long silence, that of a third. */
 static void check_led_tick(axis_t *axis, stroke_t *stroke, int *hidden)
 {
     const double before = axis->commands[0], step = 50 * axis->period;
@@ -436,7 +436,7 @@ static void test_wrong_readings_do_not_turn_the_torque_of_a_led_shaft(void)
     }
 }
 
-/* A move that begins at a wrong reading is lost, and with it the place of the noise within the play. */
+/* If they are passed, the place of the noise within the play is lost. */
 static void test_a_free_axis_comes_to_rest_if_wrong_readings_are_not_passed(void)
 {
     double largest = 0;
@@ -445,7 +445,7 @@ static void test_a_free_axis_comes_to_rest_if_wrong_readings_are_not_passed(void
         axis.period = 1 / rates_hz[kind % 2];
         axis.params.period = (float)axis.period;
         const double speed = largest_speed_after_kick(axis);
-        at_most(axis.fault == SKIPPED ? 0.02 : 0.7, speed);
+        at_most(axis.fault == NOT_STORED || axis.fault == SKIPPED ? 0.02 : 0.7, speed);
         largest = fmax(largest, speed);
     }
     at_least(0.3, largest);

@@ -284,23 +284,29 @@ static void test_an_adaptation_plan_has_the_values_of_its_parameters(void)
 typedef struct {
     int64_t position, speed_q20, bad_ticks, rejected;
     double fade, torque_q30;
-    int has_no_start;
+    int was_bad; /* the last reading */
 } model_t;
+
+/* Return the part of a move that leaves the play. */
+static int64_t model_play(model_t *model, const dahl_compensator_plan_t *plan, int32_t dcounts)
+{
+    const int64_t position = model->position + dcounts;
+    model->position = position < 0 ? 0 : position > plan->play ? plan->play : position;
+    return position - model->position;
+}
 
 static int32_t model_move(model_t *model, const dahl_compensator_plan_t *plan, int32_t dcounts, int is_good)
 {
-    const int is_bad = !is_good || llabs((int64_t)dcounts) > plan->jump, is_unused = is_bad || model->has_no_start;
+    const int is_bad = !is_good || llabs((int64_t)dcounts) > plan->jump, is_unused = is_bad || model->was_bad;
+    const int64_t move = is_bad ? 0 : model_play(model, plan, dcounts);
+    model->was_bad = is_bad;
     model->bad_ticks += is_bad;
     model->rejected += is_bad;
-    model->has_no_start = is_bad && (model->has_no_start || dcounts != 0 || model->bad_ticks >= DAHL_COMPENSATOR_BAD_TICKS);
     if (is_unused) {
         model->fade -= model->bad_ticks < DAHL_COMPENSATOR_BAD_TICKS ? 0 : plan->fall_q30 * FROM_Q30;
         model->fade = fmax(0, model->fade);
         return 0;
     }
-    const int64_t position = model->position + dcounts;
-    model->position = position < 0 ? 0 : position > plan->play ? plan->play : position;
-    const int64_t move = position - model->position;
     model->speed_q20 += (move * plan->speed_unit - model->speed_q20) / ((int64_t)1 << plan->speed_shift);
     model->fade = fmin(1, model->fade + plan->rise_q30 * FROM_Q30);
     model->bad_ticks = 0;
@@ -387,40 +393,38 @@ static void test_the_bound_of_rounding_is_reached_within_2_percent(void)
     }
 }
 
-/* Readings of a shaft that turns by 5 counts a tick: B is flagged, J is an unflagged jump of 200 counts, and the letters are moves
- * in units of 5. The fade is at once: 0 is out. */
-static void test_a_move_is_used_only_if_its_start_is_known(void)
+/* Readings of a shaft that turns by 5 counts a tick: B is flagged, J is an unflagged jump of 200 counts. The play is 1: a move
+ * back from a wrong count costs 1 count. The fade is at once: 0 is out. */
+static void test_a_move_is_used_only_between_good_readings(void)
 {
     static const struct {
-        const char *readings;
-        const char *moves[2], *fade[2]; /* bad readings are not passed to dahl_encoder_move(), or passed */
+        const char *readings, *fade;
+        const char *moves[2]; /* bad readings are not passed to dahl_encoder_move(), or passed */
     } cases[] = {
-        {"GGGG", {"1111", "1111"}, {"1111", "1111"}},
-        {"GBGG", {"1021", "1001"}, {"1111", "1111"}},
-        {"GJGGG", {"10001", "10001"}, {"11111", "11111"}}, /* the way back is a jump too */
-        {"BGGG", {"0211", "0011"}, {"1111", "1111"}},
-        {"GBBGG", {"10031", "10001"}, {"11111", "11111"}},
-        {"GBBBGG", {"100001", "100001"}, {"111001", "111001"}},
-        {"GBGBGBGG", {"10202021", "10000001"}, {"11111111", "11111001"}},
-        {"GBGGBGGBGG", {"1021021021", "1001001001"}, {"1111111111", "1111111111"}},
-        {"GBBGBBGG", {"10030031", "10000001"}, {"11111111", "11110001"}},
-        {"GJBGG", {"10000", "10001"}, {"11100", "11111"}},
+        {"GGGG", "1111", {"5555", "5555"}},
+        {"GBGG", "1111", {"5005", "5004"}},
+        {"GJGGG", "11111", {"50005", "50005"}}, /* the way back is a jump too */
+        {"BGGG", "1111", {"0055", "0045"}},
+        {"GBBGG", "11111", {"50005", "50004"}},
+        {"GBBBGG", "111001", {"500005", "500004"}},
+        {"GBGBGBGG", "11111001", {"50000005", "50000004"}},
+        {"GBGGBGGBGG", "1111111111", {"5005005005", "5004004004"}},
+        {"GBBGBBGG", "11110001", {"50000005", "50000004"}},
     };
     dahl_compensator_params_t params = valid;
     params.noise = 0;
     params.play = 1;
     const dahl_compensator_plan_t plan = plan_of(&params);
     for (size_t k = 0; k < 2 * sizeof cases / sizeof cases[0]; k++) {
-        const int is_passed = k % 2;
-        const char *readings = cases[k / 2].readings;
+        const char *readings = cases[k / 2].readings, *moves = cases[k / 2].moves[k % 2];
         dahl_compensator_t compensator = {.play_position = 1, .fade_q30 = ONE_Q30};
         for (int t = 0, last = 0; readings[t] != 0; t++) {
             const int reading = 5 * (t + 1) + (readings[t] == 'J' ? 200 : readings[t] == 'B' ? 60 : 0);
-            const int is_good = readings[t] != 'B', is_read = is_good || is_passed;
+            const int is_good = readings[t] != 'B', is_read = is_good || k % 2;
             const int32_t move = dahl_compensator_move(&plan, &compensator, is_read ? reading - last : 0, is_good);
             last = is_read ? reading : last;
-            TEST_ASSERT_EQUAL_INT_MESSAGE(5 * (cases[k / 2].moves[is_passed][t] - '0'), move, readings);
-            TEST_ASSERT_EQUAL_INT_MESSAGE(cases[k / 2].fade[is_passed][t] - '0', compensator.fade_q30 >> 30, readings);
+            TEST_ASSERT_EQUAL_INT_MESSAGE(moves[t] - '0', move, readings);
+            TEST_ASSERT_EQUAL_INT_MESSAGE(cases[k / 2].fade[t] - '0', compensator.fade_q30 >> 30, readings);
         }
     }
 }

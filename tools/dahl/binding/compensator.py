@@ -194,10 +194,10 @@ class Compensator(Copied):
         """Read the encoder: reject, fade, play. Call it first in each tick. Returns the counts that
         step the element of the measured law. dcounts is a whole number within int32.
 
-        For a bad or stale reading, pass 0 and is_good = False, and do not pass the reading to
-        Encoder.move(): the next move then covers both ticks. After a bad reading with another
-        dcounts, a jump, or three bad readings, the next good one only sets the start of a move and
-        returns 0. Raises dahl.Error for any other dcounts or flag.
+        For a bad or stale reading, pass is_good = False, and do not pass the reading to
+        Encoder.move(). A move is used only if the reading before it was accepted too: the first
+        good one after a bad one only sets the start of the next move and returns 0. Raises
+        dahl.Error for any other dcounts or flag.
         """
         moved, flag = checks.counts(dcounts), checks.flag("is_good", is_good)
         return int(c.dahl_compensator_move(self._prepared, self._state, moved, flag))
@@ -233,9 +233,8 @@ class Compensator(Copied):
         element.step_counts_q30() and torque(), tick by tick. The element keeps its state.
 
         reference_moves are the counts of the reference law, is_good the encoder's flag of each
-        tick; both have the shape of moves. A bad reading should have a move of 0. Raises
-        dahl.Error, before any move, for another shape or type, for a missing or surplus
-        reference_moves, and for another kind of element.
+        tick; both have the shape of moves. Raises dahl.Error, before any move, for another shape or
+        type, for a missing or surplus reference_moves, and for another kind of element.
         """
         checks.instance("element", element, RatioElement)
         array = arrays.moves(moves, np.int32)
