@@ -44,8 +44,8 @@
  * A move is used only if the reading before it was accepted too. The first good reading after a
  * rejected one returns 0: it sets the start of the next move, and may shift the counts within the
  * play. So no way back from a wrong count steps the element, even if dahl_encoder_move() read it.
- * - A bad reading loses the motion of its tick and of the next one. An unreported jump loses that
- *   of a third tick if the way back is a jump too.
+ * - A bad reading loses the motion of its tick and of the next one, and that of a third tick if the
+ *   next move is longer than `jump`.
  * - The torque is held. From #DAHL_COMPENSATOR_BAD_TICKS bad readings without a used move on, it
  *   fades out in `fall`, also if good and bad readings take turns.
  * - If dahl_encoder_move() reads bad readings again and again, a free axis trembles: each time, the
