@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* The measured law on a simulated axis: it comes to rest after a kick, no path of the shaft gains energy, and bad readings do not
- * turn its torque. Each limit has a case outside the promise that must miss it. The numbers are those of docs/compensation.md; test_compensation_scene.py has
- * position loops.
+ * turn its torque. Each limit has a case outside the promise that must miss it. The numbers are those of docs/compensation.md;
+ * test_compensation_scene.py has position loops.
  *
  * The axis is in double precision: rotor, true friction, encoder with noise, delay of the drive. The library does not
  * integrate the true friction. */
