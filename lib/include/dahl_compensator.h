@@ -37,6 +37,21 @@
  *     w = dahl_step_counts_q30(&friction, &bristle, reference_move);
  * @endverbatim
  *
+ * @par Bad readings
+ * In a tick with a bad reading, pass is_good = 0, and do not call dahl_encoder_move(). There is an
+ * example in docs/encoder.md.
+ *
+ * A move is used only if the reading before it was accepted too. The first good reading after a
+ * rejected one returns 0: it sets the start of the next move, and may shift the counts within the
+ * play. So no way back from a wrong count steps the element, even if dahl_encoder_move() read it.
+ * - A bad reading loses the motion of its tick and of the next one, and that of a third tick if the
+ *   next move is longer than `jump`.
+ * - The torque is held. From #DAHL_COMPENSATOR_BAD_TICKS bad readings without a used move on, it
+ *   fades out in `fall`, also if good and bad readings take turns.
+ * - If dahl_encoder_move() reads bad readings again and again, a free axis trembles: each time, the
+ *   place of the noise within the play is lost.
+ * - A wrong reading that is neither reported nor longer than `jump` counts as motion.
+ *
  * @par Torque
  * y = gain w fade speed_fade, then a limit on its slew, then a limit on y. A torque is a fraction
  * of Fc of the element in Q30, with the sign of the motion: add it to the command. dahl_to_units()
@@ -80,9 +95,9 @@
  * is relaxed and fades in. Any bits are a safe state: the torque stays within the limit.
  *
  * @par Cost
- * In addition to the tick of the element, worst case: 96 instructions for move and torque, 111 on
- * Cortex-M0. This includes 11 of the function that calls both. A pull adds 12, or 13 on M0, and the
- * tick of a second element. The three calls alone then execute 97, or 113 on M0.
+ * In addition to the tick of the element, worst case: 99 instructions for move and torque, 113 on
+ * Cortex-M0. This includes 11 of the function that calls both. A pull adds 11, or 15 on M0, and the
+ * tick of a second element. The three calls alone then execute 99, or 117 on M0.
  */
 #ifndef DAHL_COMPENSATOR_H
 #define DAHL_COMPENSATOR_H
@@ -93,16 +108,18 @@
 extern "C" {
 #endif
 
-/** Consecutive bad readings that start the fade. Fewer only hold the torque. */
+/** Bad readings without a used move in between that start the fade. Fewer only hold the torque. */
 #define DAHL_COMPENSATOR_BAD_TICKS 3u
 /** [count] Largest play, and largest noise times 2. */
 #define DAHL_COMPENSATOR_PLAY_MAX 16777216u
 /** [count] Largest jump. */
 #define DAHL_COMPENSATOR_JUMP_MAX 1073741824u
-/** [1] Largest jump over the counts of a tick at fade_speed. */
+/** [1] A jump must be below this multiple of the counts of a tick at fade_speed. */
 #define DAHL_COMPENSATOR_JUMP_SPEEDS 1000u
 /** [count] Counts of a tick at fade_speed above which half of that factor applies. */
 #define DAHL_COMPENSATOR_FINE_COUNTS 16384u
+/** [1] Rounding of gain and fades, as a part of the torque of the element. */
+#define DAHL_COMPENSATOR_ERROR 1.0682e-4
 
 /** Result of dahl_compensator_prepare() and dahl_adaptation_prepare(). */
 typedef enum {
@@ -136,10 +153,13 @@ typedef struct {
                                      With the reference law, 0 skips the check. */
     float gain;                 /**< [1] 0 .. 1: share of the friction to cancel */
     float limit;                /**< [N m] largest torque; above 2 Fc counts as 2 Fc */
-    float slew;                 /**< [N m/s] largest change of the torque; 20 to 100 costs little */
+    float slew;                 /**< [N m/s] largest change of the torque, at least 2^-30 Fc in a
+                                     tick; 20 to 100 costs little */
     float period;               /**< [s] time between two ticks */
-    float rise;                 /**< [s] time to fade in at start and after a fault; 0: at once */
-    float fall;                 /**< [s] time to fade out while the encoder is bad; 0: at once */
+    float rise;                 /**< [s] time to fade in at start and after a fault, at most 2^30
+                                     ticks; 0: at once */
+    float fall;                 /**< [s] time to fade out while the encoder is bad, at most 2^30
+                                     ticks; 0: at once */
     float fade_speed;           /**< [rad/s] the torque falls from all of it at this speed to 0 at
                                      twice this speed; 0: no fade over speed. With more than
                                      #DAHL_COMPENSATOR_FINE_COUNTS per tick at this speed, the fade
@@ -176,12 +196,14 @@ typedef struct {
     uint32_t speed_unit;    /**< [Q20] speed of one count per tick over fade_speed */
 } dahl_compensator_plan_t;
 
-/** State and telemetry of one compensator, 40 bytes. All zeros: relaxed, faded out. */
+/** State and telemetry of one compensator, 44 bytes. All zeros: relaxed, faded out. */
 typedef struct {
     int32_t play_position;    /**< [count] position of the counts within the play */
     int32_t move;             /**< [count] last result of dahl_compensator_move() */
-    uint32_t bad_ticks;       /**< consecutive ticks with a rejected reading */
+    uint32_t bad_ticks;       /**< rejected readings since the last move that was used */
     uint32_t rejected;        /**< rejected readings since the start; stops at UINT32_MAX */
+    uint32_t needs_start;     /**< not 0: the last reading was rejected; the next good one only sets
+                                   the start of a move */
     int32_t speed_q20;        /**< [Q20 of fade_speed] mean of the speed */
     uint32_t fade_q30;        /**< [Q30] fade: 0 out, 2^30 in */
     uint32_t speed_fade_q15;  /**< [Q15] fade over speed */
@@ -197,7 +219,7 @@ typedef struct {
  * @return #DAHL_COMPENSATOR_OK, or why the parameters are rejected. Of several reasons, the first
  *   in the order of dahl_compensator_err_t.
  * @note Bounds are compared exactly. A length_long one float above Fc/sigma0 passes, so that sigma0
- *   = Fc/length_long is accepted in float. Cost: 7000 instructions at most.
+ *   = Fc/length_long is accepted in float. Cost: 7300 instructions at most.
  */
 DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
     dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params);
@@ -207,11 +229,12 @@ DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
  * every tick, with both laws.
  * @param plan        prepared plan
  * @param compensator state
- * @param dcounts     [counts] measured move since the last tick, any int32_t
+ * @param dcounts     [counts] measured move since the last tick, any int32_t; unused with a bad
+ *   reading
  * @param is_good     0 if the reading is bad or stale: CRC error, timeout, lost magnet
- * @return [counts] move for the element of the measured law; 0 if the reading is rejected. After
- *   a rejected reading, the next one counts from the new position.
- * @note Cost: about half of the 96 instructions.
+ * @return [counts] move for the element of the measured law; 0 if the reading is rejected, or if it
+ *   only sets the start of the next move
+ * @note Cost: about half of the 99 instructions.
  */
 int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator,
                               int32_t dcounts, int is_good);
@@ -222,10 +245,11 @@ int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensa
  * @param compensator state
  * @param ratio_q30   [Q30 of Fc] torque of the element: result of its Q30 call
  * @return [Q30 of Fc] torque to add to the command, within the limit
- * @note Error: 2.3 x 2^-15 of ratio_q30 at most, from the fades. It is ratio_q30 with gain 1, if
- *   no fade, slew or limit is in reach. The opposite input from the opposite state gives the
+ * @note Error: at most #DAHL_COMPENSATOR_ERROR of ratio_q30 and 2^-30, towards 0, for the gain of
+ *   the parameters and the fade_q30 and speed_q20 of the state. It is ratio_q30 with gain 1, if no
+ *   fade, slew or limit is in reach. The opposite input from the opposite state gives the
  *   opposite torque within 2^-30, also in a run: the mean of the speed is symmetric. Cost: about
- *   half of the 96 instructions.
+ *   half of the 99 instructions.
  */
 int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
                                 dahl_compensator_t *compensator, int32_t ratio_q30);
@@ -237,7 +261,8 @@ int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
  * @param plan     prepared plan; without pull, the state is unchanged
  * @param state    state of the element that the reference steps
  * @param measured state of the same element, stepped by the results of dahl_compensator_move()
- * @note A gap below 2^(pull_shift - 30) Fc stays. Cost: 12 instructions, 13 on Cortex-M0.
+ * @note A gap of up to 2^(pull_shift - 30) Fc stays. States that dahl_state_ok() accepts stay so.
+ *   Cost: 11 instructions, 15 on Cortex-M0.
  */
 void dahl_compensator_pull(const dahl_compensator_plan_t *plan, dahl_state_t *state,
                            const dahl_state_t *measured);
