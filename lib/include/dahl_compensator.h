@@ -78,11 +78,6 @@
  * As in dahl.h: integers only, equal bits everywhere, no heap, no global variable, no libm, no
  * division by a variable in a tick. A plan of all zeros gives no torque. A compensator of all zeros
  * is relaxed and fades in. Any bits are a safe state: the torque stays within the limit.
- *
- * @par Cost
- * In addition to the tick of the element, worst case: 96 instructions for move and torque, 111 on
- * Cortex-M0. This includes 11 of the function that calls both. A pull adds 12, or 13 on M0, and the
- * tick of a second element. The three calls alone then execute 97, or 113 on M0.
  */
 #ifndef DAHL_COMPENSATOR_H
 #define DAHL_COMPENSATOR_H
@@ -197,7 +192,7 @@ typedef struct {
  * @return #DAHL_COMPENSATOR_OK, or why the parameters are rejected. Of several reasons, the first
  *   in the order of dahl_compensator_err_t.
  * @note Bounds are compared exactly. A length_long one float above Fc/sigma0 passes, so that sigma0
- *   = Fc/length_long is accepted in float. Cost: 7000 instructions at most.
+ *   = Fc/length_long is accepted in float.
  */
 DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
     dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params);
@@ -211,7 +206,6 @@ DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
  * @param is_good     0 if the reading is bad or stale: CRC error, timeout, lost magnet
  * @return [counts] move for the element of the measured law; 0 if the reading is rejected. After
  *   a rejected reading, the next one counts from the new position.
- * @note Cost: about half of the 96 instructions.
  */
 int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator,
                               int32_t dcounts, int is_good);
@@ -224,8 +218,7 @@ int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensa
  * @return [Q30 of Fc] torque to add to the command, within the limit
  * @note Error: 2.3 x 2^-15 of ratio_q30 at most, from the fades. It is ratio_q30 with gain 1, if
  *   no fade, slew or limit is in reach. The opposite input from the opposite state gives the
- *   opposite torque within 2^-30, also in a run: the mean of the speed is symmetric. Cost: about
- *   half of the 96 instructions.
+ *   opposite torque within 2^-30, also in a run: the mean of the speed is symmetric.
  */
 int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
                                 dahl_compensator_t *compensator, int32_t ratio_q30);
@@ -237,7 +230,7 @@ int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
  * @param plan     prepared plan; without pull, the state is unchanged
  * @param state    state of the element that the reference steps
  * @param measured state of the same element, stepped by the results of dahl_compensator_move()
- * @note A gap below 2^(pull_shift - 30) Fc stays. Cost: 12 instructions, 13 on Cortex-M0.
+ * @note A gap below 2^(pull_shift - 30) Fc stays. `measured` needs the tick of a second element.
  */
 void dahl_compensator_pull(const dahl_compensator_plan_t *plan, dahl_state_t *state,
                            const dahl_state_t *measured);
@@ -310,7 +303,6 @@ DAHL_NODISCARD dahl_compensator_err_t dahl_adaptation_prepare(
  * @param adaptation state
  * @param ratio_q30  [Q30 of Fc] torque of the element
  * @return [Q30 of Fc] ratio_q30 times the estimated Fc over that of the element, saturated to 2 Fc
- * @note Cost: 20 instructions.
  */
 int32_t dahl_adaptation_apply(dahl_adaptation_t *adaptation, int32_t ratio_q30);
 
@@ -321,8 +313,7 @@ int32_t dahl_adaptation_apply(dahl_adaptation_t *adaptation, int32_t ratio_q30);
  * @param compensator compensator of the same axis: its move and bad_ticks are read
  * @param motor_q24   [Q24 of Fc] whole motor torque during the last tick, with the delay of the
  *   drive; samples above 4 Fc are dropped
- * @note Cost: 156 instructions, 265 on Cortex-M0, when both directions are complete; about half in
- *   other ticks.
+ * @note Cost: the most when both directions are complete; about half in other ticks.
  */
 void dahl_adaptation_step(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *adaptation,
                           const dahl_compensator_t *compensator, int32_t motor_q24);
