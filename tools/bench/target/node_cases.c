@@ -12,7 +12,7 @@ dahl_err_t call_use(dahl_node_t *, void *, const void *) __asm__("bench_call");
 dahl_err_t call_use_elastoplastic(dahl_node_t *, dahl_node_elastoplastic_t *, const dahl_params_t *,
                                   float) __asm__("bench_call");
 
-enum { NUMBER = 3, FRAMES = 2000, WRITES = 60 };
+enum { NUMBER = 3, FRAMES = 10000, WRITES = 2000 };
 
 static const dahl_params_t params = {100.0f, 0.5f, 3.8349519e-4f}; /* 14-bit encoder, travel .077 a count */
 
@@ -68,10 +68,11 @@ static void receive_short_moves(void)
     }
 }
 
-/* Frames that are missing, repeated, late, invalid, damaged or too far away; any count, pause, gain, ramp and MaxStep. */
+/* Frames that are missing, repeated, late, invalid, damaged or too far away; any count, pause, gain, ramp and MaxStep. The worst
+ * moves are powers of two less 1. */
 static void receive_any(void)
 {
-    uint32_t counter = 0;
+    uint32_t counter = 0, count = 0;
     for (int k = 0; k < FRAMES; k++) {
         const uint32_t choice = next_random();
         node.gain = choice & 1u ? DAHL_NODE_ONE : next_random();
@@ -80,7 +81,9 @@ static void receive_any(void)
         node.max_step = choice & 8u ? 0 : next_random() >> choice % 32u;
         counter += choice & 48u ? 1u : next_random();
         now_us += choice & 192u ? 0 : next_random() >> 8;
-        const dahl_encoder_state_t encoder = {random_counts(), (uint8_t)(counter & 0x0F), (choice >> 8) % 8u != 0};
+        const uint32_t power = UINT32_MAX >> (1 + next_random() % 31u);
+        count += choice >> 31 != 0 ? (uint32_t)random_counts() : choice >> 30 != 0 ? power : 0u - power;
+        const dahl_encoder_state_t encoder = {(int32_t)count, (uint8_t)(counter & 0x0F), (choice >> 8) % 8u != 0};
         dahl_can_frame_t frame;
         dahl_frames_pack_encoder(&frame, NUMBER, &encoder);
         frame.data[7] ^= (choice >> 11) % 16u == 0 ? 1u : 0u;
@@ -101,7 +104,7 @@ static void write_model(void)
 {
     for (int k = 0; k < WRITES; k++) {
         node.bearing.w = random_state();
-        write_param((uint8_t)(k % 3), DAHL_FRAMES_PARAM_WRITE, next_random() >> next_random() % 20u);
+        write_param((uint8_t)(k % 3), DAHL_FRAMES_PARAM_WRITE, next_random() >> next_random() % 32u);
     }
 }
 
