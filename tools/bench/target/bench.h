@@ -26,6 +26,7 @@ void bench_energy(void);
 void bench_compensator(void);
 void bench_any(void);
 void bench_node(void);
+void bench_seldom(void);
 void bench_worst(void);
 
 #endif

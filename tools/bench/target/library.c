@@ -19,7 +19,6 @@ void call_set_torque(const dahl_plan_t *, dahl_state_t *, float) __asm__("bench_
 void call_change_plan(const dahl_plan_t *, const dahl_plan_t *, dahl_state_t *) __asm__("bench_call");
 int32_t call_between(uint32_t, uint32_t, uint32_t) __asm__("bench_call");
 int call_state_ok(const dahl_state_t *) __asm__("bench_call");
-dahl_err_t call_encoder_init(dahl_encoder_t *, uint32_t, int, uint32_t) __asm__("bench_call");
 void call_encoder_home(dahl_encoder_t *, uint32_t) __asm__("bench_call");
 int32_t call_encoder(dahl_encoder_t *, uint32_t) __asm__("bench_call");
 int32_t call_units(int32_t, uint32_t) __asm__("bench_call");
@@ -306,15 +305,9 @@ static void bench_encoder(void)
     }
 }
 
-static void bench_encoder_start(void)
+static void bench_encoder_home(void)
 {
-    static const uint32_t moduli[] = {65536, 0, 16384, 10000, 3};
-    dahl_encoder_t encoder;
-    bench_case("encoder_init");
-    bench_function = (bench_function_t)dahl_encoder_init;
-    for (size_t i = 0; i < sizeof moduli / sizeof moduli[0]; i++) {
-        (void)!call_encoder_init(&encoder, moduli[i], -1, 1000);
-    }
+    dahl_encoder_t encoder = {0};
     bench_case("encoder_home");
     bench_function = (bench_function_t)dahl_encoder_home;
     call_encoder_home(&encoder, 4095);
@@ -360,7 +353,7 @@ void bench_library(void)
     bench_prepare();
     bench_others();
     bench_encoder();
-    bench_encoder_start();
+    bench_encoder_home();
     bench_units();
     bench_axis("control_tick", (bench_function_t)axis_tick);
     bench_axis("control_tick_units", (bench_function_t)axis_tick_units);

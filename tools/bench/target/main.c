@@ -73,5 +73,6 @@ int main(void)
     bench_worst();
     bench_any();
     bench_node();
+    bench_seldom();
     return 0;
 }

@@ -5,7 +5,6 @@
 #include "dahl_parts.h"
 
 int32_t call_elastoplastic(const dahl_elastoplastic_plan_t *, dahl_state_t *, int32_t) __asm__("bench_call");
-dahl_err_t call_elastoplastic_prepare(dahl_elastoplastic_plan_t *, const dahl_params_t *, float) __asm__("bench_call");
 float call_clamped(const dahl_plan_t *, dahl_state_t *, float, uint32_t) __asm__("bench_call");
 int32_t call_loaded(const dahl_plan_t *, dahl_loaded_state_t *, int32_t, uint32_t) __asm__("bench_call");
 
@@ -101,15 +100,6 @@ static void bench_elastoplastic(const char *name, bench_function_t step, int sta
     }
 }
 
-static void bench_elastoplastic_prepare(void)
-{
-    dahl_elastoplastic_plan_t plan;
-    bench_case("elastic_prepare");
-    bench_function = (bench_function_t)dahl_elastoplastic_prepare;
-    (void)!call_elastoplastic_prepare(&plan, &params, 0.01f);
-    (void)!call_elastoplastic_prepare(&plan, &params, 0.99f);
-}
-
 #define RUN_BENCH(name, ...) bench_##name();
 
 void bench_variants(void)
@@ -126,7 +116,6 @@ void bench_variants(void)
     bench_elastoplastic("plastic_float", (bench_function_t)dahl_elastoplastic_step_counts, 60, 1, 8);
     bench_elastoplastic("crossing_q30", (bench_function_t)dahl_elastoplastic_step_counts_q30, 49, 1, 8);
     bench_elastoplastic("crossing_float", (bench_function_t)dahl_elastoplastic_step_counts, 49, 1, 8);
-    bench_elastoplastic_prepare();
     BENCH_BYTES(dahl_elastoplastic_plan_t);
     BENCH_BYTES(dahl_loaded_state_t);
 }
