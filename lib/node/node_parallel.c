@@ -129,8 +129,8 @@ static dahl_err_t check_mix(const dahl_node_parallel_params_t *params)
     return params->theta_per_count > 0.0f ? check_elements(params) : DAHL_ERR_PARAM;
 }
 
-/** Write the plans into the storage itself, because a copy needs 2.7 KiB of stack. check_mix() has accepted each element, so
- * DAHL_OK is returned. */
+/** Write the plans into the storage itself, because a copy needs 2.7 KiB of stack. check_mix() has accepted each
+ * element, so DAHL_OK is returned. */
 static dahl_err_t prepare_elements(dahl_node_parallel_t *storage, const dahl_node_parallel_params_t *params)
 {
     dahl_slip_params_t slip = {.theta_per_count = params->theta_per_count};

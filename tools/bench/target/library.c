@@ -307,10 +307,12 @@ static void bench_encoder(void)
 
 static void bench_encoder_home(void)
 {
-    dahl_encoder_t encoder = {0};
+    dahl_encoder_t encoder;
     bench_case("encoder_home");
     bench_function = (bench_function_t)dahl_encoder_home;
-    call_encoder_home(&encoder, 4095);
+    if (prepare_encoder(&encoder, 10000, 1)) {
+        call_encoder_home(&encoder, 4095);
+    }
 }
 
 static void bench_units(void)

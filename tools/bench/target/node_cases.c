@@ -68,8 +68,8 @@ static void receive_short_moves(void)
     }
 }
 
-/* Frames that are missing, repeated, late, invalid, damaged or too far away; any count, pause, gain, ramp and MaxStep. The worst
- * moves are powers of two less 1. */
+/* Frames that are missing, repeated, late, invalid, damaged or too far away; any count, pause, gain, ramp and MaxStep. The
+ * worst moves are powers of two less 1. */
 static void receive_any(void)
 {
     uint32_t counter = 0, count = 0;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Searches for the worst of the calls at start-up or at a change of parameters: parameters, states and torques of all magnitudes. */
+/* Searches for the worst call at start-up or at a change of parameters: parameters, states and torques of all magnitudes. */
 #include "bench.h"
 #include "dahl_encoder.h"
 #include "dahl_parts.h"
