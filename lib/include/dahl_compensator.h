@@ -93,11 +93,6 @@
  * As in dahl.h: integers only, equal bits everywhere, no heap, no global variable, no libm, no
  * division by a variable in a tick. A plan of all zeros gives no torque. A compensator of all zeros
  * is relaxed and fades in. Any bits are a safe state: the torque stays within the limit.
- *
- * @par Cost
- * In addition to the tick of the element, worst case: 99 instructions for move and torque, 113 on
- * Cortex-M0. This includes 11 of the function that calls both. A pull adds 11, or 15 on M0, and the
- * tick of a second element. The three calls alone then execute 99, or 117 on M0.
  */
 #ifndef DAHL_COMPENSATOR_H
 #define DAHL_COMPENSATOR_H
@@ -219,7 +214,7 @@ typedef struct {
  * @return #DAHL_COMPENSATOR_OK, or why the parameters are rejected. Of several reasons, the first
  *   in the order of dahl_compensator_err_t.
  * @note Bounds are compared exactly. A length_long one float above Fc/sigma0 passes, so that sigma0
- *   = Fc/length_long is accepted in float. Cost: 7300 instructions at most.
+ *   = Fc/length_long is accepted in float.
  */
 DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
     dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params);
@@ -234,7 +229,6 @@ DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
  * @param is_good     0 if the reading is bad or stale: CRC error, timeout, lost magnet
  * @return [counts] move for the element of the measured law; 0 if the reading is rejected, or if it
  *   only sets the start of the next move
- * @note Cost: about half of the 99 instructions.
  */
 int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator,
                               int32_t dcounts, int is_good);
@@ -248,8 +242,7 @@ int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensa
  * @note Error: at most #DAHL_COMPENSATOR_ERROR of ratio_q30 and 2^-30, towards 0, for the gain of
  *   the parameters and the fade_q30 and speed_q20 of the state. It is ratio_q30 with gain 1, if no
  *   fade, slew or limit is in reach. The opposite input from the opposite state gives the
- *   opposite torque within 2^-30, also in a run: the mean of the speed is symmetric. Cost: about
- *   half of the 99 instructions.
+ *   opposite torque within 2^-30, also in a run: the mean of the speed is symmetric.
  */
 int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
                                 dahl_compensator_t *compensator, int32_t ratio_q30);
@@ -262,7 +255,7 @@ int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
  * @param state    state of the element that the reference steps
  * @param measured state of the same element, stepped by the results of dahl_compensator_move()
  * @note A gap of up to 2^(pull_shift - 30) Fc stays. States that dahl_state_ok() accepts stay so.
- *   Cost: 11 instructions, 15 on Cortex-M0.
+ *   `measured` needs the tick of a second element.
  */
 void dahl_compensator_pull(const dahl_compensator_plan_t *plan, dahl_state_t *state,
                            const dahl_state_t *measured);
@@ -335,7 +328,6 @@ DAHL_NODISCARD dahl_compensator_err_t dahl_adaptation_prepare(
  * @param adaptation state
  * @param ratio_q30  [Q30 of Fc] torque of the element
  * @return [Q30 of Fc] ratio_q30 times the estimated Fc over that of the element, saturated to 2 Fc
- * @note Cost: 20 instructions.
  */
 int32_t dahl_adaptation_apply(dahl_adaptation_t *adaptation, int32_t ratio_q30);
 
@@ -346,8 +338,7 @@ int32_t dahl_adaptation_apply(dahl_adaptation_t *adaptation, int32_t ratio_q30);
  * @param compensator compensator of the same axis: its move and bad_ticks are read
  * @param motor_q24   [Q24 of Fc] whole motor torque during the last tick, with the delay of the
  *   drive; samples above 4 Fc are dropped
- * @note Cost: 156 instructions, 265 on Cortex-M0, when both directions are complete; about half in
- *   other ticks.
+ * @note Cost: the most when both directions are complete; about half in other ticks.
  */
 void dahl_adaptation_step(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *adaptation,
                           const dahl_compensator_t *compensator, int32_t motor_q24);

@@ -93,8 +93,7 @@ int32_t dahl_encoder_rare_move(dahl_encoder_t *encoder, uint32_t reading);
  * @param reading [counts] present reading, modulo the modulus
  * @return [counts] signed move; half a modulus counts as negative. 0 for the first reading, for a
  *   jump and the reading after it, and if the encoder is not initialized.
- * @note Cost: 11 instructions, inline, if the modulus is a power of two, as for a 16-bit or 32-bit
- *   timer.
+ * @note It is inline if the modulus is a power of two, as for a 16-bit or 32-bit timer.
  */
 DAHL_ENCODER_INLINE int32_t dahl_encoder_move(dahl_encoder_t *encoder, uint32_t reading)
 {
