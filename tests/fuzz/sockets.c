@@ -107,10 +107,10 @@ static int look(struct pollfd *fds, nfds_t count, uint64_t wait_ns)
         play.peers[i].room = play.peers[i].room_per_poll;
     }
     for (nfds_t i = 0; i < count; i++) {
-        fds[i].revents = fds[i].fd < 0 ? 0 : state_of(fds[i].fd, fds[i].events);
+        fds[i].revents = fds[i].fd < 0 || play.delay_ns > wait_ns ? 0 : state_of(fds[i].fd, fds[i].events);
         ready += fds[i].revents != 0;
     }
-    play.now_ns += ready ? 1000 : wait_ns;
+    play.now_ns += ready ? 1000 + play.delay_ns : wait_ns;
     return ready;
 }
 

@@ -21,6 +21,7 @@ typedef struct {
 typedef struct {
     play_peer_t peers[PLAY_PEERS];
     uint64_t now_ns;
+    uint64_t delay_ns; /* from a poll() to what it waits for */
     int open;       /* descriptors */
     int send_error; /* errno of the next send(); 0: none */
 } play_t;

@@ -252,6 +252,25 @@ static play_peer_t *join_server(const char *words)
     return &play.peers[0];
 }
 
+/* The server sends one byte at a time: 17 of them, after the time to connect. */
+static void test_a_client_joins_within_its_time_or_gives_up_however_slow_the_server(void)
+{
+    static const struct {
+        uint32_t delay_ms;
+        dahl_can_result_t result;
+    } cases[] = {{0, DAHL_CAN_BUS_OK}, {250, DAHL_CAN_BUS_OK}, {300, DAHL_CAN_BUS_ERROR}, {1200, DAHL_CAN_BUS_ERROR},
+                 {4900, DAHL_CAN_BUS_ERROR}, {6000, DAHL_CAN_BUS_ERROR}};
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        static const char text[] = "< hi >< ok >< ok >";
+        memset(&member, 0, sizeof member);
+        play = (play_t){.now_ns = 1, .delay_ns = cases[i].delay_ms * UINT64_C(1000000)};
+        play.peers[0] = (play_peer_t){.says = (const uint8_t *)text, .says_left = strlen(text), .hears = count_elements};
+        TEST_ASSERT_EQUAL(cases[i].result, socketcand_join(&member, "host", "1", "vcan0", clock_of_play));
+        TEST_ASSERT_TRUE(play.now_ns <= (SOCKETCAND_HANDSHAKE_MS + 10) * UINT64_C(1000000));
+        TEST_ASSERT_EQUAL(cases[i].result == DAHL_CAN_BUS_OK ? 1 : 0, play.open);
+    }
+}
+
 static dahl_can_result_t receive(dahl_can_frame_t *out)
 {
     return dahl_can_bus_receive(&member.bus, out, 1000);
