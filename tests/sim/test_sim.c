@@ -55,6 +55,21 @@ static void test_quantiles_are_exact_below_64_ns_and_to_1_32_above(void)
     TEST_ASSERT_EQUAL(0, histogram_quantile(&all, 0.001));
 }
 
+/* Also in the last bin, that of UINT64_MAX. */
+static void test_a_merge_is_the_histogram_of_all_durations(void)
+{
+    static histogram_t parts[2], merged, all;
+    for (uint32_t i = 0; i < 3 * 65; i++) {
+        const uint64_t ns = UINT64_MAX >> i / 3;
+        histogram_add(&parts[i % 2], ns);
+        histogram_add(&all, ns);
+    }
+    histogram_merge(&merged, &parts[1]);
+    histogram_merge(&merged, &parts[0]);
+    histogram_merge(&merged, &(const histogram_t){.count = 0});
+    TEST_ASSERT_EQUAL_MEMORY(&all, &merged, sizeof all);
+}
+
 static void send(uint32_t frames)
 {
     dahl_can_frame_t frame;
