@@ -51,8 +51,8 @@ static void test_both_calls_of_each_model_return_the_same_torque(void)
 
 static void test_a_long_move_reaches_the_Fc_of_its_direction(void)
 {
-    for (uint32_t i = 0; i < 2 * FRICTION_MODELS; i++) {
-        const friction_t f = prepared(i / 2, i % 2, i % 3 ? 4e-4f : 1e-8f);
+    for (uint32_t i = 0; i < 4 * FRICTION_MODELS; i++) {
+        const friction_t f = prepared(i / 4, i % 2, i % 4 < 2 ? 4e-4f : 1.6e-11f);
         const float *Fc = f.params.Fc;
         friction_state_t state[DAHL_SLIP_MAX] = {0};
         double forward = 0;
@@ -80,7 +80,8 @@ static void test_a_model_without_a_count_gets_2e_20_of_its_least_presliding_leng
 static void test_a_position_is_the_nearest_count_or_the_angle_itself(void)
 {
     friction_t f = prepared(FRICTION_DAHL, 0, 0x1p-10f);
-    static const double counts[][2] = {{2.5, 2}, {3.5, 4}, {-2.5, -2}, {-0.7, -1}, {0x1p40 + 0.6, 0x1p40 + 1}, {0x1p60 + 256, 0x1p60 + 256}};
+    static const double counts[][2] = {{2.5, 2}, {3.5, 4}, {-2.5, -2}, {-0.7, -1}, {0x1p40 + 0.6, 0x1p40 + 1}, {0x1p52 + 1, 0x1p52 + 1},
+                                       {-0x1p52 - 1, -0x1p52 - 1}};
     for (size_t i = 0; i < sizeof counts / sizeof counts[0]; i++) {
         TEST_ASSERT_TRUE(friction_position(&f, counts[i][0] * 0x1p-10) == counts[i][1]);
     }
