@@ -71,9 +71,9 @@ class Parser(argparse.ArgumentParser):
             name = word.partition("=")[0]
             if name.startswith("--") and not any(one.startswith(name) for one in options):
                 yield name, options
-        if self._subparsers is not None and self._words and not self._words[0].startswith("-"):
-            if self._words[0] not in COMMANDS:
-                yield self._words[0], list(COMMANDS)
+        command = (self._words or ["-"])[0] if self._subparsers is not None else "-"
+        if command[:1] != "-" and command not in COMMANDS:
+            yield command, list(COMMANDS)
 
     def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
         sys.stdout.flush()  # a closed pipe or a full disk must be an error here
