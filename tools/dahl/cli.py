@@ -68,12 +68,13 @@ class Parser(argparse.ArgumentParser):
         """
         options = list(self._option_string_actions)
         for word in self._words[: (*self._words, "--").index("--")]:
+            if self._subparsers is not None and not word.startswith("-"):
+                if word not in COMMANDS:
+                    yield word, list(COMMANDS)
+                return  # the following options are those of the command
             name = word.partition("=")[0]
             if name.startswith("--") and not any(one.startswith(name) for one in options):
                 yield name, options
-        command = (self._words or ["-"])[0] if self._subparsers is not None else "-"
-        if command[:1] != "-" and command not in COMMANDS:
-            yield command, list(COMMANDS)
 
     def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
         sys.stdout.flush()  # a closed pipe or a full disk must be an error here

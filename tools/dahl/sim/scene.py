@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Read scene files: the parameters of the node and the measurement to compare with.
 
-dahl-loop checks all sections except [measured], which only this module reads. A log of the user
-also becomes a scene.
+dahl-loop checks all sections, except the values of [measured], which only this module reads. A log
+of the user also becomes a scene.
 """
 
 from __future__ import annotations
