@@ -147,12 +147,12 @@ static slcan_event_t read_letter(slcan_t *self, char *text)
     }
 }
 
-/* S and one decimal digit, or s and hexadecimal digits. The rate is ignored. */
+/* S and one decimal digit, or s and 1 to 8 hexadecimal digits. The rate is ignored. */
 static slcan_event_t read_bit_rate(slcan_t *self, char *text)
 {
     reader_t reader = {self->line + 1, self->length - 1u, &self->counts, NULL};
     const bool is_code = self->length == 2 && self->line[1] >= '0' && self->line[1] <= '9';
-    if (self->line[0] == 'S' ? !is_code : self->length < 2) {
+    if (self->line[0] == 'S' ? !is_code : self->length < 2 || self->length > 9) {
         return refuse(self, &self->counts.unknown, text);
     }
     (void)read_hex(&reader, reader.left);

@@ -87,12 +87,10 @@ static fault_t read_bit_rate(const char *line, size_t length)
     if (line[0] == 'S') {
         return length == 2 && line[1] != '\0' && strchr("0123456789", line[1]) != NULL ? FINE : UNKNOWN;
     }
-    for (size_t i = 1; i < length; i++) {
-        if (hex_of(line[i]) < 0) {
-            return NOT_HEX;
-        }
+    if (length == 1 || length > 9) {
+        return UNKNOWN;
     }
-    return length > 1 ? FINE : UNKNOWN;
+    return number(line, length, 1, length - 1) < 0 ? NOT_HEX : FINE;
 }
 
 static verdict_t judge(const char *line, size_t length, const slcan_t *now, int refused)

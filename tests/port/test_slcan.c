@@ -79,8 +79,8 @@ static void test_commands_have_the_answers_of_a_second_reader(void)
 
 static void test_a_line_that_is_no_bit_rate_is_refused(void)
 {
-    static const char *const good[] = {"S0\r", "S9\r", "s0\r", "s031C\r", "sfF\r"};
-    static const char *const bad[] = {"S\r", "S/\r", "S:\r", "SA\r", "S10\r", "S 1\r", "s\r", "s03G\r", "s 1\r"};
+    static const char *const good[] = {"S0\r", "S9\r", "s0\r", "s031C\r", "sfF\r", "s01234567\r"};
+    static const char *const bad[] = {"S\r", "S/\r", "S:\r", "SA\r", "S10\r", "S 1\r", "s\r", "s03G\r", "s 1\r", "s012345678\r"};
     char text[SLCAN_TEXT_MAX];
     for (size_t i = 0; i < sizeof good / sizeof good[0] + sizeof bad / sizeof bad[0]; i++) {
         const bool is_good = i < sizeof good / sizeof good[0];
