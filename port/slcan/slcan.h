@@ -6,7 +6,7 @@
  *   line from the host            answer       meaning
  *   O, L                          CR           open; frames pass from now on
  *   C                             CR           close
- *   S0 .. S9, s and 1 .. 8 digits CR           bit rate: accepted and ignored, as a serial port has no bit timing
+ *   S0 .. S9, s and 1 .. 8 hex    CR           bit rate: accepted and ignored, as a serial port has no bit timing
  *   tIIILDD..  TIIIIIIIILDD..     CR           a frame for the node, 11 or 29 bits of id, L bytes
  *   rIIIL      RIIIIIIIIL         CR           the same, remote
  *   d, D, b, B                    CR           CAN FD, as t and T; a node counts each as a wrong form
