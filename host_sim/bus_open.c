@@ -51,6 +51,17 @@ static int cannot_open(const char *spec, const char *hint)
     return EXIT_RUNTIME;
 }
 
+/* Name the way out if the kernel has no CAN or no such interface. */
+static const char *socketcan_hint(int why)
+{
+    switch (why) {
+    case EAFNOSUPPORT:
+    case EPROTONOSUPPORT: return " (this kernel has no CAN; serve a bus with --bus socketcand:PORT, or use tools/vm.sh)";
+    case ENODEV: return " (create it as root with ip link add NAME type vcan, or serve a bus with --bus socketcand:PORT)";
+    default: return "";
+    }
+}
+
 static bool to_port(const char *text, uint16_t *port)
 {
     char *end;
@@ -77,7 +88,7 @@ static int open_socketcan(open_bus_t *opened, const bus_config_t *config, const 
         return bad_spec(config->spec);
     }
     if (socketcan_open(&socketcan, address, config->clock) != DAHL_CAN_BUS_OK) {
-        return cannot_open(config->spec, errno == EAFNOSUPPORT ? " (this kernel has no CAN)" : "");
+        return cannot_open(config->spec, socketcan_hint(errno));
     }
     if (config->ids != NULL && socketcan_filter(&socketcan, config->ids, config->id_count) != DAHL_CAN_BUS_OK) {
         return cannot_open(config->spec, " (its filters)");

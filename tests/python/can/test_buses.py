@@ -6,6 +6,7 @@ Then the command line of the emulator.
 from __future__ import annotations
 
 import contextlib
+import errno
 import logging
 import os
 import signal
@@ -70,6 +71,26 @@ def test_vcan0_is_made_if_it_is_absent(monkeypatch):
     monkeypatch.setattr(bus.subprocess, "run", lambda words, **_: made.append(" ".join(words)))
     assert not bus.vcan_is_up()
     assert made == ["ip link add dev vcan0 type vcan", "ip link set vcan0 up"]
+
+
+@pytest.mark.parametrize(
+    ("interface", "number", "words"),
+    [
+        ("socketcan", errno.EAFNOSUPPORT, ["-i socketcand", "tools/vm.sh"]),
+        ("socketcan", errno.EPROTONOSUPPORT, ["-i socketcand", "tools/vm.sh"]),
+        ("socketcan", errno.ENODEV, ["-i socketcand", "type vcan"]),
+        ("socketcan", errno.EPERM, []),
+        ("slcan", errno.ENODEV, []),
+    ],
+)
+def test_a_missing_socketcan_names_the_way_out(monkeypatch, dahl, interface, number, words):
+    def refuse(**_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(can, "Bus", refuse)
+    code, line = complaint(dahl("monitor", "-i", interface, "-c", "can9"))
+    assert code == 1 and "can9" in line and os.strerror(number) in line
+    assert [word for word in ("-i socketcand", "tools/vm.sh", "type vcan") if word in line] == words
 
 
 def test_a_bus_that_is_not_ready_is_tried_again(monkeypatch):

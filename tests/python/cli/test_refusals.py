@@ -114,7 +114,7 @@ WRONG_INPUT = {  # exit code 2
         + ("socketcand:x", "socketcand:1:2", "socketcan:a b")
     ),
     "plan": f"""
-        SLIP --sigma0=1,2 --fc=1 => sigma0 ... 2 ... Fc 1
+        SLIP --sigma0=1,2 --fc=1 => --sigma0 1,2 --fc 1: 2, 1 values ... 8
         SLIP --sigma0=1,-2 --fc=1,1 => element 1: sigma0 = -2
         SLIP --sigma0=1,1,1,1,1,1,1,1,1 --fc=1,1,1,1,1,1,1,1,1 => 9 elements ... 8
         ASYMMETRIC => --fc 0.5 ... 1 ... --model asymmetric ... 2

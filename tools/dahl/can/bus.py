@@ -6,6 +6,7 @@ can replay.
 from __future__ import annotations
 
 import argparse
+import errno
 import logging
 import queue
 import re
@@ -38,6 +39,13 @@ FLAGS = {  # options of a bus, by their names in python-can
     "host": "--host",
     "port": "--port",
     "bus_kwargs": "--bus-kwargs",
+}
+SERVED = "serve a bus by `dahl node` without -i, and join it with -i socketcand"
+NO_CAN = f"this kernel has no CAN; {SERVED}, or use tools/vm.sh"
+SOCKETCAN_HINTS = {
+    errno.EAFNOSUPPORT: NO_CAN,
+    errno.EPROTONOSUPPORT: NO_CAN,
+    errno.ENODEV: f"create it as root with `ip link add NAME type vcan`, or {SERVED}",
 }
 QUIET_S = 0.05  # without a frame; then the iterator yields None
 NOTICEABLE_LAG_S = 0.5  # behind the bus; a busy machine alone causes less
@@ -117,7 +125,10 @@ def _quiet_python_can() -> None:
 def _not_open(settings: dict[str, Any], error: object) -> Error:
     if "interface" not in settings and "Unknown interface type" in str(error):
         return Error(WHICH)
-    return RunError(f"cannot open the bus ({shown(settings)}): {error}")
+    hint = SOCKETCAN_HINTS.get(getattr(error, "errno", None) or 0, "")
+    if settings.get("interface", "socketcan") != "socketcan" or not hint:
+        return RunError(f"cannot open the bus ({shown(settings)}): {error}")
+    return RunError(f"cannot open the bus ({shown(settings)}): {error} ({hint})")
 
 
 def shown(settings: dict[str, Any]) -> str:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dahl import paths
-from dahl.commands.arguments import finite, seconds, whole
+from dahl.commands.arguments import finite, number, seconds, whole
 from dahl.errors import Error, RunError
 from dahl.sim import timing
 from dahl.version import __version__
@@ -69,12 +69,12 @@ def _add_own(own: argparse._ActionsContainer) -> None:
     own.add_argument("--torque", metavar="COLUMN", help="the same for the measured torque")
     own.add_argument("--time", metavar="COLUMN", help="the same for the time")
     own.add_argument(
-        "--sigma0", type=float, metavar="X", help="stiffness at rest, N m/rad (mm: N/m)"
+        "--sigma0", type=number, metavar="X", help="stiffness at rest, N m/rad (mm: N/m)"
     )
-    own.add_argument("--fc", type=float, metavar="Y", help="Coulomb torque, N m (mm: N)")
+    own.add_argument("--fc", type=number, metavar="Y", help="Coulomb torque, N m (mm: N)")
     own.add_argument(
         "--counts-per-turn",
-        type=float,
+        type=number,
         metavar="N",
         help="encoder counts per turn (mm: per millimetre)",
     )

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dahl.can.bus import keywords, named, tuned_for, words
-from dahl.commands.arguments import seconds, whole
+from dahl.commands.arguments import number, seconds, whole
 from dahl.commands.bus_arguments import add_bus_arguments
 from dahl.errors import Error, RunError
 
@@ -54,10 +54,10 @@ SENT = {"status_period": "STATUS", "timeout": "TIMEOUT", "max_step": "STEP"}  # 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", metavar="NAME", help=f"scene of the node (default: {SCENE})")
-    parser.add_argument("--sigma0", type=float, metavar="X", help="stiffness at rest, N m/rad")
-    parser.add_argument("--fc", type=float, metavar="Y", help="Coulomb torque, N m")
+    parser.add_argument("--sigma0", type=number, metavar="X", help="stiffness at rest, N m/rad")
+    parser.add_argument("--fc", type=number, metavar="Y", help="Coulomb torque, N m")
     parser.add_argument(
-        "--theta-per-count", type=float, metavar="T", help="rad per count of the encoder"
+        "--theta-per-count", type=number, metavar="T", help="rad per count of the encoder"
     )
     parser.add_argument(
         "--node", type=whole(0, 15), metavar="N", help="number, 0 to 15 (default: the scene's)"
