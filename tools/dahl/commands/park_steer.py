@@ -32,8 +32,8 @@ ROWS = {
 
 def run(args: argparse.Namespace, console: Any) -> int:
     """Simulate, write the files and print the table. Returns 0."""
-    from dahl.can.bus import candump_line
     from dahl.io import files
+    from dahl.io.candump import candump_line
     from dahl.report import park_steer as picture
 
     refuse_options(args, SCENE, "has its own bus and no log", (*FOREIGN, "seed"))

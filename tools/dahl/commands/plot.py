@@ -77,8 +77,8 @@ def _trace(log: Path, node: int, channel: str | None) -> Trace:
     from dahl.io import can_logs
     from dahl.report import traces
 
-    pairing, buses = traces.Pairing(node), set()
-    for frame in can_logs.frames_of(log):
+    pairing, buses, notes = traces.Pairing(node), set(), list[str]()
+    for frame in can_logs.frames_of(log, notes):
         buses |= set() if frame.channel is None else {str(frame.channel)}  # of an error frame
         if channel in (None, str(frame.channel)):
             pairing.feed(frame)
@@ -86,6 +86,8 @@ def _trace(log: Path, node: int, channel: str | None) -> Trace:
         raise Error(f"{log}: no bus '{channel}'{can_logs.meant(channel, sorted(buses))}")
     if len(pairing.channels) > 1:
         raise Error(f"{log}: frames of {', '.join(sorted(pairing.channels))}; name one with -c")
+    for note in notes:
+        print(note)
     return pairing.trace()
 
 
