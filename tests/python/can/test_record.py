@@ -271,17 +271,17 @@ def test_a_missing_server_is_refused_in_one_line(dahl, monkeypatch, tmp_path):
 # --- missing frames -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("last", "missing"), [(3, ""), (6, "3"), (22, "3 to 19")])
+@pytest.mark.parametrize(("last", "missing"), [(4, ""), (7, "3"), (23, "3 to 19")])
 def test_a_log_that_lacks_frames_replaces_the_old_one_and_exits_with_1(dahl, dbc, last, missing):
     """By counter and time: test_missing.py."""
-    channel, numbers, log = new_channel(), (0, 1, 2, last), Path("run.log")
+    channel, numbers, log = new_channel(), (0, 1, 2, 3, last), Path("run.log")
     log.write_text("an old run")
     sent = frames(dbc, *(("EncoderState", n / 1e3, ANGLE | {"Counter": n % 16}) for n in numbers))
     with sending(channel, sent):
-        words = ("-i", "virtual", "-c", channel, "--frames", 4, "-o", log, "--force")
+        words = ("-i", "virtual", "-c", channel, "--frames", 5, "-o", log, "--force")
         done = dahl("record", *words)
     said = f"error: run.log: {missing} frames are missing\n" if missing else ""
-    wanted = (int(bool(missing)), "4 frames in run.log\n", said)
+    wanted = (int(bool(missing)), "5 frames in run.log\n", said)
     assert (done.returncode, done.stdout, done.stderr) == wanted
     assert [one.timestamp for one in can.LogReader(log)] == [n / 1e3 for n in numbers]
 
