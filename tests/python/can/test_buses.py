@@ -187,6 +187,11 @@ def test_a_recorder_that_was_stopped_records_the_frames_before_its_end(
     assert (done.returncode, done.stdout) == (0, f"{len(held)} frames in run.log\n")
 
 
+def test_ctrl_c_is_the_usual_end_of_the_monitor(stopped):
+    done = stopped("monitor", at_stop=lambda: os.kill(os.getpid(), signal.SIGINT))
+    assert (done.returncode, done.stderr) == (0, "") and "other frames  2200" in done.stdout
+
+
 def test_a_recorder_that_loses_its_bus_reports_its_delay(stopped):
     def lose() -> None:
         raise can.CanOperationError("cable out")
