@@ -207,6 +207,7 @@ static void add_bus(cJSON *to, const loop_t *loop)
     cJSON *bus = cJSON_AddObjectToObject(to, "bus_counts");
     add_count(bus, "send_failed", loop->send_failed);
     add_count(bus, "error_frames", loop->error_frames);
+    add_count(bus, "long_fd_frames", loop->cut_frames);
     add_count(bus, "dropped", loop->bus->counts.dropped);
     add_count(bus, "garbage", loop->bus->counts.garbage);
     add_count(bus, "retries", loop->bus->counts.retries);
