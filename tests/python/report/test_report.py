@@ -299,13 +299,14 @@ def test_the_page_shows_each_number_in_its_unit(force, slope, tmp_path):
     latency = {"p50": 100.0, "p99": 1000.0, "max": 10000.4}
     numbers = {"title": "x", "ticks": 800, "bus_load": 0.2434, "max_error_ulp_Fc": 0.51}
     numbers |= {"bus": "a bus", "time": "real", "frames_sent": 11, "frames_lost": 0}
-    numbers |= {"deadline_misses": 13, "rmse_measured": 0.0123456, "r2_measured": 0.98765}
+    numbers |= {"deadline_misses": 13, "late_ticks": 4, "late_answers": 9, "frames_answered": 10}
+    numbers |= {"rmse_measured": 0.0123456, "r2_measured": 0.98765}
     numbers |= {"realtime_factor": 3.21, "parameters": {"sigma0": 12.5}, "node": {"jumps": 1234567}}
     numbers |= {"latency_us": latency, "jitter_us": dict.fromkeys(latency, 0.0)}
     numbers |= {"units": {"sigma0": slope, "Fc": force, "theta_per_count": "rad"}}
     cells, _ = page_of(tmp_path, numbers | {"answers_by_state": {"OK": 790}})
-    shown = f"a bus;real;800;11;0;13;0.510 ulp of Fc;0.01235 {force};0.9877;24.3%;3.2"
-    shown += f";p50 100, p99 1000, max 10000 µs;12.5 {slope};790;1234567"
+    shown = f"a bus;real;800;11;0;0.510 ulp of Fc;0.01235 {force};0.9877;24.3%;3.2"
+    shown += f";9 of 10;4 of 800;p50 100, p99 1000, max 10000 µs;12.5 {slope};790;1234567"
     assert cells[1::2] == shown.split(";")
     assert cells[-6:] == ["sigma0", f"12.5 {slope}", "OK", "790", "jumps", "1234567"]
     cells, page = page_of(tmp_path, {"version": "9"})

@@ -406,6 +406,8 @@ def _write_results(
 def _table(numbers: dict[str, Any], scene: Scene, not_recorded: int) -> Any:
     from rich.table import Table
 
+    from dahl.report import traces
+
     latency = numbers.get("latency_us") or {}
     error = numbers["max_error_ulp_Fc"]
     rows = {
@@ -414,6 +416,7 @@ def _table(numbers: dict[str, Any], scene: Scene, not_recorded: int) -> Any:
         "frames sent, unanswered": f"{numbers.get('frames_sent')}, {numbers.get('frames_lost')}",
         "latency": ", ".join(f"{key} {value:.0f} µs" for key, value in latency.items())
         or "none: virtual time stands still between a count and its answer",
+        **{f"{name} later than a period": text for name, text in traces.late(numbers).items()},
         "error against the exact torque": "not compared: the node answers a part of the torque"
         if error is None
         else f"{error:.3f} ulp of Fc at most",

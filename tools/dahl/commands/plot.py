@@ -86,9 +86,10 @@ def _trace(log: Path, node: int, channel: str | None) -> Trace:
         raise Error(f"{log}: no bus '{channel}'{can_logs.meant(channel, sorted(buses))}")
     if len(pairing.channels) > 1:
         raise Error(f"{log}: frames of {', '.join(sorted(pairing.channels))}; name one with -c")
+    trace = can_logs.with_notes(notes, pairing.trace)
     for note in notes:
         print(note)
-    return pairing.trace()
+    return trace
 
 
 def _scene_of(known: dict[str, Any], folder: Path) -> Path | None:

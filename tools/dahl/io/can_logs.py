@@ -14,9 +14,9 @@ import io
 import re
 import sys
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO, cast
+from typing import TYPE_CHECKING, TextIO, TypeVar, cast
 
 from dahl.errors import Error
 from dahl.io import candump, files
@@ -24,6 +24,7 @@ from dahl.io import candump, files
 if TYPE_CHECKING:
     import can
 
+T = TypeVar("T")
 MAX_LISTED_NAMES = 30  # in an error
 CAN_LOGS = (".asc", ".blf", ".log", ".mf4", ".trc")  # endings that python-can reads and writes
 BACKWARD_PART = 1 / 8  # of the frames; with more, times are differences (buses reorder few frames)
@@ -184,6 +185,14 @@ def _binary_frames(path: Path, clock: _Clock) -> Iterator[can.Message]:
             yield message
         if getattr(reader, "file_size", 0) > path.stat().st_size:  # a BLF has its length
             raise Error("the file is shorter than it says")
+
+
+def with_notes(notes: Sequence[str], work: Callable[[], T]) -> T:
+    """Return work(). If it fails, the notes of frames_of() are part of the error."""
+    try:
+        return work()
+    except Error as error:
+        raise Error("; ".join([*notes, str(error)])) from None
 
 
 def frames_of(path: Path, notes: list[str]) -> Iterator[can.Message]:

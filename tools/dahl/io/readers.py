@@ -122,7 +122,7 @@ def _read_frames(path: Path, source: Source, notes: list[str]) -> Columns:
     for frame in can_logs.frames_of(path, notes):
         if source.channel is None or str(frame.channel) == source.channel:
             signals.feed(frame)
-    return signals.columns, signals.values(path)
+    return signals.columns, can_logs.with_notes(notes, lambda: signals.values(path))
 
 
 def _read_channels(path: Path, source: Source, notes: list[str]) -> Columns:

@@ -20,7 +20,6 @@ NUMBERS = {  # of the summary, in the order of the page: name, unit, format
     "ticks": ("ticks of 1 ms", "", ".0f"),
     "frames_sent": ("frames sent", "", ".0f"),
     "frames_lost": ("frames without an answer", "", ".0f"),
-    "deadline_misses": ("answers and angles later than a period", "", ".0f"),
     "max_error_ulp_Fc": ("largest error against the exact torque", "ulp of Fc", ".3f"),
     "rmse_measured": ("rms error against the measurement", "", ".4g"),
     "r2_measured": ("R² against the measurement", "", ".4f"),
@@ -60,6 +59,8 @@ def _numbers(numbers: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for key, (name, unit, form) in NUMBERS.items():
         if numbers.get(key) is not None:
             yield name, f"{format(numbers[key], form)} {unit or units.get(key, '')}".strip()
+    for name, text in traces.late(numbers).items():
+        yield f"{name} later than a period", text
     for key, name in LATENCIES.items():
         if numbers.get(key, {}).get("max"):
             words = (f"{each} {value:.0f}" for each, value in numbers[key].items())
