@@ -348,6 +348,31 @@ def test_each_number_of_a_summary_has_its_shape_or_is_null(dahl, verb):
         check(dahl(verb, "."), 2, "latency_histogram")
 
 
+@pytest.mark.parametrize("verb", ["report", "plot"])
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        {"scene": "park-steer"},
+        {"scene": "park-steer", "without": {}, "with": {"width_Nm": "wide"}},
+        {"scene": "compensation", "position": [], "hand": {}},
+        {"scene": "compensation", "position": {"a": {"dahl": {}}}, "hand": {"a": {"dahl": 1}}},
+    ],
+)
+def test_a_summary_of_a_simulated_scene_has_its_numbers(dahl, verb, numbers):
+    Path("summary.json").write_text(json.dumps(numbers))
+    check(dahl(verb, "."), 2, f"summary.json: ... {numbers['scene']}")
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, "1", 2**70, None])
+def test_a_seed_of_a_summary_is_a_number(dahl, seed):
+    cases = {"a": {"dahl": {"ratio": 0.5}}}
+    numbers = {"scene": "compensation", "seed": seed, "position": cases, "hand": cases}
+    Path("summary.json").write_text(json.dumps(numbers))
+    if seed is not None:  # null: the seed of the demo
+        check(dahl("plot", "."), 2, f"summary.json: seed = {seed}")
+    check(dahl("report", "."), 2, "compensation.png: ... dahl plot")
+
+
 @pytest.mark.parametrize("content", [*NO_JSON, None], ids=lambda each: str(each)[:20])
 def test_a_summary_must_be_json(dahl, content):
     Path("run.log").touch()

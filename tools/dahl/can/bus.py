@@ -20,14 +20,13 @@ from typing import TYPE_CHECKING, Any
 
 from dahl.errors import Error, RunError, Timeout
 from dahl.io import candump
-from dahl.io.candump import VCAN
 
 if TYPE_CHECKING:
     import can
 
     from dahl.interrupt import Stop
 
-candump_line = candump.candump_line  # a public name
+VCAN, candump_line = candump.VCAN, candump.candump_line  # public names
 WHICH = "which bus? Name it with -i and -c, or in python-can's own settings"
 FLAGS = {  # options of a bus, by their names in python-can
     "interface": "-i",

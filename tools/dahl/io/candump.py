@@ -45,7 +45,7 @@ def candump_line(message: can.Message, with_direction: bool = False) -> str:
     return f"({time:017.6f}) {_bus_name(message.channel)} {head}{data}{direction}\n"
 
 
-def _bus_name(channel: int | str | None) -> str:
+def _bus_name(channel: object) -> str:
     """Return a channel as one word. Interfaces that number their channels get names of Linux."""
     if channel is None:
         return VCAN

@@ -13,6 +13,7 @@ from typing import Any
 import jinja2
 
 from dahl.report import traces
+from dahl.report.simulated import Table
 
 NUMBERS = {  # of the summary, in the order of the page: name, unit, format
     "bus": ("bus", "", "s"),
@@ -29,8 +30,10 @@ NUMBERS = {  # of the summary, in the order of the page: name, unit, format
 LATENCIES = {"latency_us": "latency of an answer", "jitter_us": "jitter"}
 
 
-def page(numbers: dict[str, Any], picture: bytes) -> str:
-    """Return the page. `numbers`: from dahl.report.summary.read(); `picture`: bytes of loop.png."""
+def page(numbers: dict[str, Any], picture: bytes, table: Table | None = None) -> str:
+    """Return the page. `numbers`: from dahl.report.summary.read(); `picture`: bytes of a PNG;
+    `table`: of a scene without dahl-loop.
+    """
     folder = jinja2.FileSystemLoader(Path(__file__).parent)
     room = jinja2.Environment(loader=folder, autoescape=True, trim_blocks=True)
     room.filters["words"] = traces.words
@@ -39,6 +42,7 @@ def page(numbers: dict[str, Any], picture: bytes) -> str:
         run=numbers,
         picture=base64.b64encode(picture).decode("ascii"),
         rows=dict(_numbers(numbers)),
+        table=table,
         wrong=traces.disagreements(numbers) if "faults" in numbers else {},
         made=_origin(numbers),
     )
