@@ -202,9 +202,10 @@ def test_can_utils_read_a_log_as_it_is_recorded(dahl):
         pytest.skip("can-utils are not installed (tools/setup.sh installs them where it can)")
     texts = [text for _, text in KINDS if text[0] != "2"]
     Path("run.log").write_text("".join(f"(1700000000.000000) can0 {text}\n" for text in texts))
-    subprocess.run(["log2asc", "-I", "run.log", "-O", "other.asc", "can0"], check=True)
-    held = can_logs.frames_of(Path("other.asc"), [])
-    assert [candump.candump_line(one).split()[2] for one in held] == texts
+    for form in ((), ("-f",)):  # also classic frames in the form of CAN FD
+        subprocess.run(["log2asc", *form, "-I", "run.log", "-O", "other.asc", "can0"], check=True)
+        held = can_logs.frames_of(Path("other.asc"), [])
+        assert [candump.candump_line(one).split()[2] for one in held] == texts
 
 
 # --- frames that a format cannot hold -------------------------------------------------------------

@@ -15,7 +15,7 @@ import log_writers
 import numpy as np
 import pytest
 from dahl.errors import Error, printable
-from dahl.io import can_logs, files
+from dahl.io import can_logs, candump, files
 from log_reading import RefusedError, read, refused, signals
 from log_writers import DBC, FRAMES, LOAD, SHAFT, STEP
 
@@ -102,6 +102,30 @@ def test_events_between_frames_of_an_asc_count_as_time(tmp_path):
     text = path.read_text().replace("   0.750000 1", "   0.250000 1 Statistic: D 1\n   0.500000 1")
     path.write_text(text)
     assert held(path)[0] == pytest.approx(np.cumsum(TIMES))
+
+
+CANFD_LINES = [  # line after the channel, and the frame as candump writes it
+    ("Rx  123   0 0 8  8 00 11 22 33 44 55 66 77  130000 130  0 0 0 0 0 0", "123#0011223344556677"),
+    ("Rx  123   0 0 0  0  130000 130  1000 0 0 0 0 0", "123##0"),
+    ("Rx  123   0 0 0  0  130000 130  0 0 0 0 0 0", "123#"),
+    ("Rx  123   0 0 8  0  130000 130  10 0 0 0 0 0", "123#R8"),
+    ("Tx  123x  Name 1 1 9 12 00 11 22 33 44 55 66 77 88 99 AA BB  1 2  7000 0 0 0", "00000123##3"),
+    ("Rx  123   1 0 1  1 FF", "123##1FF"),  # without flags
+    (
+        "Rx   ErrorFrame   Not Acknowledge error, dominant error flag  fffe c7 31ca Arb.",
+        "20000000#",
+    ),
+]
+
+
+@pytest.mark.parametrize(("line", "wanted"), CANFD_LINES)
+def test_the_flags_of_a_canfd_line_decide_its_kind(tmp_path, line, wanted):
+    """Not its form, in which classic frames are written too."""
+    path = tmp_path / "x.asc"
+    path.write_text(f"{DATE}\nbase hex  timestamps absolute\n   0.100000 CANFD   1 {line}\n")
+    (frame,) = can_logs.frames_of(path, [])
+    assert candump.candump_line(frame).split()[2].startswith(wanted)
+    assert frame.is_fd == ("##" in wanted)
 
 
 def differences(count: int) -> np.ndarray:

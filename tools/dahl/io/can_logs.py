@@ -31,6 +31,7 @@ BACKWARD_PART = 1 / 8  # of the frames; with more, times are differences (buses 
 DELTA_DIGITS = 3  # of the seconds of `candump -td` and -tz, at least; absolute ones have 10
 ASC_HEADER = re.compile(r"date\s|base\s|//|(no\s+)?internal\s+events", re.IGNORECASE)
 ASC_RELATIVE = re.compile(r"base\s+(hex|dec)\s+timestamps\s+relative", re.IGNORECASE)
+ASC_FD, ASC_REMOTE = 0x1000, 0x10  # flags of a CANFD line
 ASC_TIME = re.compile(r"\s*(-?\d+\.\d+)(\s.*)", re.DOTALL)
 
 
@@ -111,7 +112,7 @@ class _AscLines:
     """
 
     def __init__(self, text: TextIO) -> None:
-        self.number, self.time = 0, 0.0  # s, of the line
+        self.number, self.line, self.time = 0, "", 0.0  # the time in s
         self._text, self._lines = text, self._prepared(text)
 
     def __iter__(self) -> Iterator[str]:
@@ -129,10 +130,22 @@ class _AscLines:
                 is_header = False
                 yield "internal events logged\n"  # ends the header
             is_relative = is_relative or ASC_RELATIVE.match(line.lstrip()) is not None
-            timed = ASC_TIME.match(line)
+            self.line, timed = line, ASC_TIME.match(line)
             if timed:
                 self.time = float(timed[1]) + (self.time if is_relative else 0.0)
             yield f"0.0{timed[2]}" if timed else line.lower() if is_header else line
+
+
+def _set_kind(message: can.Message, words: list[str]) -> None:
+    """Set the kind of a frame of a CANFD line by its flags, if it has them: log2asc -f and Vector's
+    programs write classic frames too. python-can takes each for CAN FD, without data for remote.
+    """
+    try:
+        brs = 5 if words[5].isdigit() else 6  # after time, CANFD, channel, direction, id and name
+        flags = int(words[brs + 6 + int(words[brs + 3])], 16)
+    except (IndexError, ValueError):  # an old line, or an error frame
+        flags = 0 if message.is_error_frame else ASC_FD
+    message.is_fd, message.is_remote_frame = bool(flags & ASC_FD), bool(flags & ASC_REMOTE)
 
 
 def _asc_frames(path: Path, clock: _Clock) -> Iterator[can.Message]:
@@ -143,8 +156,8 @@ def _asc_frames(path: Path, clock: _Clock) -> Iterator[can.Message]:
         with can.ASCReader(cast("TextIO", lines)) as reader:
             for message in reader:
                 message.timestamp = lines.time
-                if message.is_fd:  # python-can reads one without data as a remote frame
-                    message.is_remote_frame = False
+                if message.is_fd:
+                    _set_kind(message, lines.line.split())
                 clock.feed(message.timestamp, f"{path}:{lines.number}")
                 yield message
     except ValueError as error:
