@@ -142,8 +142,7 @@ static int join(open_bus_t *opened, const bus_config_t *config, const char *host
 static int open_socketcand(open_bus_t *opened, const bus_config_t *config, const char *address)
 {
     char host[HOST_MAX];
-    const char *slash = address != NULL ? strchr(address, '/') : NULL;
-    size_t length = slash != NULL ? (size_t)(slash - address) : address != NULL ? strlen(address) : 0;
+    size_t length = address != NULL ? strcspn(address, "/") : 0;
     if (address == NULL || length >= sizeof host) {
         return bad_spec(config->spec);
     }
@@ -153,7 +152,7 @@ static int open_socketcand(open_bus_t *opened, const bus_config_t *config, const
         return serve(opened, config, address);
     }
     *colon = '\0';
-    return join(opened, config, host, colon + 1, slash != NULL ? slash + 1 : BUS_NAME);
+    return join(opened, config, host, colon + 1, address[length] == '/' ? address + length + 1 : BUS_NAME);
 }
 
 int bus_open(open_bus_t *opened, const bus_config_t *config)

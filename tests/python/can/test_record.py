@@ -156,9 +156,11 @@ def parts_of(frame: can.Message) -> list[object]:
     return [getattr(frame, part) for part in PARTS] + [bytes(frame.data)]
 
 
-@pytest.mark.parametrize("ending", [".log", ".asc", ".blf", ".mf4"])
+@pytest.mark.parametrize("ending", [".log", ".asc", ".blf", ".mf4", ".trc"])
 def test_each_kind_of_frame_is_recorded_and_read_as_it_was(dahl, ending):
-    """Only ASC has no place for the class and data of an error frame, and says so."""
+    """An ASC has no place for the class and data of an error frame, a TRC none for CAN FD, remote
+    and error frames. Both say so.
+    """
     sent = [
         can.Message(**{"timestamp": 1.7e9 + n / 1e3, "is_extended_id": False, **kind})
         for n, (kind, _) in enumerate(KINDS)
@@ -167,15 +169,18 @@ def test_each_kind_of_frame_is_recorded_and_read_as_it_was(dahl, ending):
     with sending(channel, sent):
         words = ("-i", "virtual", "-c", channel, "--frames", len(sent))
         done = dahl("record", *words, "-o", log)
-    assert (done.returncode, done.stderr) == (0, "")
-    held = list(can_logs.frames_of(log, []))
-    errors = sum(one.is_error_frame for one in sent)
+    plain = [one for one in sent if not (one.is_fd or one.is_remote_frame or one.is_error_frame)]
+    special, errors = len(sent) - len(plain), sum(one.is_error_frame for one in sent)
+    kept = plain if ending == ".trc" else sent
     first, *more = done.stdout.splitlines()
-    assert first == f"{len(sent)} frames in {log}"
-    assert [line.split()[0] for line in more] == [str(errors)] * (ending == ".asc")
-    for was, now in zip(sent, held, strict=True):
-        time = was.timestamp - (sent[0].timestamp if ending == ".asc" else 0)
-        assert now.timestamp == pytest.approx(time, abs=1e-6)
+    assert (done.returncode, done.stderr, first) == (0, "", f"{len(kept)} frames in {log}")
+    said = {".asc": [f"{errors}"], ".trc": [f"{special}"]}.get(ending, [])
+    assert [line.split()[0] for line in more] == said
+    held = list(can_logs.frames_of(log, []))
+    start = sent[0].timestamp - held[0].timestamp
+    assert start == 0 or ending in (".asc", ".trc")
+    for was, now in zip(kept, held, strict=True):
+        assert now.timestamp + start == pytest.approx(was.timestamp, abs=1e-6)
         if ending == ".asc" and was.is_error_frame:
             assert now.is_error_frame
         else:
