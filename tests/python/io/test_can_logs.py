@@ -164,6 +164,13 @@ def test_a_few_frames_in_another_order_are_read(tmp_path):
         assert held(path)[0] == pytest.approx(times)
 
 
+def test_pairs_of_one_time_are_read(tmp_path):
+    """As a simulation writes them, also in the seconds 100 to 999."""
+    times = np.repeat(np.arange(0, 400, 0.5), 2)
+    (path := tmp_path / "x.log").write_text("".join(f"({one:f}) c 100#00\n" for one in times))
+    assert held(path)[0] == pytest.approx(times)
+
+
 BAD = ["hello", "(1.0) can0 100#0", "(1.0) can0 100", "\0" * 50, "(1.0) can0 100#0\xff", "(1.0) ca"]
 
 

@@ -28,7 +28,7 @@ T = TypeVar("T")
 MAX_LISTED_NAMES = 30  # in an error
 CAN_LOGS = (".asc", ".blf", ".log", ".mf4", ".trc")  # endings that python-can reads and writes
 BACKWARD_PART = 1 / 8  # of the frames; with more, times are differences (buses reorder few frames)
-DELTA_DIGITS = 3  # of the seconds of `candump -td` and -tz, at least; absolute ones have 10
+DELTA_TIME = re.compile(r"\s*\(0\d\d\.")  # begins a line of candump -td or -tz; else 10 digits
 ASC_HEADER = re.compile(r"date\s|base\s|//|(no\s+)?internal\s+events", re.IGNORECASE)
 ASC_RELATIVE = re.compile(r"base\s+(hex|dec)\s+timestamps\s+relative", re.IGNORECASE)
 ASC_FD, ASC_REMOTE = 0x1000, 0x10  # flags of a CANFD line
@@ -85,7 +85,7 @@ def _candump_frames(path: Path, notes: list[str], clock: _Clock) -> Iterator[can
         for number, line in enumerate(text, 1):
             message = candump.message_of(line)
             if message is not None:
-                clock.feed(message.timestamp, f"{path}:{number}", _has_short_seconds(line))
+                clock.feed(message.timestamp, f"{path}:{number}", bool(DELTA_TIME.match(line)))
                 yield message
             elif line.strip():
                 bad += 1
@@ -95,10 +95,6 @@ def _candump_frames(path: Path, notes: list[str], clock: _Clock) -> Iterator[can
         if bad > clock.frames:
             raise Error(note)
         notes.append(f"{note} are left out")
-
-
-def _has_short_seconds(line: str) -> bool:
-    return line.find(".") - line.find("(") - 1 == DELTA_DIGITS
 
 
 def _shown(line: str) -> str:
