@@ -5,6 +5,7 @@ the fit, and the page. Most tests call dahl.report.traces, since `dahl demo` get
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 from pathlib import Path
@@ -310,7 +311,37 @@ def test_the_page_shows_each_number_in_its_unit(force, slope, tmp_path):
     assert cells[1::2] == shown.split(";")
     assert cells[-6:] == ["sigma0", f"12.5 {slope}", "OK", "790", "jumps", "1234567"]
     cells, page = page_of(tmp_path, {"version": "9"})
+    assert "simulated" not in page and "<section" not in page
     assert cells == [] and "dahl 9" in page and "a run" in page
+
+
+RATIOS = {"none": {"ratio": 1.0}, "dahl": {"ratio": 0.0625}, "sign": {"ratio": 2}}
+STEERED = {"width_Nm": 1, "drag_Nm": 2, "largest_hand_Nm": 3, "hand_J": 4, "tyres_J": 5}
+SIMULATED = [  # summary, head and first rows of the table
+    (
+        {"scene": "compensation", "position": {"fine": RATIOS}, "hand": {"slow": RATIOS}},
+        ["axis", "case", "dahl", "sign"],
+        ["position", "fine", "0.062", "2.000", "hand", "slow", "0.062", "2.000"],
+    ),
+    (
+        {"scene": "park-steer"}
+        | {name: STEERED | {"assist_J": k} for k, name in enumerate(("without", "with"))},
+        ["one cycle of the hand wheel", "without assist", "with assist"],
+        ["width of the hysteresis loop [N m]", "1.00", "1.00"],
+    ),
+]
+
+
+@pytest.mark.parametrize(("numbers", "head", "first"), SIMULATED)
+def test_the_page_of_a_simulated_scene_has_its_table(tmp_path, numbers, head, first):
+    (tmp_path / "summary.json").write_text(json.dumps(numbers))
+    (tmp_path / f"{numbers['scene']}.png").write_bytes(b"a picture")
+    assert command("report", tmp_path).returncode == 0
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert re.findall("<th>(.*?)</th>", page) == head
+    cells = re.findall("<td>(.*?)</td>", page)
+    assert cells[: len(first)] == first and len(cells) in (len(first), 6 * len(head))
+    assert base64.b64encode(b"a picture").decode() in page and numbers["scene"] in page
 
 
 def test_the_page_marks_a_wrong_counter(tmp_path):

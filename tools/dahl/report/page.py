@@ -42,7 +42,7 @@ def page(numbers: dict[str, Any], picture: bytes, table: Table | None = None) ->
         run=numbers,
         picture=base64.b64encode(picture).decode("ascii"),
         rows=dict(_numbers(numbers)),
-        table=table,
+        simulated=table,
         wrong=traces.disagreements(numbers) if "faults" in numbers else {},
         made=_origin(numbers),
     )
