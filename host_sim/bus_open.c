@@ -15,7 +15,7 @@
 
 enum {
     PATIENCE_MS = 10000, /* of a server in virtual time with a slow client */
-    HOST_MAX = 134,      /* bytes of HOST:PORT, with its final 0 */
+    HOST_MAX = 127,      /* bytes of a host name */
     CHANNEL_MAX = 31     /* bytes of the name of a bus; longer than any interface of Linux */
 };
 
@@ -141,7 +141,7 @@ static int join(open_bus_t *opened, const bus_config_t *config, const char *host
 /* PORT serves a bus, HOST:PORT and HOST:PORT/CHANNEL join one. */
 static int open_socketcand(open_bus_t *opened, const bus_config_t *config, const char *address)
 {
-    char host[HOST_MAX];
+    char host[HOST_MAX + sizeof ":65535"];
     size_t length = address != NULL ? strcspn(address, "/") : 0;
     if (address == NULL || length >= sizeof host) {
         return bad_spec(config->spec);
@@ -150,6 +150,9 @@ static int open_socketcand(open_bus_t *opened, const bus_config_t *config, const
     char *colon = strrchr(host, ':');
     if (colon == NULL) {
         return serve(opened, config, address);
+    }
+    if (colon - host > HOST_MAX) {
+        return bad_spec(config->spec);
     }
     *colon = '\0';
     return join(opened, config, host, colon + 1, address[length] == '/' ? address + length + 1 : BUS_NAME);
