@@ -235,11 +235,13 @@ def test_plot_and_report_know_each_scene_and_no_file_of_another_scene_stays(dahl
         assert (done.returncode, done.stderr) == (0, "")
         assert picture.exists() and done.stdout.startswith(f"{picture}: ")
         assert dahl("report", "out").returncode == 0 and (out / "report.html").exists()
+        assert dahl("plot", "out", "-o", "out/own.svg").returncode == 0  # stays
+        own.add("own.svg")
     (out / "loop.png").write_bytes(b"mine")
     (out / "trace.csv").write_text("time_s,of,mine\n")
     assert dahl("demo", "--scene", "compensation", "-o", "out").returncode == 0
     assert (out / "loop.png").read_bytes() == b"mine" and (out / "trace.csv").exists()
-    assert all((out / name).read_text() == "mine" for name in own)
+    assert all((out / name).read_text() == "mine" for name in own - {"own.svg"})
     left = own | {"compensation.png", "summary.json", ".dahl-files.json", "loop.png", "trace.csv"}
     assert names_in(out) == left
 
@@ -270,16 +272,21 @@ def test_a_failed_run_leaves_files_that_the_next_run_removes(
     assert "node.err" not in names_in(Path("out"))
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"../kept": [4, 0]}', '{"kept": 7}', '{"kept": [4]}'])
-def test_a_list_of_files_that_anyone_may_have_written_removes_no_file(tmp_path, text):
-    (kept := tmp_path / "kept").write_text("mine")
+@pytest.mark.parametrize("text", ["{", "[]", '{"../trace.csv": STAMP}', '{"kept": STAMP}', "{}"])
+@pytest.mark.parametrize("more", ["", ', "trace.csv": 7', ', "trace.csv": [4]'])
+def test_a_list_of_files_that_anyone_may_have_written_removes_no_other_file(tmp_path, text, more):
     (folder := tmp_path / "out").mkdir()
-    (folder / "kept").write_text("mine")
-    (folder / ".dahl-files.json").write_text(
-        text.replace("[4, 0]", f"[4, {kept.stat().st_mtime_ns}]")
-    )
+    kept = [tmp_path / "trace.csv", folder / "trace.csv", folder / "kept"]
+    for path in kept:
+        path.write_text("mine")
+        os.utime(path, ns=(10**18, 10**18))
+    text = text.replace("}", f"{more}}}").replace("{,", "{").replace("STAMP", f"[4, {10**18}]")
+    (folder / ".dahl-files.json").write_text(text)
     run_files.remove_earlier(folder)
-    assert kept.exists() and (folder / "kept").exists()
+    assert all(path.exists() for path in kept)
+    (folder / ".dahl-files.json").write_text(f'{{"trace.csv": [4, {10**18}]}}')
+    run_files.remove_earlier(folder)
+    assert [path.exists() for path in kept] == [True, False, True]
 
 
 # --- how a run ends -------------------------------------------------------------------------------

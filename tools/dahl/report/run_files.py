@@ -46,13 +46,16 @@ def _stamps(folder: Path) -> dict[str, Stamp]:
 
 
 def _read(folder: Path) -> dict[str, Stamp]:
-    """Return the list of a folder; empty if there is none, or if it is no list of file names."""
+    """Return the list of a folder, of files that exist and have names that dahl writes; empty if
+    there is no list. Any program may have written it.
+    """
     try:
         known = files.read_json(folder / LIST)
     except Error:
         return {}
+    names = {path.name for path in written_in(folder)}
     pairs = known.items() if isinstance(known, dict) else ()
-    return {name: stamp for name, stamp in pairs if Path(name).name == name}
+    return {name: stamp for name, stamp in pairs if name in names}
 
 
 def _write(folder: Path, known: dict[str, Stamp]) -> None:
@@ -76,10 +79,10 @@ def listing(folder: Path) -> Iterator[None]:
 
 
 def update(path: Path) -> None:
-    """Add a file to the list of its folder, if there is a list."""
-    stamp = _stamp(path)
-    if stamp and (folder := path.parent / LIST).is_file():
-        _write(folder.parent, _read(folder.parent) | {path.name: stamp})
+    """Add a file to the list of its folder, if there is a list and dahl chose its name."""
+    stamp, folder = _stamp(path), path.parent
+    if stamp and (folder / LIST).is_file() and path in written_in(folder):
+        _write(folder, _read(folder) | {path.name: stamp})
 
 
 def remove_earlier(folder: Path, spared: Iterable[Path] = ()) -> None:
