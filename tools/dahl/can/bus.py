@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Buses: any that python-can opens, which one is best here, and the lines of a log that canplayer
-can replay.
-"""
+"""Buses: any that python-can opens, and which one is best here."""
 
 from __future__ import annotations
 
@@ -21,13 +19,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dahl.errors import Error, RunError, Timeout
+from dahl.io import candump
 
 if TYPE_CHECKING:
     import can
 
     from dahl.interrupt import Stop
 
-VCAN = "vcan0"
+VCAN, candump_line = candump.VCAN, candump.candump_line  # public names
 WHICH = "which bus? Name it with -i and -c, or in python-can's own settings"
 FLAGS = {  # options of a bus, by their names in python-can
     "interface": "-i",
@@ -49,6 +48,8 @@ SOCKETCAN_HINTS = {
 }
 QUIET_S = 0.05  # without a frame; then the iterator yields None
 NOTICEABLE_LAG_S = 0.5  # behind the bus; a busy machine alone causes less
+MAX_CLASSIC_BYTES = 8  # a longer frame is CAN FD
+GONE = (errno.ENETDOWN, errno.ENODEV, errno.ENXIO)  # an interface is down, or unplugged
 SO_MEMINFO = 55  # linux/socket.h; the last of its 9 numbers counts discarded frames
 
 
@@ -149,7 +150,7 @@ class Reception:
     that arrived before that moment are still yielded. Raises dahl.RunError if the bus is lost.
 
     lag_s is the delay of reading: the age of a frame, minus the age of frames that were waited
-    for.
+    for. If the bus is lost, the error names the longest one: a server drops a slow client.
     """
 
     def __init__(
@@ -170,7 +171,10 @@ class Reception:
             if self._stop.asked:
                 self.finish()
             has_ended = time.monotonic() >= self._end
-            message = self._next(0.0 if has_ended else QUIET_S)
+            try:
+                message = self._next(0.0 if has_ended else QUIET_S)
+            except RunError as error:
+                raise RunError(f"{error}{self._lag_text()}") from None
             if has_ended and (message is None or self._is_after_end()):
                 return
             count += message is not None
@@ -196,6 +200,12 @@ class Reception:
         self._least_delay = min(delay, self._least_delay)
         self.lag_s = delay - self._least_delay
         self.most_lag_s = max(self.most_lag_s, self.lag_s)
+
+    def _lag_text(self) -> str:
+        if self.most_lag_s <= NOTICEABLE_LAG_S:
+            return ""
+        reason = ": a server closes the connection of a slow reader" * _hung_up(self._bus)
+        return f", and reading was up to {self.most_lag_s:.1f} s late{reason}"
 
     def _is_after_end(self) -> bool:
         return time.monotonic() - self.lag_s > self._end
@@ -243,7 +253,9 @@ def read_ahead(frames: Iterable[can.Message | None]) -> Generator[can.Message | 
 
 
 def receive(bus: can.BusABC, seconds: float) -> can.Message | None:
-    """Return the next frame, None after `seconds`. Raises dahl.RunError if the bus is lost."""
+    """Return the next frame, None after `seconds`. Raises dahl.RunError if the bus is lost.
+    socketcand does not mark CAN FD, so a frame of more than 8 bytes is marked here.
+    """
     import can
 
     try:
@@ -252,7 +264,17 @@ def receive(bus: can.BusABC, seconds: float) -> can.Message | None:
         raise RunError(f"the bus has gone: {error}") from None
     if message is None and _hung_up(bus):
         raise RunError("the bus has gone: its server has closed the connection")
+    if message is not None and len(message.data) > MAX_CLASSIC_BYTES:
+        message.is_fd = True
     return message
+
+
+def is_gone(error: BaseException) -> bool:
+    """Return whether an error of send() means that the bus is lost, such as an interface that is
+    down. The kernel reports that once, to the next call, which may be a send.
+    """
+    cause = error if isinstance(error, OSError) else error.__cause__
+    return isinstance(cause, OSError) and cause.errno in GONE
 
 
 def _hung_up(bus: can.BusABC) -> bool:
@@ -266,26 +288,6 @@ def _hung_up(bus: can.BusABC) -> bool:
         return False
     except OSError:
         return True
-
-
-def candump_line(message: can.Message) -> str:
-    """Return the line `(seconds.microseconds) bus id#data` of `candump -L`, without a direction."""
-    bus = message.channel if isinstance(message.channel, str) else VCAN
-    if message.is_error_frame:
-        head, form = f"{message.arbitration_id | 0x20000000:08X}", "#"
-    else:
-        head = (
-            f"{message.arbitration_id:08X}"
-            if message.is_extended_id
-            else f"{message.arbitration_id:03X}"
-        )
-        form = (
-            f"##{message.bitrate_switch + 2 * message.error_state_indicator:X}"
-            if message.is_fd
-            else "#"
-        )
-    data = f"R{message.dlc or ''}" if message.is_remote_frame else message.data.hex().upper()
-    return f"({message.timestamp:017.6f}) {bus} {head}{form}{data}\n"
 
 
 def has_socketcan() -> bool:

@@ -13,8 +13,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from dahl.can import codec
-from dahl.can.bus import candump_line
 from dahl.errors import Error, RunError
+from dahl.io.candump import candump_line
 
 if TYPE_CHECKING:
     import can

@@ -34,7 +34,7 @@ from dahl.binding.library import c
 from dahl.binding.loaded import Loaded
 from dahl.binding.slip import SLIP_MAX, Parallel, Slip
 from dahl.can import codec
-from dahl.can.bus import receive
+from dahl.can.bus import is_gone, receive
 from dahl.errors import Error, RunError, Timeout
 
 if TYPE_CHECKING:
@@ -382,6 +382,7 @@ def run(
         raise Error(f"ended = {checks.shown(ended)} cannot be called")
     while not ended() and time.monotonic() < end:
         link.tick()
+        link.check()
         message = receive(bus, TICK_PERIOD_S)
         if message is not None:
             link.receive(message)
@@ -546,9 +547,16 @@ class _Link:
         if len({node.number for node in nodes}) < len(nodes):
             raise Error("two nodes of one number on one bus")
         self._bus, self._lock, self.traffic = bus, threading.Lock(), Traffic()
+        self._lost: str | None = None  # why the bus is lost
         self._refusals = (codec.python_can().CanError, OSError)
 
+    def check(self) -> None:
+        """Raise dahl.RunError if a send has found that the bus is lost."""
+        if self._lost is not None:
+            raise RunError(f"the bus has gone: {self._lost}")
+
     def receive(self, message: can.Message) -> None:
+        self.check()
         with self._lock:
             self.traffic.received += 1
             for node in self._nodes:
@@ -573,5 +581,7 @@ class _Link:
         try:
             self._bus.send(message)
             self.traffic.sent += 1
-        except self._refusals:  # its queue is full, or it is gone: the next receive() reports that
+        except self._refusals as error:  # its queue is full, or it is lost
             self.traffic.refused += 1
+            if is_gone(error):
+                self._lost = str(error)

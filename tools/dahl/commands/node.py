@@ -171,10 +171,13 @@ def _refuse_second(bus: can.BusABC, number: int) -> None:
     answer each angle, with the same id.
     """
     from dahl.can import codec
-    from dahl.can.bus import receive
+    from dahl.can.bus import is_gone, receive
 
-    with contextlib.suppress(codec.python_can().CanError, OSError):  # no other node on the bus
+    try:
         bus.send(codec.pack(codec.ParamWrite(codec.Param.MODEL), number))
+    except (codec.python_can().CanError, OSError) as error:
+        if is_gone(error):
+            raise RunError(f"the bus has gone: {error}") from None  # else no other node is there
     own = {kind.base + number for kind in (codec.FrictionTorque, codec.ParamReply, codec.Status)}
     until = time.monotonic() + LISTEN_S
     while (left := until - time.monotonic()) > 0:
