@@ -104,16 +104,20 @@ extern "C" {
 /** [count] Counts of a tick at fade_speed above which half of that factor applies. */
 #define DAHL_COMPENSATOR_FINE_COUNTS 16384u
 
-/** Result of dahl_compensator_prepare() and dahl_adaptation_prepare(). */
+/** Result of dahl_compensator_prepare() and dahl_adaptation_prepare(). No code but 0 is one of
+ * dahl_err_t. */
 typedef enum {
     DAHL_COMPENSATOR_OK = 0,         /**< success */
-    DAHL_COMPENSATOR_PARAM = -1,     /**< a parameter is NaN, infinite, negative, or zero but must
-                                          not be; or the law is unknown */
-    DAHL_COMPENSATOR_RANGE = -2,     /**< a parameter is out of range */
-    DAHL_COMPENSATOR_GAIN = -3,      /**< gain Fc is above Fc_low */
-    DAHL_COMPENSATOR_SLOPE = -4,     /**< the presliding length Fc/sigma0 is below length_long */
-    DAHL_COMPENSATOR_PLAY = -5,      /**< the play is below twice the noise, or below 1 count */
-    DAHL_COMPENSATOR_WRONG_LAW = -6, /**< dahl_adaptation_prepare(): not the reference law */
+    DAHL_COMPENSATOR_PARAM = -17,     /**< a parameter is NaN, infinite, negative, or zero but must
+                                           not be; or the law is unknown */
+    DAHL_COMPENSATOR_RANGE = -18,     /**< a parameter is out of range */
+    DAHL_COMPENSATOR_GAIN = -19,      /**< gain Fc is above 0.95 (Fc_low - load); reference law:
+                                           above Fc_low */
+    DAHL_COMPENSATOR_SLOPE = -20,     /**< the presliding length Fc/sigma0 is below length_long, or
+                                           below 4 length_long of an elastic axis */
+    DAHL_COMPENSATOR_PLAY = -21,      /**< the play is below twice the noise, or below 1 count */
+    DAHL_COMPENSATOR_WRONG_LAW = -22, /**< dahl_adaptation_prepare(): not the reference law */
+    DAHL_COMPENSATOR_INERTIA = -23,   /**< 3 inertia is below sigma0_high (delay + period/2)^2 */
 } dahl_compensator_err_t;
 
 /** Move that steps the element. */
@@ -132,8 +136,19 @@ typedef struct {
     float Fc_low;               /**< [N m] lower bound of the true Fc. With the reference law, 0
                                      skips the check. */
     float length_long;          /**< [rad] upper bound of the true presliding length: Fc/sigma0, or
-                                     the breakaway torque over sigma0 if that is larger than Fc.
-                                     With the reference law, 0 skips the check. */
+                                     the breakaway torque over sigma0 if that is larger than Fc,
+                                     as the encoder sees it: with the twist of the shaft. With the
+                                     reference law, 0 skips the check. */
+    float sigma0_high;          /**< [N m/rad] upper bound of the true steepest stiffness. This and
+                                     the next four: measured law only. */
+    float load;                 /**< [N m] largest constant torque from outside: gravity, a spring,
+                                     a cable; 0: none */
+    float inertia;              /**< [kg m2] lower bound of what turns with the encoder: rotor and
+                                     load, or the rotor alone if the axis is elastic */
+    float delay;                /**< [s] upper bound of the time from the reading to the torque,
+                                     with the lag of the current loop; not 0 */
+    uint32_t elastic;           /**< 1 if a gear, belt, coupling or any resonance is between motor
+                                     and load; 0 if the axis is rigid */
     float gain;                 /**< [1] 0 .. 1: share of the friction to cancel */
     float limit;                /**< [N m] largest torque; above 2 Fc counts as 2 Fc */
     float slew;                 /**< [N m/s] largest change of the torque; 20 to 100 costs little */
@@ -174,6 +189,10 @@ typedef struct {
     uint8_t law;            /**< dahl_compensator_law_t */
     uint32_t speed_mask;    /**< 2^speed_shift - 1 */
     uint32_t speed_unit;    /**< [Q20] speed of one count per tick over fade_speed */
+    uint32_t Fc_mantissa;   /**< Fc = Fc_mantissa 2^Fc_exponent [N m]; top bit set */
+    int32_t Fc_exponent;    /**< exponent of Fc_mantissa */
+    uint32_t fade_mantissa; /**< fade_speed [rad/s] likewise; 0: no fade over speed */
+    int32_t fade_exponent;  /**< exponent of fade_mantissa */
 } dahl_compensator_plan_t;
 
 /** State and telemetry of one compensator, 40 bytes. All zeros: relaxed, faded out. */
@@ -196,8 +215,9 @@ typedef struct {
  * @param      params parameters; both pointers must be valid
  * @return #DAHL_COMPENSATOR_OK, or why the parameters are rejected. Of several reasons, the first
  *   in the order of dahl_compensator_err_t.
- * @note Bounds are compared exactly. A length_long one float above Fc/sigma0 passes, so that sigma0
- *   = Fc/length_long is accepted in float. Cost: 7000 instructions at most.
+ * @note Bounds are compared exactly. Two are rounded to the safe side: the rule of the inertia by
+ *   2^-26 of it, Fc_low - load by 2^-58 of it. A length_long one float above Fc/sigma0 passes, so
+ *   that sigma0 = Fc/length_long is accepted in float. Cost: 9000 instructions at most.
  */
 DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
     dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params);
@@ -229,6 +249,25 @@ int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensa
  */
 int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
                                 dahl_compensator_t *compensator, int32_t ratio_q30);
+
+/**
+ * Change the parameters of a running compensator. Call it between two ticks, at most once, next to
+ * dahl_change_plan() of the element.
+ * @param from        plan of the last tick
+ * @param to          plan of the next tick
+ * @param compensator state: torque, wanted, ratio and speed are converted to the units of `to`, and
+ *   the distance to the nearer end of the play is kept. The fade and the counters stay.
+ * @note The next torque is within the limit of `to`, and it differs from the last one by at most
+ *   the slew of `to`, both in N m, for any new Fc, gain, limit, slew, fade_speed, play or period.
+ *   Two exceptions. If the new limit is below the torque, both cannot hold: the limit does, and the
+ *   torque falls to it at once. If slew period is below 2^-29 Fc, the difference is at most that.
+ * @note A state converts to 0 torque if one of the plans is all zeros. If `from` has no fade over
+ *   speed, the speed begins with that of the last move. Interrupts: only the context of the ticks
+ *   may call it. `from` may be written again after it returns; `to` must stay until the next
+ *   change (examples/change_parameters). Cost: 3000 instructions at most, 64 bytes of stack.
+ */
+void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_compensator_plan_t *to,
+                             dahl_compensator_t *compensator);
 
 /**
  * Reference law: draw the state of the element to one that the measured counts step. Call it
