@@ -135,25 +135,32 @@ class Compensator(Copied):
 
     def _refusal(self, code: int) -> str:
         """Return the value and the limit that the library refused."""
+        if code in (c.DAHL_COMPENSATOR_PARAM, c.DAHL_COMPENSATOR_RANGE):
+            return self._value_out_of_range()
+        return self._broken_rules()[code]
+
+    def _broken_rules(self) -> dict[int, str]:
+        """Return the words of each code that compares several parameters."""
+        v, is_free = self._values, not self._reference
+        torque, length = v["gain"] * v["Fc"], v["Fc"] / v["sigma0"]
+        most = 0.95 * (v["Fc_low"] - v["load"]) if is_free else v["Fc_low"]
+        most_name = "0.95*(Fc_low - load)" if is_free else "Fc_low"
+        lengths = 4 if self._elastic and is_free else 1
+        least_name = "4*length_long of an elastic axis" if lengths > 1 else "length_long"
+        inertia = v["sigma0_high"] * (v["delay"] + v["period"] / 2) ** 2 / 3
+        return {
+            c.DAHL_COMPENSATOR_GAIN: f"gain*Fc = {torque:.9g} N m is above {most_name} ="
+            f" {most:.9g} N m",
+            c.DAHL_COMPENSATOR_SLOPE: f"Fc/sigma0 = {length:.9g} rad is below {least_name} ="
+            f" {lengths * v['length_long']:.9g} rad",
+            c.DAHL_COMPENSATOR_PLAY: f"play = {self._play} is below 2*noise ="
+            f" {2 * self._noise} counts",
+            c.DAHL_COMPENSATOR_INERTIA: f"inertia = {parameters.digits(v['inertia'])} is below"
+            f" sigma0_high*(delay + period/2)^2/3 = {inertia:.9g} kg m2",
+        }
+
+    def _value_out_of_range(self) -> str:
         v = self._values
-        if code == c.DAHL_COMPENSATOR_GAIN:
-            name, most = "Fc_low", v["Fc_low"]
-            if not self._reference:
-                name, most = "0.95*(Fc_low - load)", 0.95 * (most - v["load"])
-            torque = f"gain*Fc = {v['gain'] * v['Fc']:.9g} N m"
-            return f"{torque} is above {name} = {most:.9g} N m"
-        if code == c.DAHL_COMPENSATOR_SLOPE:
-            name, least = "length_long", v["length_long"]
-            if self._elastic and not self._reference:
-                name, least = "4*length_long of an elastic axis", 4 * least
-            length = f"Fc/sigma0 = {v['Fc'] / v['sigma0']:.9g} rad"
-            return f"{length} is below {name} = {least:.9g} rad"
-        if code == c.DAHL_COMPENSATOR_INERTIA:
-            least = v["sigma0_high"] * (v["delay"] + v["period"] / 2) ** 2 / 3
-            rule = f"sigma0_high*(delay + period/2)^2/3 = {least:.9g} kg m2"
-            return f"inertia = {parameters.digits(v['inertia'])} is below {rule}"
-        if code == c.DAHL_COMPENSATOR_PLAY:
-            return f"play = {self._play} is below 2*noise = {2 * self._noise} counts"
         for name, value in v.items():
             if name not in FRICTION and not _is_in_range(name, value, self._reference):
                 limit = _limit(name)
