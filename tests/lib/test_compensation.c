@@ -99,6 +99,7 @@ static axis_t axis_of(int bits, double rate_hz)
         .law = DAHL_COMPENSATOR_MEASURED,
         .Fc_low = (float)TRUE_FC,
         .length_long = (float)(TRUE_FC / TRUE_SIGMA0),
+        .sigma0_high = (float)TRUE_SIGMA0,
         .gain = 0.9f,
         .limit = 1.0f,
         .slew = 50.0f,
@@ -125,12 +126,14 @@ static void claim(axis_t *axis, double Fc, double sigma0)
 {
     axis->params.friction.Fc = (float)Fc;
     axis->params.friction.sigma0 = (float)sigma0;
-    axis->params.Fc_low = axis->params.friction.Fc;
+    axis->params.Fc_low = axis->params.friction.Fc / 0.949f; /* for gain 1 */
     axis->params.length_long = 0.999f * axis->params.friction.Fc / axis->params.friction.sigma0;
 }
 
 static void start(axis_t *axis)
 {
+    axis->params.inertia = (float)axis->inertia;
+    axis->params.delay = (float)(axis->delay * axis->period);
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_prepare(&axis->element, &axis->params.friction));
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_compensator_prepare(&axis->plan, &axis->params));
 }
