@@ -47,7 +47,7 @@ def test_a_block_of_c_compiles(block: str, tmp_path: Path) -> None:
     from dahl.binding.friction import Plan
 
     plan = plan_header.text("rig", Plan(37349, 2.666, 1e-7), ["rig"])
-    plan += plan_header.bounds("rig", 2.6, 7.3e-5, "N m", "rad")
+    plan += plan_header.bounds("rig", 2.6, 7.3e-5, 38000, "N m", "rad")
     (tmp_path / "dahl_plan_rig.h").write_text(plan)
     (tmp_path / "block.c").write_text(block)
     includes = [f"-I{folder}" for folder in (tmp_path, ROOT / "lib", ROOT / "lib/include")]
