@@ -25,7 +25,7 @@ from sources import CORE, LIB
 pytestmark = pytest.mark.usefixtures("library")
 
 COMPENSATOR = sorted((LIB / "compensator").glob("*.c"))
-FC_LOW, LENGTH_LONG = 0.45, 0.0055  # N m, rad
+FC_LOW, LENGTH_LONG, SIGMA0_HIGH = 0.45, 0.0055, 90.0  # N m, rad, N m/rad
 MOVES = np.rint(6 * np.sin(np.arange(1000) / 60)).astype(int)  # counts: at most 2.3 rad/s
 
 
@@ -37,18 +37,19 @@ def compiled(root: Path, folder: Path, *words: object) -> ctypes.CDLL:
 def test_the_page_has_the_bits_of_python(root: Path, tmp_path: Path) -> None:
     (code,) = re.findall(r"```c\n(.*?)```", (root / "docs/compensation.md").read_text(), re.S)
     (tmp_path / "page.c").write_text(code)
-    bounds = plan_header.bounds("rig", FC_LOW, LENGTH_LONG, "N m", "rad")
+    bounds = plan_header.bounds("rig", FC_LOW, LENGTH_LONG, SIGMA0_HIGH, "N m", "rad")
     (tmp_path / "dahl_plan_rig.h").write_text(bounds)
     page = compiled(root, tmp_path, tmp_path / "page.c")
     page.compensation_tick.restype = ctypes.c_float
     assert page.compensation_init() == 0
-    low, long = (float(one) for one in re.findall(r"(\S+)f /\*", bounds))
+    low, long, high = (float(one) for one in re.findall(r"(\S+)f /\*", bounds))
     sigma0 = float(np.float32(low) / np.float32(long))
     theta = float(np.float32(6.2831853) / 16384)
     compensator = dahl.Compensator(
         *(sigma0, low, theta),
         **{"Fc_low": low, "length_long": long, "gain": 0.9, "limit": 1.2 * low, "slew": 100 * low},
-        **{"period": 1e-3, "rise": 0.5, "fall": 0.02, "fade_speed": 5.0},
+        **{"sigma0_high": high, "inertia": 0.002, "delay": 2e-3, "period": 1e-3},
+        **{"rise": 0.5, "fall": 0.02, "fade_speed": 5.0},
         **{"noise": 1, "play": 4, "jump": 200},
     )
     flags = np.abs(np.arange(len(MOVES)) - 700) > 10
@@ -112,6 +113,7 @@ def test_the_current_loop_adds_the_current_of_the_friction(root: Path, tmp_path:
     compensator = dahl.Compensator(
         *(plan.sigma0, low, plan.theta_per_count),
         **{"Fc_low": low, "length_long": long, "limit": 0.06, "slew": 5.0, "period": TICK_S},
+        **{"sigma0_high": 9.0, "inertia": 2e-5, "delay": 1.2e-3},
         **{"rise": 0.5, "fall": 0.02, "fade_speed": 20.0, "noise": 1, "play": 4, "jump": 100},
     )
     due = compensator.run_log(
@@ -212,15 +214,25 @@ def moteus_torque(message: can.Message) -> float:
     return velocity_to_kd[1]
 
 
+BOUNDS = {"Fc_low": 0.045, "length_long": 0.0055, "sigma0_high": 9.0, "inertia": 2e-4}
+BOUNDS |= {"delay": 4e-3, "limit": LIMIT, "fade_speed": 5.0}
+OPTIONS = [f"--{name.replace('_', '-')}={value}" for name, value in BOUNDS.items()]
+
+
 @pytest.mark.parametrize(
-    ("words", "asked", "start"),
+    ("words", "asked", "said"),
     [
-        ("odrive can7", {"channel": "can7", "fd": False}, "error: cannot open can7: "),
-        ("moteus can7", {"channel": "can7", "fd": True}, "error: cannot open can7: "),
-        ("odriv can0", {}, "usage: "),
+        (["odrive", "can7", *OPTIONS], {"channel": "can7", "fd": False}, "error: cannot open can7"),
+        (["moteus", "can7", *OPTIONS], {"channel": "can7", "fd": True}, "error: cannot open can7"),
+        (["odriv", "can0", *OPTIONS], {}, "invalid choice: 'odriv'"),
+        (["odrive", "can7", *OPTIONS, "--load=0.01"], {}, "error: gain*Fc = 0.040"),
+        (["odrive", "can7", *OPTIONS, "--elastic", "--inertia=1e-6"], {}, "error: inertia = 1e-06"),
+        *((["odrive", "can7", *OPTIONS[:k], *OPTIONS[k + 1 :]], {}, "required") for k in range(7)),
     ],
 )
-def test_the_host_needs_a_known_drive_and_a_bus(words, asked, start, root, monkeypatch) -> None:
+def test_the_host_needs_a_known_drive_each_bound_and_a_bus(
+    words, asked, said, root, monkeypatch, capsys
+) -> None:
     """A moteus needs CAN FD."""
     given: dict[str, object] = {}
 
@@ -229,10 +241,10 @@ def test_the_host_needs_a_known_drive_and_a_bus(words, asked, start, root, monke
         raise OSError(19, "No such device") if settings["fd"] else can.CanError("down")
 
     monkeypatch.setattr(can, "Bus", refuse)
-    monkeypatch.setattr(sys, "argv", ["feed_forward.py", *words.split()])
+    monkeypatch.setattr(sys, "argv", ["feed_forward.py", *words])
     with pytest.raises(SystemExit) as ended:
         runpy.run_path(str(root / "examples/odrive_moteus/feed_forward.py"), run_name="__main__")
-    assert str(ended.value.code).startswith(start)
+    assert said in f"{ended.value.code} {capsys.readouterr().err}"
     assert given == ({"interface": "socketcan"} | asked if asked else {})
 
 
@@ -240,8 +252,8 @@ def torques_of_moves(moves: list[int], period: float) -> np.ndarray:
     plan = dahl.Plan(0.045 / 0.0055, 0.045, 2 * math.pi / 16384)
     compensator = dahl.Compensator(
         *(plan.sigma0, 0.045, plan.theta_per_count),
-        **{"Fc_low": 0.045, "length_long": 0.0055, "limit": LIMIT, "slew": 50.0, "rise": 0.5},
-        **{"period": period, "fall": 0.02, "noise": 1, "play": 4},
+        **BOUNDS,
+        **{"slew": 50.0, "rise": 0.5, "period": period, "fall": 0.02, "noise": 1, "play": 4},
     )
     return compensator.run_log(dahl.Friction(plan), moves)
 
@@ -257,7 +269,7 @@ def test_a_host_feeds_newton_metres_forward(
         "ODrive": (odrive_angle, odrive_torque),
         "Moteus": (moteus_angle, moteus_torque),
     }[name]
-    feed = module.FeedForward(getattr(module, name)(NODE), 0.045, 0.0055, limit=LIMIT)
+    feed = module.FeedForward(getattr(module, name)(NODE), **BOUNDS)
     stranger = can.Message(arbitration_id=0x7FF, data=[1], is_extended_id=False)
     with (
         can.Bus(interface="virtual", channel=name, protocol=can.CanProtocol.CAN_FD) as host,

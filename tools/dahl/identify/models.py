@@ -263,7 +263,9 @@ def rise_lengths(law: Law, p: np.ndarray, limits: np.ndarray) -> float:
         w = tabulated(moves, whole, float(a[0]), law.name, float(p[law.elements]))
     elif set(law.kinds) <= {"dahl", "slip"}:
         laws = {"dahl": dahl, "slip": slip}
-        each = [laws[kind](moves, whole, float(one)) for kind, one in zip(law.kinds, a, strict=True)]
+        each = [
+            laws[kind](moves, whole, float(one)) for kind, one in zip(law.kinds, a, strict=True)
+        ]
         w = np.tensordot(share, each, axes=1)
     else:
         return 1.0  # Dahl's law with other limits

@@ -25,7 +25,11 @@ from dahl.version import __version__
 if TYPE_CHECKING:
     from rich.table import Table
 
-BOUNDS = ("Fc_low", "length_long", "sigma0_high")  # for dahl_compensator.h; null if a log gives none
+BOUNDS = (
+    "Fc_low",
+    "length_long",
+    "sigma0_high",
+)  # for dahl_compensator.h; null if a log gives none
 MAX_CHOICES = 40  # best hypotheses that JSON lists
 UNITS = {"offset": "{T}", "spring": "{k}", "viscous": "{T} s/{x}", "inertia": "{T} s2/{x}"}
 MIN_INFORMING_SLOPE = 0.1  # of sigma0; a smaller slope says little about sigma0
