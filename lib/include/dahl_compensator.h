@@ -16,12 +16,14 @@
  *   step.
  *
  * @verbatim
- * USE (measured law; Fc_low and length_long are the ends of the intervals of `dahl identify`)
+ * USE (measured law; Fc_low, length_long and sigma0_high are by `dahl identify`)
  *   static dahl_plan_t friction;           static dahl_state_t bristle;
  *   static dahl_compensator_plan_t plan;   static dahl_compensator_t compensator;   // all zeros
  *   static const dahl_compensator_params_t params = {
  *       .friction = {Fc_low / length_long, Fc_low, 3.835e-4f},   // sigma0, Fc, rad per count
  *       .law = DAHL_COMPENSATOR_MEASURED, .Fc_low = Fc_low, .length_long = length_long,
+ *       .sigma0_high = sigma0_high, .load = 0.0f, .inertia = 0.002f,   // N m/rad, N m, kg m2
+ *       .delay = 2e-3f, .elastic = 0,                                  // s
  *       .gain = 0.9f, .limit = 1.0f, .slew = 50.0f, .period = 1e-3f,   // N m, N m/s, s
  *       .rise = 0.5f, .fall = 0.02f, .fade_speed = 5.0f,               // s, s, rad/s
  *       .noise = 1, .play = 4, .jump = 200};                           // counts
@@ -43,18 +45,25 @@
  * converts it. Each term can be read in dahl_compensator_t.
  *
  * @par Guarantee (measured law)
- * A free axis comes to rest, whatever its inertia, if
- * - Fc_low is at most the true Fc, at all speeds below twice fade_speed,
- * - length_long is at least the true presliding length: the breakaway torque over sigma0,
- * - the true friction is Dahl- or LuGre-like,
- * - the noise of the encoder is at most `noise`,
- * - play is at least 2 noise + 2, or 1 without noise,
- * - the torque acts at most 3 ticks after the reading.
+ * After a push, the speed of a free axis falls to that without the law. It exceeds that by at most
+ * 0.02 rad/s, or 2 counts times sqrt(sigma0/inertia) if that is more. Three rules must hold, which
+ * the prepare function enforces:
+ * - 3 inertia >= sigma0_high (delay + period/2)^2: a lighter rotor swings,
+ * - gain Fc <= 0.95 (Fc_low - load): otherwise a load drives the axis,
+ * - Fc/sigma0 >= length_long, or 4 length_long if the axis is elastic: otherwise the motor swings on
+ *   its shaft.
  *
- * With 12 to 20 bits, a simulated axis then moves by at most 0.02 rad/s after a kick. The prepare
- * function enforces gain Fc <= Fc_low, Fc/sigma0 >= length_long, and play >= 2 noise. Closed form
- * behind it: a loop of amplitude A has the area 4 Fc (A - tanh(a A)/a), a = sigma0/Fc. If slip
- * elements make the presliding, give three times the measured length.
+ * The bounds must be true:
+ * - Fc_low is at most the true Fc, at all speeds below twice fade_speed, and in each condition,
+ * - length_long is at least the true presliding length that the encoder sees: the breakaway torque
+ *   over sigma0, and the twist of the shaft,
+ * - sigma0_high, load and delay are upper bounds, inertia is a lower one,
+ * - the true friction is Dahl- or LuGre-like,
+ * - the noise of the encoder is at most `noise`, and play is at least 2 noise + 2, or 1 without
+ *   noise. (Prepare enforces 2 noise.)
+ *
+ * Closed form behind it: a loop of amplitude A has the area 4 Fc (A - tanh(a A)/a), a = sigma0/Fc.
+ * If slip elements make the presliding, give three times the measured length.
  *
  * A smaller play makes small motions lighter, but a free axis can keep moving.
  * docs/compensation.md has numbers for both.
@@ -259,8 +268,9 @@ int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
  *   the distance to the nearer end of the play is kept. The fade and the counters stay.
  * @note The next torque is within the limit of `to`, and it differs from the last one by at most
  *   the slew of `to`, both in N m, for any new Fc, gain, limit, slew, fade_speed, play or period.
- *   Two exceptions. If the new limit is below the torque, both cannot hold: the limit does, and the
- *   torque falls to it at once. If slew period is below 2^-29 Fc, the difference is at most that.
+ *   Two exceptions. If the new limit is below the torque, both cannot hold: the limit does. The
+ *   torque falls to it at once, and from there by the slew at most. If slew period is below 2^-29
+ *   Fc, the difference is at most that.
  * @note A state converts to 0 torque if one of the plans is all zeros. If `from` has no fade over
  *   speed, the speed begins with that of the last move. Interrupts: only the context of the ticks
  *   may call it. `from` may be written again after it returns; `to` must stay until the next

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes
 import importlib
 import math
+import random
 import re
 import runpy
 import struct
@@ -57,6 +58,65 @@ def test_the_page_has_the_bits_of_python(root: Path, tmp_path: Path) -> None:
     found = [page.compensation_tick(int(m), int(f)) for m, f in zip(MOVES, flags, strict=True)]
     assert found == pytest.approx(due, abs=1e-7 * low)
     assert math.isclose(max(found), max(due), rel_tol=1e-6) and max(found) > 0.1
+
+
+# --- change_parameters ----------------------------------------------------------------------------
+
+
+CHANGING = ("sigma0", "Fc", "Fc_low", "gain", "limit", "slew")
+CONSTANT = {"theta_per_count": 4e-4, "length_long": 1e-4, "sigma0_high": 300, "inertia": 0.01}
+CONSTANT |= {"delay": 1e-3, "period": 1e-3, "play": 1, "jump": 100}
+SETTER = """#include "compensation.h"
+int set(float sigma0, float Fc, float Fc_low, float gain, float limit, float slew, int *code)
+{
+    dahl_compensator_params_t params = {
+        .friction = {sigma0, Fc, 4e-4f}, .law = DAHL_COMPENSATOR_MEASURED, .Fc_low = Fc_low,
+        .length_long = 1e-4f, .sigma0_high = 300, .inertia = 0.01f, .delay = 1e-3f, .gain = gain,
+        .limit = limit, .slew = slew, .period = 1e-3f, .play = 1, .jump = 100};
+    return compensation_set(&params, code);
+}
+"""
+
+
+@pytest.fixture
+def rig(root: Path, tmp_path: Path) -> ctypes.CDLL:
+    (setter := tmp_path / "set.c").write_text(SETTER)
+    folder = root / "examples/change_parameters"
+    lib = compiled(root, tmp_path, f"-I{folder}", setter, folder / "compensation.c")
+    lib.set.argtypes = [ctypes.c_float] * len(CHANGING) + [ctypes.POINTER(ctypes.c_int)]
+    lib.compensation_tick.restype = ctypes.c_float
+    return lib
+
+
+def test_friction_and_compensator_change_together(rig: ctypes.CDLL) -> None:
+    """The bits of Python. Limit and slew hold in N m; a torque above a new limit falls to it."""
+    chance, code, last = random.Random(6), ctypes.c_int(), 0.0
+    values = dict(zip(CHANGING, (100.0, 0.5, 0.5, 0.5, 0.3, 50.0), strict=True))
+    assert rig.set(*values.values(), ctypes.byref(code))
+    law, friction = dahl.Compensator(**values, **CONSTANT), dahl.Friction(dahl.Plan(100, 0.5, 4e-4))
+    for _ in range(3000):
+        move = chance.randint(-6, 10)
+        torque = rig.compensation_tick(move, True)
+        due = law.torque(friction.step_counts_q30(law.move(move)))
+        limit, slew = min(law.limit, 2 * law.Fc), law.slew * law.period
+        assert torque == pytest.approx(due, abs=1e-7) and abs(torque) <= limit + 1e-7
+        assert abs(torque - last) <= slew + max(0, abs(last) - limit) + 1e-7
+        last = torque
+        if chance.random() < 0.3:
+            numbers = (
+                chance.uniform(50, 200),
+                chance.uniform(0.1, 1),
+                1.0,
+                chance.uniform(0.1, 0.9),
+            )
+            numbers += chance.uniform(0.05, 0.5), chance.uniform(5, 500)
+            values = dict(zip(CHANGING, numbers, strict=True))
+            assert not rig.set(*(values | {"Fc_low": 0.001}).values(), ctypes.byref(code))
+            assert code.value == -19
+            assert rig.set(*values.values(), ctypes.byref(code)) and code.value == 0
+            assert not rig.set(*values.values(), ctypes.byref(code)) and code.value == 0  # it waits
+            law.change(**values)
+            friction.change_plan(dahl.Plan(law.sigma0, law.Fc, law.theta_per_count))
 
 
 # --- stm32_current_loop ---------------------------------------------------------------------------
