@@ -70,36 +70,30 @@ static int is_in_range(const dahl_compensator_params_t *params)
         && dahl_mul(params->jump, speed_unit(params)) < DAHL_ONE_Q30;
 }
 
-/** Return 0.95 (Fc_low - load) times 20, rounded down by less than 2^-58; 0 if the load is not below Fc_low. */
-static DAHL_COLD dahl_wide_t net_torque(const dahl_compensator_params_t *params)
+/** 20 gain Fc > 19 (Fc_low - load), with the difference rounded down. */
+static int is_gain_above_net_bound(const dahl_compensator_params_t *params, dahl_real_t gain, dahl_real_t Fc)
 {
-    const dahl_wide_t none = {0, 0};
-    const dahl_real_t Fc_low = dahl_real_of_param(params->Fc_low), load = dahl_real_of_param(params->load);
-    if (dahl_is_zero(params->load)) {
-        return dahl_normalise(19 * (uint64_t)Fc_low.mantissa, Fc_low.exponent);
+    dahl_real_t net = dahl_real_of_param(params->Fc_low);
+    if (dahl_bits_of(params->load) << 1 >= dahl_bits_of(params->Fc_low) << 1) {
+        return 1;
     }
-    if (dahl_bits_of(params->load) >= dahl_bits_of(params->Fc_low)) {
-        return none;
+    if (!dahl_is_zero(params->load)) {
+        net = dahl_real_subtract_down(net, dahl_real_of_param(params->load));
     }
-    const int32_t shift = Fc_low.exponent - load.exponent;
-    const uint64_t lost = shift > 39, taken = shift > 62 ? 0 : (uint64_t)load.mantissa << 31 >> shift;
-    dahl_wide_t net = dahl_normalise(((uint64_t)Fc_low.mantissa << 31) - taken - lost, Fc_low.exponent - 31);
-    return dahl_normalise((net.mantissa >> 5) * 19, net.exponent + 5);
+    const uint64_t torque = dahl_mul(20 * (gain.mantissa >> 8), Fc.mantissa >> 8);
+    return dahl_wide_is_above(dahl_normalise(torque, gain.exponent + Fc.exponent + 16),
+                              dahl_normalise(dahl_mul(19, net.mantissa), net.exponent));
 }
 
-/** With the reference law, compare gain Fc with Fc_low; with the measured law, with 0.95 (Fc_low - load). */
+/** With the measured law, the bound is 0.95 (Fc_low - load). */
 static int is_gain_above_bound(const dahl_compensator_params_t *params)
 {
     if (dahl_is_zero(params->Fc_low) || dahl_is_zero(params->gain)) {
         return 0;
     }
     const dahl_real_t gain = dahl_real_of_param(params->gain), Fc = dahl_real_of_param(params->friction.Fc);
-    if (!is_measured(params)) {
-        return dahl_real_is_product_above(gain, Fc, dahl_real_of_param(params->Fc_low));
-    }
-    const uint64_t product = 20 * dahl_mul(gain.mantissa >> 8, Fc.mantissa >> 8);
-    const dahl_wide_t torque = dahl_normalise(product, gain.exponent + Fc.exponent + 16), net = net_torque(params);
-    return net.mantissa == 0 || dahl_wide_is_above(torque, net);
+    return is_measured(params) ? is_gain_above_net_bound(params, gain, Fc)
+                               : dahl_real_is_product_above(gain, Fc, dahl_real_of_param(params->Fc_low));
 }
 
 /** The next shorter length decides, because sigma0 = Fc/length_long may have been rounded up. */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/** For prepare functions: products and quotients of parameters as mantissa 2^exponent, truncated to 32 bits, and codes. */
+/** For prepare functions: codes, and sums, products and quotients of parameters as mantissa 2^exponent of 32 bits. */
 #ifndef DAHL_REAL_H
 #define DAHL_REAL_H
 
@@ -77,14 +77,30 @@ static inline uint32_t dahl_real_speed_counts(uint32_t unit)
     return counts;
 }
 
+/** Return x 2^(30 - shift), truncated. A loop, because Cortex-M0 would call a helper function for the shift. */
+static inline DAHL_COLD uint64_t dahl_real_shift(dahl_real_t x, int32_t shift)
+{
+    uint64_t bits = (uint64_t)x.mantissa << 30;
+    for (; shift > 0 && bits != 0; shift--) {
+        bits >>= 1;
+    }
+    return bits;
+}
+
 /** Return a + b as a mantissa of 30 or 31 bits, rounded up by at most 2^-29 of the sum. */
 static inline DAHL_COLD dahl_real_t dahl_real_add_up(dahl_real_t a, dahl_real_t b)
 {
     const dahl_real_t large = a.exponent < b.exponent ? b : a, small = a.exponent < b.exponent ? a : b;
-    const int32_t shift = large.exponent - small.exponent;
-    uint64_t sum = ((uint64_t)large.mantissa << 30) + (shift > 62 ? 0 : (uint64_t)small.mantissa << 30 >> shift);
+    uint64_t sum = dahl_real_shift(large, 0) + dahl_real_shift(small, large.exponent - small.exponent);
     dahl_real_t real = {(uint32_t)(sum >> 32) + 1, large.exponent + 2};
     return real;
+}
+
+/** Return a - b, rounded down by less than 2^-30 of it, for floats a > b. Their lowest 8 bits are 0. */
+static inline DAHL_COLD dahl_real_t dahl_real_subtract_down(dahl_real_t a, dahl_real_t b)
+{
+    const int32_t shift = a.exponent - b.exponent;
+    return dahl_real_round_down(dahl_real_shift(a, 0) - dahl_real_shift(b, shift) - (shift > 38), a.exponent - 30);
 }
 
 /** Return x^2 of such a sum, rounded up by at most 2^-27 of the square. */

@@ -225,7 +225,7 @@ typedef struct {
  * @return #DAHL_COMPENSATOR_OK, or why the parameters are rejected. Of several reasons, the first
  *   in the order of dahl_compensator_err_t.
  * @note Bounds are compared exactly. Two are rounded to the safe side: the rule of the inertia by
- *   2^-26 of it, Fc_low - load by 2^-58 of it. A length_long one float above Fc/sigma0 passes, so
+ *   2^-26 of it, Fc_low - load by 2^-30 of it. A length_long one float above Fc/sigma0 passes, so
  *   that sigma0 = Fc/length_long is accepted in float. Cost: 9000 instructions at most.
  */
 DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
@@ -274,7 +274,8 @@ int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
  * @note A state converts to 0 torque if one of the plans is all zeros. If `from` has no fade over
  *   speed, the speed begins with that of the last move. Interrupts: only the context of the ticks
  *   may call it. `from` may be written again after it returns; `to` must stay until the next
- *   change (examples/change_parameters). Cost: 3000 instructions at most, 64 bytes of stack.
+ *   change (examples/change_parameters). Cost: 1650 instructions, 3650 on Cortex-M0; 140 bytes of
+ *   stack, 192 on M0.
  */
 void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_compensator_plan_t *to,
                              dahl_compensator_t *compensator);

@@ -82,6 +82,7 @@ ROWS = [
     ("`dahl_velocity_torque`", "velocity_torque"),
     ("`dahl_compensator_move` and `dahl_compensator_torque`, worst", "compensator_tick"),
     ("`dahl_compensator_pull`", "compensator_pull"),
+    ("`dahl_compensator_change`, worst", "compensator_change"),
     ("`dahl_adaptation_step`, worst", "adaptation_step"),
     ("`dahl_compensator_prepare`", "compensator_prepare"),
     ("*newlib `expm1f` step*", "newlib_expm1f"),

@@ -181,13 +181,15 @@ def exact_code(one: dict[str, float]) -> tuple[int, bool]:
     torque = f["gain"] * f["Fc"]
     if torque > net:
         return c.DAHL_COMPENSATOR_GAIN, False
+    is_near = net < torque * (1 + Fraction(2) ** -30)
     shorter = Fraction(float(np.nextafter(np.float32(one["length_long"]), np.float32(0))))
     if f["sigma0"] * shorter * (4 if one["elastic"] else 1) > f["Fc"]:
-        return c.DAHL_COMPENSATOR_SLOPE, net < torque * (1 + Fraction(2) ** -57)
+        return c.DAHL_COMPENSATOR_SLOPE, is_near
     least = f["sigma0_high"] * (f["delay"] + f["period"] / 2) ** 2
     if 3 * f["inertia"] < least:
-        return c.DAHL_COMPENSATOR_INERTIA, False
-    return c.DAHL_COMPENSATOR_OK, 3 * f["inertia"] < least * (1 + Fraction(2) ** -26)
+        return c.DAHL_COMPENSATOR_INERTIA, is_near
+    is_near |= 3 * f["inertia"] < least * (1 + Fraction(2) ** -26)
+    return c.DAHL_COMPENSATOR_OK, is_near
 
 
 def test_the_rules_of_an_axis_are_decided_as_by_fractions() -> None:
