@@ -18,7 +18,7 @@ import math
 import struct
 import sys
 import time
-from typing import Protocol
+from typing import Any, Protocol
 
 import can
 import dahl
@@ -91,7 +91,7 @@ class FeedForward:
         Fc_low: float,
         length_long: float,
         elastic: bool = False,
-        **bounds: float,
+        **bounds: Any,
     ) -> None:
         theta_per_count = 2 * math.pi / COUNTS_PER_TURN
         length = 4 * length_long if elastic else length_long
