@@ -10,16 +10,17 @@
 #include "../arith/scale.h"
 #include "dahl_compensator.h"
 
-#define SPEED_MAX_Q20 (INT32_C(1) << 30)
+#define CHANGED_SPEED_MAX_Q20 (INT32_C(1) << 30)
 #define PRODUCT_BITS 55 /* of 31 bits and the 24 of a float */
+#define PRODUCT_END ((uint64_t)1 << PRODUCT_BITS)
 
-/** Return size 2^shift; UINT64_MAX if that has more than PRODUCT_BITS. */
+/** Return size 2^shift, truncated; UINT64_MAX from PRODUCT_END on. */
 static uint64_t shift_product(uint64_t size, int32_t shift)
 {
     if (shift <= 0) {
         return shift > -PRODUCT_BITS ? size >> -shift : 0;
     }
-    const int is_long = shift >= PRODUCT_BITS || size >> (PRODUCT_BITS - shift) != 0;
+    const int is_long = shift >= PRODUCT_BITS || size >= PRODUCT_END >> shift;
     return size == 0 ? 0 : is_long ? UINT64_MAX : size << shift;
 }
 
@@ -52,7 +53,7 @@ static int32_t convert_speed(const dahl_compensator_plan_t *from, const dahl_com
     if (before.mantissa == 0) {
         return (int32_t)((uint32_t)dahl_limit(compensator->move, (int32_t)to->jump) * to->speed_unit);
     }
-    return dahl_limit(convert_unit(compensator->speed_q20, before, after), SPEED_MAX_Q20);
+    return dahl_limit(convert_unit(compensator->speed_q20, before, after), CHANGED_SPEED_MAX_Q20);
 }
 
 void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_compensator_plan_t *to,

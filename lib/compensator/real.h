@@ -9,7 +9,7 @@
 /** Return the code of a dahl_err_t. */
 static inline dahl_compensator_err_t dahl_compensator_code_of(int32_t err)
 {
-    return err == DAHL_OK ? DAHL_COMPENSATOR_OK : (dahl_compensator_err_t)(err + (DAHL_COMPENSATOR_PARAM - DAHL_ERR_PARAM));
+    return err == DAHL_OK ? DAHL_COMPENSATOR_OK : err == DAHL_ERR_RANGE ? DAHL_COMPENSATOR_RANGE : DAHL_COMPENSATOR_PARAM;
 }
 
 /** Inline at each level of optimization, because gcc for Cortex-M0 copies a returned structure with memcpy. */
