@@ -61,6 +61,7 @@
  * - the true friction is Dahl- or LuGre-like,
  * - the noise of the encoder is at most `noise`, and play is at least 2 noise + 2, or 1 without
  *   noise. (Prepare enforces 2 noise.)
+ * - slew is at least 20 Fc in a second.
  *
  * Closed form behind it: a loop of amplitude A has the area 4 Fc (A - tanh(a A)/a), a = sigma0/Fc.
  * If slip elements make the presliding, give three times the measured length.
@@ -160,7 +161,8 @@ typedef struct {
                                      and load; 0 if the axis is rigid */
     float gain;                 /**< [1] 0 .. 1: share of the friction to cancel */
     float limit;                /**< [N m] largest torque; above 2 Fc counts as 2 Fc */
-    float slew;                 /**< [N m/s] largest change of the torque; 20 to 100 costs little */
+    float slew;                 /**< [N m/s] largest change of the torque: 40 to 200 Fc in a second
+                                     costs little, and 20 is the least for the guarantee */
     float period;               /**< [s] time between two ticks */
     float rise;                 /**< [s] time to fade in at start and after a fault; 0: at once */
     float fall;                 /**< [s] time to fade out while the encoder is bad; 0: at once */

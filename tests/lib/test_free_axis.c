@@ -339,14 +339,16 @@ static axis_t random_elastic_axis(int lengths, int is_known)
         axis.Fc[LOAD] = Fc - axis.Fc[MOTOR];
         axis.sigma0[MOTOR] = share * sigma0;
         axis.sigma0[LOAD] = sigma0 - axis.sigma0[MOTOR];
-        axis.bits = 18;
-        axis.params.noise = 0;
-        axis.params.slew = (float)(1000 * Fc);
-        axis.params.gain = is_known ? 0.94f : axis.params.gain;
+        if (is_known) { /* the worst */
+            axis.params.gain = 0.94f;
+            axis.params.slew = (float)(1000 * Fc);
+            axis.params.noise = 0;
+            axis.bits = 18;
+        }
         /* the angle that the encoder sees, with the twist of the shaft */
         const double seen = length * (1 + (1 - share) * sigma0 / axis.shaft);
         set_bounds(&axis, Fc * (is_known ? 1 : uniform(0.7, 1)), seen * 1.000001, lengths);
-        if (sigma0 < 100 * axis.shaft && axis.delay > 0) {
+        if (sigma0 < 100 * axis.shaft && axis.delay > 0 && is_play_short(&axis)) {
             return axis;
         }
     }
