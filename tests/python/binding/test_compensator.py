@@ -278,6 +278,15 @@ def test_a_change_converts_the_speed_and_keeps_the_end_of_the_play() -> None:
     )
 
 
+def test_a_change_keeps_each_torque_and_the_speed_in_their_units() -> None:
+    one = compensator()
+    one.run_log(ELEMENTS["dahl"](), [5, 5, 5, -3, 2] * 9)
+    before = one.terms
+    one.change(Fc=0.31, sigma0=61.0, Fc_low=0.3, gain=0.4, fade_speed=7.0, period=2e-3, delay=1e-3)
+    due = {name: pytest.approx(value, rel=1e-5) for name, value in before.items()}
+    assert one.terms == due and 0 not in (before["torque"], before["wanted"], before["speed"])
+
+
 def test_a_change_has_the_bits_of_c_and_a_refused_one_changes_nothing() -> None:
     one, (plan, state) = compensator(), compensator_of_c(False)
     one.run_log(ELEMENTS["dahl"](), [9, 9, 9])
