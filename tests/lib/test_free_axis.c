@@ -19,7 +19,7 @@
 #define KICK_S 0.01
 #define LEAST_RINGS 3.0 /* e-foldings of the shaft's own damping */
 
-enum { MOTOR, LOAD, MASSES, LATEST = 4 };
+enum { MOTOR, LOAD, MASSES, LATEST = 8 };
 
 static uint64_t seed = 1;
 
