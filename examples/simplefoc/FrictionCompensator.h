@@ -42,14 +42,16 @@ class FrictionCompensator {
         return code != DAHL_OK ? code : dahl_compensator_prepare(&plan_, &params);
     }
 
-    // Update the feed-forward current once in each period. is_good: false if the sensor reports an error.
+    // Update the feed-forward current once in each period. is_good: false if the sensor reports an error; its angle is then
+    // not read.
     void loop(bool is_good = true)
     {
         if (static_cast<uint32_t>(_micros()) - last_us_ < period_us_) {
             return;
         }
         last_us_ += period_us_;
-        int32_t move = dahl_compensator_move(&plan_, &compensator_, moved(), is_good && motor_.enabled);
+        is_good = is_good && motor_.enabled;
+        int32_t move = dahl_compensator_move(&plan_, &compensator_, is_good ? moved() : 0, is_good);
         int32_t w = dahl_step_counts_q30(&friction_, &bristle_, move);
         float torque = static_cast<float>(dahl_compensator_torque(&plan_, &compensator_, w)) * DAHL_Q30 * Fc_;
         motor_.feed_forward_current.q += torque / torque_per_ampere_ - current_; // keeps the share of other terms
@@ -68,11 +70,13 @@ class FrictionCompensator {
     }
 
   private:
-    // Counts in the direction of the motor, from the angle within a turn, which keeps its resolution after many turns.
+    // Counts in the direction of the motor, from the angle within a turn, which keeps its resolution after many turns. The
+    // angle of an `Encoder` has the sign of its counter: -2 pi to 2 pi.
     int32_t moved()
     {
         long counts = lroundf(motor_.sensor->getMechanicalAngle() / 6.2831853f * static_cast<float>(counts_per_turn_));
-        uint32_t reading = static_cast<uint32_t>(counts) % counts_per_turn_;
+        long turn = static_cast<long>(counts_per_turn_);
+        uint32_t reading = static_cast<uint32_t>((counts % turn + turn) % turn);
         return dahl_encoder_move(&encoder_, reading) * static_cast<int32_t>(motor_.sensor_direction);
     }
 

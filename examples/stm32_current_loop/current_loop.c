@@ -64,7 +64,9 @@ static float clamp(float x, float limit)
 /* Return the compensation in N m. */
 static float compensate(void)
 {
-    int32_t move = dahl_compensator_move(&plan, &compensator, dahl_encoder_move(&encoder, TIM3->CNT), encoder_is_good);
+    int is_good = encoder_is_good;
+    int32_t dcounts = is_good ? dahl_encoder_move(&encoder, TIM3->CNT) : 0;
+    int32_t move = dahl_compensator_move(&plan, &compensator, dcounts, is_good);
     int32_t w = dahl_step_counts_q30(&friction, &bristle, move);
     return (float)dahl_compensator_torque(&plan, &compensator, w) * (DAHL_Q30 * FC_LOW);
 }

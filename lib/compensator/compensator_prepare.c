@@ -9,6 +9,7 @@
 #define PULL_SHIFT_MAX 30 /* bits of a ratio */
 #define SQRT2_Q31 3037000500u
 #define TWO_PI 6.2831855f
+#define FINE_COUNTS ((float)DAHL_COMPENSATOR_FINE_COUNTS)
 #define COARSE_SPEED_Q20 ((UINT32_C(1) << 20) / DAHL_COMPENSATOR_FINE_COUNTS)
 #define ONE_Q16 (UINT32_C(1) << 16)
 #define LIMIT_MAX INT32_MAX
@@ -63,11 +64,39 @@ static uint32_t speed_unit(const dahl_compensator_params_t *params)
     return unit < COARSE_SPEED_Q20 ? unit + 1 : unit;
 }
 
+/** Return the largest change in a tick, rounded down, and one unit less: dahl_compensator_change() may round the torque
+ * by one. */
+static uint32_t slew_step_q30(const dahl_compensator_params_t *params)
+{
+    dahl_real_t step = dahl_real_multiply(dahl_real_of_param(params->slew), dahl_real_of_param(params->period));
+    uint32_t step_q30 = dahl_real_to_fixed(dahl_real_divide(step, dahl_real_of_param(params->friction.Fc)), 30, UINT32_MAX);
+    return step_q30 > 0 ? step_q30 - 1 : 0;
+}
+
+/** Return true if the jump is below its multiple of the counts of a tick at fade_speed. Both products are exact, since
+ * floats have 24 bits. The product of jump and speed_unit is then below 2^30. */
+static DAHL_COLD int is_jump_below_speeds(const dahl_compensator_params_t *params)
+{
+    const dahl_real_t theta = dahl_real_of_param(params->friction.theta_per_count), fine = dahl_real_of_param(FINE_COUNTS);
+    const dahl_real_t speed = dahl_real_of_param(params->fade_speed), period = dahl_real_of_param(params->period);
+    const int32_t is_fine = dahl_real_is_product_above(speed, period, dahl_real_multiply(theta, fine));
+    const uint32_t eighth = (period.mantissa >> 8) * (DAHL_COMPENSATOR_JUMP_SPEEDS / 8);
+    const int32_t exponent = period.exponent + 8 + speed.exponent + 3 - is_fine;
+    dahl_wide_t most = dahl_normalise(dahl_mul(eighth, speed.mantissa), exponent);
+    dahl_wide_t jump = dahl_normalise(dahl_mul(params->jump, theta.mantissa), theta.exponent);
+    return jump.exponent != most.exponent ? jump.exponent < most.exponent : jump.mantissa < most.mantissa;
+}
+
+static int is_jump_in_range(const dahl_compensator_params_t *params)
+{
+    return dahl_is_zero(params->fade_speed) ? params->jump <= DAHL_COMPENSATOR_JUMP_MAX
+                                            : params->jump < DAHL_COMPENSATOR_JUMP_MAX && is_jump_below_speeds(params);
+}
+
 static int is_in_range(const dahl_compensator_params_t *params)
 {
     return dahl_bits_of(params->gain) << 1 <= dahl_bits_of(1.0f) << 1 && params->play <= DAHL_COMPENSATOR_PLAY_MAX
-        && params->noise <= DAHL_COMPENSATOR_PLAY_MAX / 2 && params->jump <= DAHL_COMPENSATOR_JUMP_MAX
-        && dahl_mul(params->jump, speed_unit(params)) < DAHL_ONE_Q30;
+        && params->noise <= DAHL_COMPENSATOR_PLAY_MAX / 2 && slew_step_q30(params) > 0 && is_jump_in_range(params);
 }
 
 /** 20 gain Fc > 19 (Fc_low - load), with the difference rounded down. */
@@ -148,14 +177,6 @@ static uint32_t fade_step_q30(dahl_real_t period, float time)
     return step > 0 ? step : 1;
 }
 
-/** One unit less, because dahl_compensator_change() may round the torque by one. */
-static uint32_t slew_step_q30(dahl_real_t period, float slew, dahl_real_t Fc)
-{
-    dahl_real_t step = dahl_real_divide(dahl_real_multiply(dahl_real_of_param(slew), period), Fc);
-    uint32_t step_q30 = dahl_real_to_fixed(step, 30, UINT32_MAX);
-    return step_q30 > 1 ? step_q30 - 1 : 1;
-}
-
 /** Return the exponent of 2 nearest to that of 1/(2 pi pull period). */
 static uint8_t pull_shift(const dahl_compensator_params_t *params, dahl_real_t period)
 {
@@ -180,7 +201,7 @@ static DAHL_COLD void write_plan(dahl_compensator_plan_t *plan, const dahl_compe
     plan->gain_q16 = dahl_is_zero(params->gain) ? 0 : dahl_real_to_fixed(dahl_real_of_param(params->gain), 16, ONE_Q16);
     plan->limit_q30 =
         (int32_t)dahl_real_to_fixed(dahl_real_divide(dahl_real_of_param(params->limit), Fc), 30, LIMIT_MAX);
-    plan->slew_q30 = slew_step_q30(period, params->slew, Fc);
+    plan->slew_q30 = slew_step_q30(params);
     plan->rise_q30 = fade_step_q30(period, params->rise);
     plan->fall_q30 = fade_step_q30(period, params->fall);
     plan->jump = params->jump;

@@ -10,17 +10,30 @@
 /** The size of this array is invalid if the state has more than 48 bytes. */
 typedef char dahl_compensator_has_at_most_48_bytes[sizeof(dahl_compensator_t) <= 48 ? 1 : -1];
 
-/** Hold the torque for the first bad ticks, then fade out. The speed is kept, so that a fault at high speed does not
- * look like rest. */
-static int32_t reject(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator)
+/** Use no move. Hold the torque for the first bad readings, then fade out. The speed is kept, so that a fault at high
+ * speed does not look like rest. */
+static int32_t hold_torque(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator)
 {
     uint32_t fade = dahl_least(compensator->fade_q30, ONE_Q30);
-    compensator->bad_ticks += compensator->bad_ticks != UINT32_MAX;
-    compensator->rejected += compensator->rejected != UINT32_MAX;
     fade -= compensator->bad_ticks < DAHL_COMPENSATOR_BAD_TICKS ? 0 : dahl_least(fade, plan->fall_q30);
     compensator->fade_q30 = fade;
     compensator->move = 0;
     return 0;
+}
+
+static int32_t reject_reading(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator)
+{
+    compensator->bad_ticks += compensator->bad_ticks != UINT32_MAX;
+    compensator->rejected += compensator->rejected != UINT32_MAX;
+    compensator->needs_start = 1;
+    return hold_torque(plan, compensator);
+}
+
+/** Set the start of the next move. bad_ticks stays, so that good and bad readings in turn fade out too. */
+static int32_t start_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator)
+{
+    compensator->needs_start = 0;
+    return hold_torque(plan, compensator);
 }
 
 /** Return the part of the move that leaves the play. Unsigned sums: any play_position is safe. */
@@ -49,13 +62,18 @@ static int is_jump(int32_t dcounts, uint32_t jump)
     return (uint32_t)dcounts + jump > 2 * jump;
 }
 
+/** A move after a rejected reading may begin at a wrong count. It is used within the play only: if the caller did not store
+ * the rejected reading, the noise then stays within the play. */
 int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t dcounts,
                               int is_good)
 {
     if (!is_good || is_jump(dcounts, plan->jump)) {
-        return reject(plan, compensator);
+        return reject_reading(plan, compensator);
     }
     int32_t move = apply_play(plan, compensator, dcounts);
+    if (compensator->needs_start != 0) {
+        return start_move(plan, compensator);
+    }
     update_speed(plan, compensator, move);
     compensator->fade_q30 = dahl_least(compensator->fade_q30 + plan->rise_q30, ONE_Q30);
     compensator->bad_ticks = 0;
@@ -71,7 +89,12 @@ static uint32_t speed_fade_q15(int32_t speed_q20)
     return (uint32_t)(left < ONE_Q20 ? left : ONE_Q20) >> 5;
 }
 
-/** The limit comes last, so that it also holds if the state is corrupt. */
+/**
+ * The limit comes last, so that it also holds if the state is corrupt.
+ *
+ * Each factor is rounded down, and so are both products. In units of 2^-15, and with factors of at most 1, gain_q16
+ * loses 1/2, each fade 1, and each product 1/2: 3.5, DAHL_COMPENSATOR_ERROR. A search reached 3.451.
+ */
 int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t ratio_q30)
 {
     uint32_t speed_fade = speed_fade_q15(compensator->speed_q20);

@@ -4,8 +4,8 @@
  * @brief Friction torque by Dahl's model, exact at every encoder tick.
  *
  * Use it to compute the friction of a bearing, gear or seal from encoder counts or angles. Call
- * dahl_prepare() once at start-up, then one of the step functions in every tick. Costs are those of
- * Cortex-M3 and, within a few percent, M4; docs/microcontroller.md has other cores.
+ * dahl_prepare() once at start-up, then one of the step functions in every tick.
+ * docs/microcontroller.md has the instructions, stack and flash of every call.
  *
  * @verbatim
  * USE
@@ -171,7 +171,6 @@ typedef struct {
  * @param[out] plan   plan to write; unchanged if the call fails
  * @param      params parameters; both pointers must be valid
  * @return #DAHL_OK, or why a parameter is rejected
- * @note Cost: 3000 instructions.
  */
 DAHL_NODISCARD dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params);
 
@@ -184,7 +183,7 @@ DAHL_NODISCARD dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *p
  * @return F [N m], -Fc .. Fc, rounded once
  * @note Error: #DAHL_ULP_COUNTS ulp of Fc. After n ticks from rest with a total travel of U
  *   presliding lengths, it is at most 0.52 ulp of F plus Fc (2^-31 U + 2^-62 n).
- * @note Cost: 39 instructions for up to 8 counts, about 15 more for each further binary digit.
+ * @note Cost: the same for up to 8 counts, then more with each binary digit.
  */
 float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
@@ -197,8 +196,7 @@ float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dco
  * @param dcounts [counts] signed move, any int32_t
  * @return F/Fc in Q30, -2^30 .. 2^30, a half rounded up
  * @note Error: #DAHL_ERROR_Q30, or 5.8e-9 if dahl_step() has moved the state.
- * @note Cost for up to 8 counts: 15 to 19 instructions in assembly, 20 at a reversal from +-Fc, 23
- *   in C.
+ * @note Cost: nearly the same for up to 8 counts, then more with each binary digit.
  */
 int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
@@ -214,7 +212,6 @@ int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32
  *   in uN m. Rounding Fc itself to an integer adds at most half a unit.
  * @note If the unit is coarse, give Fc in 1/16 of it, add all torques, and return (sum + 8) >> 4. A
  *   shift alone rounds down, by half a unit on average.
- * @note Cost: 11 instructions, 27 on Cortex-M0.
  */
 int32_t dahl_to_units(int32_t ratio_q30, uint32_t Fc_units);
 
@@ -229,7 +226,7 @@ int32_t dahl_to_units(int32_t ratio_q30, uint32_t Fc_units);
  * @note Error: #DAHL_ULP_ANGLE ulp of Fc for the floats fed. The bound holds forever if each travel
  *   u is at least 2^-30, otherwise for 2^31 ticks. A subnormal dtheta, or a travel u below 2^-64,
  *   counts as no motion.
- * @note Cost: 62 instructions on Cortex-M3 to M33. g(u) is one of 16 cubics, without libm.
+ * @note g(u) is one of 16 cubics, without libm.
  */
 float dahl_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta);
 
@@ -238,7 +235,6 @@ float dahl_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta);
  * @param plan  prepared plan
  * @param state state to read
  * @return F [N m], -Fc .. Fc
- * @note Cost: 37 instructions.
  */
 float dahl_torque(const dahl_plan_t *plan, const dahl_state_t *state);
 
@@ -248,7 +244,6 @@ float dahl_torque(const dahl_plan_t *plan, const dahl_state_t *state);
  *
  * @param state state to check
  * @return 1 if the state is in range, 0 if the next call would clamp it
- * @note Cost: 8 instructions.
  */
 int dahl_state_ok(const dahl_state_t *state);
 
@@ -259,7 +254,6 @@ int dahl_state_ok(const dahl_state_t *state);
  * @param state state to set
  * @param F     [N m] torque, clamped to +-Fc. If it is NaN, the state keeps its torque.
  * @note If |F| >= 2^-36 Fc, dahl_torque() then returns the same float.
- * @note Cost: at most 710 instructions.
  */
 void dahl_set_torque(const dahl_plan_t *plan, dahl_state_t *state, float F);
 
@@ -275,7 +269,6 @@ void dahl_set_torque(const dahl_plan_t *plan, dahl_state_t *state, float F);
  * @param state state to convert
  * @note Error of the new F, for any two plans: 2^-30 of F itself plus 2^-62 of the new Fc. The
  *   earlier error in N m stays, which is more ulp of a smaller Fc.
- * @note Cost: at most 1716 instructions.
  */
 void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state_t *state);
 
@@ -288,8 +281,7 @@ void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state
  * @param modulus number of values of the reading: 65536 for a 16-bit timer, 0 for a 32-bit timer,
  *   the counts per turn for an absolute encoder
  * @return [counts] move, -modulus/2 <= result < modulus/2; half a modulus counts as negative
- * @note Cost: 19 instructions. Without a divider, a reading that is not below the modulus costs
- *   more.
+ * @note Without a divider, a reading that is not below the modulus costs more.
  */
 int32_t dahl_counts_between(uint32_t before, uint32_t now, uint32_t modulus);
 

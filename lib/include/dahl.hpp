@@ -103,7 +103,8 @@ private:
     dahl_state_t state_;
 };
 
-/// Readings of a counter to counts per tick (dahl_encoder.h). It never moves before init().
+/// Readings of a counter to counts per tick (dahl_encoder.h). It never moves before init(). Do not
+/// pass a reading that is known to be bad: the next move then covers both ticks.
 class Encoder {
 public:
     /// An encoder that is not initialized.
@@ -115,9 +116,9 @@ public:
         return dahl_encoder_init(&encoder_, modulus, sign, largest_step);
     }
 
-    /// dahl_encoder_move()
+    /// dahl_encoder_move(): 0 for a first reading, a jump, and the reading after a jump.
     int32_t move(uint32_t reading) { return dahl_encoder_move(&encoder_, reading); }
-    /// dahl_encoder_home()
+    /// dahl_encoder_home(). Mask the interrupt of the tick while you set the counter and call it.
     void home(uint32_t reading) { dahl_encoder_home(&encoder_, reading); }
     /// Number of rejected jumps.
     constexpr uint32_t jumps() const { return encoder_.jumps; }

@@ -39,6 +39,21 @@
  *     w = dahl_step_counts_q30(&friction, &bristle, reference_move);
  * @endverbatim
  *
+ * @par Bad readings
+ * In a tick with a bad reading, pass is_good = 0, and do not call dahl_encoder_move(). There is an
+ * example in docs/encoder.md.
+ *
+ * A move is used only if the reading before it was accepted too. The first good reading after a
+ * rejected one returns 0: it sets the start of the next move, and may shift the counts within the
+ * play. So no way back from a wrong count steps the element, even if dahl_encoder_move() read it.
+ * - A bad reading loses the motion of its tick and of the next one, and that of a third tick if the
+ *   next move is longer than `jump`.
+ * - The torque is held. From #DAHL_COMPENSATOR_BAD_TICKS bad readings without a used move on, it
+ *   fades out in `fall`, also if good and bad readings take turns.
+ * - If dahl_encoder_move() reads bad readings again and again, a free axis trembles: each time, the
+ *   place of the noise within the play is lost.
+ * - A wrong reading that is neither reported nor longer than `jump` counts as motion.
+ *
  * @par Torque
  * y = gain w fade speed_fade, then a limit on its slew, then a limit on y. A torque is a fraction
  * of Fc of the element in Q30, with the sign of the motion: add it to the command. dahl_to_units()
@@ -50,8 +65,8 @@
  * the prepare function enforces:
  * - 3 inertia >= sigma0_high (delay + period/2)^2: a lighter rotor swings,
  * - gain Fc <= 0.95 (Fc_low - load): otherwise a load drives the axis,
- * - Fc/sigma0 >= length_long, or 4 length_long if the axis is elastic: otherwise the motor swings on
- *   its shaft.
+ * - Fc/sigma0 >= length_long, or 4 length_long if the axis is elastic: otherwise the motor swings
+ *   on its shaft.
  *
  * The bounds must be true:
  * - Fc_low is at most the true Fc, at all speeds below twice fade_speed, and in each condition,
@@ -88,11 +103,6 @@
  * As in dahl.h: integers only, equal bits everywhere, no heap, no global variable, no libm, no
  * division by a variable in a tick. A plan of all zeros gives no torque. A compensator of all zeros
  * is relaxed and fades in. Any bits are a safe state: the torque stays within the limit.
- *
- * @par Cost
- * In addition to the tick of the element, worst case: 96 instructions for move and torque, 111 on
- * Cortex-M0. This includes 11 of the function that calls both. A pull adds 12, or 13 on M0, and the
- * tick of a second element. The three calls alone then execute 97, or 113 on M0.
  */
 #ifndef DAHL_COMPENSATOR_H
 #define DAHL_COMPENSATOR_H
@@ -103,16 +113,18 @@
 extern "C" {
 #endif
 
-/** Consecutive bad readings that start the fade. Fewer only hold the torque. */
+/** Bad readings without a used move in between that start the fade. Fewer only hold the torque. */
 #define DAHL_COMPENSATOR_BAD_TICKS 3u
 /** [count] Largest play, and largest noise times 2. */
 #define DAHL_COMPENSATOR_PLAY_MAX 16777216u
 /** [count] Largest jump. */
 #define DAHL_COMPENSATOR_JUMP_MAX 1073741824u
-/** [1] Largest jump over the counts of a tick at fade_speed. */
+/** [1] A jump must be below this multiple of the counts of a tick at fade_speed. */
 #define DAHL_COMPENSATOR_JUMP_SPEEDS 1000u
 /** [count] Counts of a tick at fade_speed above which half of that factor applies. */
 #define DAHL_COMPENSATOR_FINE_COUNTS 16384u
+/** [1] Rounding of gain and fades, as a part of the torque of the element. */
+#define DAHL_COMPENSATOR_ERROR 1.0682e-4
 
 /** Result of dahl_compensator_prepare() and dahl_adaptation_prepare(). No code but 0 is one of
  * dahl_err_t. */
@@ -161,11 +173,14 @@ typedef struct {
                                      and load; 0 if the axis is rigid */
     float gain;                 /**< [1] 0 .. 1: share of the friction to cancel */
     float limit;                /**< [N m] largest torque; above 2 Fc counts as 2 Fc */
-    float slew;                 /**< [N m/s] largest change of the torque: 40 to 200 Fc in a second
-                                     costs little, and 20 is the least for the guarantee */
+    float slew;                 /**< [N m/s] largest change of the torque, at least 2^-29 Fc in a
+                                     tick: 40 to 200 Fc in a second costs little, and 20 is the
+                                     least for the guarantee */
     float period;               /**< [s] time between two ticks */
-    float rise;                 /**< [s] time to fade in at start and after a fault; 0: at once */
-    float fall;                 /**< [s] time to fade out while the encoder is bad; 0: at once */
+    float rise;                 /**< [s] time to fade in at start and after a fault, at most 2^30
+                                     ticks; 0: at once */
+    float fall;                 /**< [s] time to fade out while the encoder is bad, at most 2^30
+                                     ticks; 0: at once */
     float fade_speed;           /**< [rad/s] the torque falls from all of it at this speed to 0 at
                                      twice this speed; 0: no fade over speed. With more than
                                      #DAHL_COMPENSATOR_FINE_COUNTS per tick at this speed, the fade
@@ -206,12 +221,14 @@ typedef struct {
     int32_t fade_exponent;  /**< exponent of fade_mantissa */
 } dahl_compensator_plan_t;
 
-/** State and telemetry of one compensator, 40 bytes. All zeros: relaxed, faded out. */
+/** State and telemetry of one compensator, 44 bytes. All zeros: relaxed, faded out. */
 typedef struct {
     int32_t play_position;    /**< [count] position of the counts within the play */
     int32_t move;             /**< [count] last result of dahl_compensator_move() */
-    uint32_t bad_ticks;       /**< consecutive ticks with a rejected reading */
+    uint32_t bad_ticks;       /**< rejected readings since the last move that was used */
     uint32_t rejected;        /**< rejected readings since the start; stops at UINT32_MAX */
+    uint32_t needs_start;     /**< not 0: the last reading was rejected; the next good one only sets
+                                   the start of a move */
     int32_t speed_q20;        /**< [Q20 of fade_speed] mean of the speed */
     uint32_t fade_q30;        /**< [Q30] fade: 0 out, 2^30 in */
     uint32_t speed_fade_q15;  /**< [Q15] fade over speed */
@@ -228,7 +245,7 @@ typedef struct {
  *   in the order of dahl_compensator_err_t.
  * @note Bounds are compared exactly. Two are rounded to the safe side: the rule of the inertia by
  *   2^-26 of it, Fc_low - load by 2^-30 of it. A length_long one float above Fc/sigma0 passes, so
- *   that sigma0 = Fc/length_long is accepted in float. Cost: 9000 instructions at most.
+ *   that sigma0 = Fc/length_long is accepted in float.
  */
 DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
     dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params);
@@ -238,11 +255,11 @@ DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
  * every tick, with both laws.
  * @param plan        prepared plan
  * @param compensator state
- * @param dcounts     [counts] measured move since the last tick, any int32_t
+ * @param dcounts     [counts] measured move since the last tick, any int32_t; unused with a bad
+ *   reading
  * @param is_good     0 if the reading is bad or stale: CRC error, timeout, lost magnet
- * @return [counts] move for the element of the measured law; 0 if the reading is rejected. After
- *   a rejected reading, the next one counts from the new position.
- * @note Cost: about half of the 96 instructions.
+ * @return [counts] move for the element of the measured law; 0 if the reading is rejected, or if it
+ *   only sets the start of the next move
  */
 int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator,
                               int32_t dcounts, int is_good);
@@ -253,10 +270,10 @@ int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensa
  * @param compensator state
  * @param ratio_q30   [Q30 of Fc] torque of the element: result of its Q30 call
  * @return [Q30 of Fc] torque to add to the command, within the limit
- * @note Error: 2.3 x 2^-15 of ratio_q30 at most, from the fades. It is ratio_q30 with gain 1, if
- *   no fade, slew or limit is in reach. The opposite input from the opposite state gives the
- *   opposite torque within 2^-30, also in a run: the mean of the speed is symmetric. Cost: about
- *   half of the 96 instructions.
+ * @note Error: at most #DAHL_COMPENSATOR_ERROR of ratio_q30 and 2^-30, towards 0, for the gain of
+ *   the parameters and the fade_q30 and speed_q20 of the state. It is ratio_q30 with gain 1, if no
+ *   fade, slew or limit is in reach. The opposite input from the opposite state gives the
+ *   opposite torque within 2^-30, also in a run: the mean of the speed is symmetric.
  */
 int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
                                 dahl_compensator_t *compensator, int32_t ratio_q30);
@@ -270,14 +287,12 @@ int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
  *   the distance to the nearer end of the play is kept. The fade and the counters stay.
  * @note The next torque is within the limit of `to`, and it differs from the last one by at most
  *   the slew of `to`, both in N m, for any new Fc, gain, limit, slew, fade_speed, play or period.
- *   Two exceptions. If the new limit is below the torque, both cannot hold: the limit does. The
- *   torque falls to it at once, and from there by the slew at most. If slew period is below 2^-29
- *   Fc, the difference is at most that.
+ *   If the new limit is below the torque, both cannot hold: the limit does. The torque falls to it
+ *   at once, and from there by the slew at most.
  * @note A state converts to 0 torque if one of the plans is all zeros. If `from` has no fade over
  *   speed, the speed begins with that of the last move. Interrupts: only the context of the ticks
  *   may call it. `from` may be written again after it returns; `to` must stay until the next
- *   change (examples/change_parameters). Cost: 1650 instructions, 3650 on Cortex-M0; 140 bytes of
- *   stack, 192 on M0.
+ *   change (examples/change_parameters).
  */
 void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_compensator_plan_t *to,
                              dahl_compensator_t *compensator);
@@ -289,7 +304,8 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
  * @param plan     prepared plan; without pull, the state is unchanged
  * @param state    state of the element that the reference steps
  * @param measured state of the same element, stepped by the results of dahl_compensator_move()
- * @note A gap below 2^(pull_shift - 30) Fc stays. Cost: 12 instructions, 13 on Cortex-M0.
+ * @note A gap of up to 2^(pull_shift - 30) Fc stays. States that dahl_state_ok() accepts stay so.
+ *   `measured` needs the tick of a second element.
  */
 void dahl_compensator_pull(const dahl_compensator_plan_t *plan, dahl_state_t *state,
                            const dahl_state_t *measured);
@@ -362,7 +378,6 @@ DAHL_NODISCARD dahl_compensator_err_t dahl_adaptation_prepare(
  * @param adaptation state
  * @param ratio_q30  [Q30 of Fc] torque of the element
  * @return [Q30 of Fc] ratio_q30 times the estimated Fc over that of the element, saturated to 2 Fc
- * @note Cost: 20 instructions.
  */
 int32_t dahl_adaptation_apply(dahl_adaptation_t *adaptation, int32_t ratio_q30);
 
@@ -373,8 +388,7 @@ int32_t dahl_adaptation_apply(dahl_adaptation_t *adaptation, int32_t ratio_q30);
  * @param compensator compensator of the same axis: its move and bad_ticks are read
  * @param motor_q24   [Q24 of Fc] whole motor torque during the last tick, with the delay of the
  *   drive; samples above 4 Fc are dropped
- * @note Cost: 156 instructions, 265 on Cortex-M0, when both directions are complete; about half in
- *   other ticks.
+ * @note Cost: the most when both directions are complete; about half in other ticks.
  */
 void dahl_adaptation_step(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *adaptation,
                           const dahl_compensator_t *compensator, int32_t motor_q24);

@@ -15,8 +15,19 @@
  * The modulus is the number of values of the reading, which is seldom one turn: 65536 for a 16-bit
  * timer, 0 for a 32-bit timer, the counts per turn for an absolute encoder or a timer that reloads.
  *
- * A move larger than largest_step is rejected as a jump. It counts as no motion and increments
- * `jumps`. The next move starts at the new reading, so only the motion of that tick is lost.
+ * @par Wrong readings
+ * A move larger than largest_step is rejected as a jump: it returns 0 and increments `jumps`. The
+ * next reading counts as a first one, so that the way back from a wrong reading is no motion. A
+ * jump loses the motion of two ticks.
+ * - If you know that a reading is bad (CRC, timeout, lost magnet), do not call dahl_encoder_move()
+ *   in that tick. The next move covers both ticks; largest_step must allow it.
+ * - In front of a compensator, pass largest_step 0, because its `jump` rejects the same moves and
+ *   fades out. Report a bad reading to dahl_compensator_move(): it uses no move from or to a
+ *   rejected reading, even if you gave that reading to dahl_encoder_move().
+ *
+ * @par Interrupts
+ * If a tick runs between the code that sets the counter and dahl_encoder_home(), it takes the new
+ * count as motion. Mask the interrupt of the tick around both. docs/encoder.md has the code.
  *
  * docs/encoder.md covers quadrature, index pulses, velocities, and angles as float.
  */
@@ -48,7 +59,7 @@ typedef struct {
     uint32_t largest_step; /**< [counts] largest move that is no jump; 0: no limit */
     uint32_t jumps;        /**< jumps since dahl_encoder_init(); stops at UINT32_MAX */
     int8_t sign;           /**< +1 or -1; 0: not initialized */
-    uint8_t primed;        /**< 1: `last` holds a reading of an initialized encoder */
+    uint8_t primed;        /**< 1: the next move starts at `last`; 0: at the next reading */
 } dahl_encoder_t;
 
 /**
@@ -65,9 +76,10 @@ DAHL_NODISCARD dahl_err_t dahl_encoder_init(dahl_encoder_t *encoder, uint32_t mo
                                             uint32_t largest_step);
 
 /**
- * Set the starting point of the next move, if the counter was set without motion, as by homing.
+ * Set the starting point of the next move, if the counter was set without motion, as by homing. No
+ * tick may run since the counter was set: mask its interrupt around both.
  * @param encoder encoder
- * @param reading [counts] present reading
+ * @param reading [counts] value to which the counter was set
  */
 void dahl_encoder_home(dahl_encoder_t *encoder, uint32_t reading);
 
@@ -80,9 +92,8 @@ int32_t dahl_encoder_rare_move(dahl_encoder_t *encoder, uint32_t reading);
  * @param encoder encoder
  * @param reading [counts] present reading, modulo the modulus
  * @return [counts] signed move; half a modulus counts as negative. 0 for the first reading, for a
- *   jump, and if the encoder is not initialized.
- * @note Cost: 11 instructions, inline, if the modulus is a power of two, as for a 16-bit or 32-bit
- *   timer.
+ *   jump and the reading after it, and if the encoder is not initialized.
+ * @note It is inline if the modulus is a power of two, as for a 16-bit or 32-bit timer.
  */
 DAHL_ENCODER_INLINE int32_t dahl_encoder_move(dahl_encoder_t *encoder, uint32_t reading)
 {

@@ -49,6 +49,26 @@
  * @endverbatim
  * No mask is needed if the interrupt only queues frames. No call waits, and two nodes share no data.
  *
+ * @par Time and stack of a receive interrupt
+ * A ParamWrite that changes Sigma0, Fc or ThetaPerCount calls dahl_prepare() inside
+ * dahl_node_receive(): its ParamReply says whether the values fit, and the next EncoderState uses
+ * them. On a Cortex-M0 it needs at most 15500 instructions and 540 bytes of stack, which is 0.4 ms
+ * at 48 MHz with a multiplier of one cycle. An EncoderState of the Dahl element needs at most 2600
+ * instructions and 170 bytes of stack. docs/microcontroller.md has other cores and models. To
+ * prepare in dahl_node_tick() would gain nothing, because the interrupt is masked there.
+ *
+ * If the interrupt does not have this time, let it only queue the frames. All examples call the
+ * node in the main program:
+ * @verbatim
+ *   receive interrupt:  queue_put(&queue, &frame);                  // a queue of your firmware
+ *   main program:       while (queue_get(&queue, &in)) {
+ *                           if (dahl_node_receive(&node, &in, clock_us(), &out)) { send(&out); }
+ *                       }
+ *   every millisecond:  if (dahl_node_tick(&node, clock_us(), &out)) { send(&out); }
+ * @endverbatim
+ * Read the clock at the call, not in the interrupt, so that it does not go back. An answer then
+ * waits for the main program, and an EncoderState for a ParamWrite before it.
+ *
  * @par Driver
  * The node needs only dahl_can_frame_t and its flags from dahl_can_bus.h. Any driver can fill in
  * id, flags, length and data; time_us is not read.
@@ -133,7 +153,10 @@ typedef struct {
     uint32_t load;             /**< [1/DAHL_NODE_ONE] load relative to that of Fc, for the model
                                     Loaded; more than 1 counts as 1 */
     uint32_t ramp_us;          /**< [us] time of the gain from 0 to 1; 0: none. A gap of more
-                                    than 65 ms counts as 65 ms */
+                                    than 65 ms counts as 65 ms. If it changes while the gain
+                                    moves, the next answer goes on from the present gain at the
+                                    new rate, and with 0 reaches the gain at once. Each change may
+                                    shift the gain by 1/DAHL_NODE_ONE */
     uint32_t timeout_us;       /**< [us] timeout */
     uint32_t max_step;         /**< [counts/ms] MaxStep; 0: no limit */
     uint32_t status_us;        /**< [us] period of Status; 0: only after power-on, a timeout, a
@@ -248,7 +271,7 @@ typedef struct {
 } dahl_node_parallel_t;
 
 /** Use Dahl and slip elements on one shaft. The answer is a fraction of the sum of Fc. Fc and
- * Sigma0 return their sums. Error: 1e-9 plus that of the elements. Stack: 3 KiB. */
+ * Sigma0 return their sums. Error: 1e-9 plus that of the elements. */
 DAHL_NODISCARD dahl_err_t dahl_node_use_parallel(dahl_node_t *node, dahl_node_parallel_t *storage,
                                                  const dahl_node_parallel_params_t *params);
 /** @} */
@@ -277,7 +300,8 @@ bool dahl_node_receive(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t n
  * @param      node   node
  * @param      now_us [us] time
  * @param[out] out    Status frame
- * @return true if `out` must be sent; the first call returns true
+ * @return true if `out` must be sent. The first call returns true, unless dahl_node_receive() has
+ *   sent the Status before, as the answer to a Reset.
  */
 bool dahl_node_tick(dahl_node_t *node, uint32_t now_us, dahl_can_frame_t *out);
 

@@ -110,7 +110,6 @@ typedef struct {
  * @param      params parameters
  * @return #DAHL_OK, or why a parameter, or the travel sigma0/Fc theta_per_count of one count, is
  *   rejected for an element. theta_per_count = 0 is #DAHL_ERR_PARAM: there is no step by angle.
- * @note Cost: 1800 instructions for each element.
  */
 DAHL_NODISCARD dahl_err_t dahl_slip_prepare(dahl_slip_plan_t *plan,
                                             const dahl_slip_params_t *params);
@@ -122,7 +121,7 @@ DAHL_NODISCARD dahl_err_t dahl_slip_prepare(dahl_slip_plan_t *plan,
  * @param dcounts [counts] signed move, any int32_t
  * @return F [N m]. If all elements slip, it is the sum of Fc, if a float can represent it.
  * @note Error: #DAHL_ULP_PARTS ulp of the sum of Fc, 0.522 with one element.
- * @note Cost, for any move: 51 instructions, and 18 for each element.
+ * @note Cost: the same for any move, and more with each element.
  */
 float dahl_slip_step_counts(const dahl_slip_plan_t *plan, dahl_slip_state_t *state,
                             int32_t dcounts);
@@ -130,7 +129,7 @@ float dahl_slip_step_counts(const dahl_slip_plan_t *plan, dahl_slip_state_t *sta
 /**
  * Move slip elements as dahl_slip_step_counts() does. Integers only.
  * @return F / sum of Fc in Q30, -2^30 .. 2^30, a half rounded up
- * @note Error: #DAHL_SLIP_ERROR_Q30. Cost: 20 instructions, and 18 for each element.
+ * @note Error: #DAHL_SLIP_ERROR_Q30.
  */
 int32_t dahl_slip_step_counts_q30(const dahl_slip_plan_t *plan, dahl_slip_state_t *state,
                                   int32_t dcounts);
@@ -175,7 +174,6 @@ int64_t dahl_slip_part_move(const void *plan, void *state, int32_t dcounts);
  * @return sum of F [N m]
  * @note Error: #DAHL_ULP_PARTS ulp of the sum of all Fc, for up to 10000 parts; 0.52 ulp if all are
  *   Dahl elements.
- * @note Cost: 50 instructions, and for each part 40 plus its own move.
  */
 float dahl_parallel_step_counts(const dahl_part_t *parts, uint32_t count, int32_t dcounts);
 
@@ -185,7 +183,6 @@ float dahl_parallel_step_counts(const dahl_part_t *parts, uint32_t count, int32_
  * @param[out] shares [Q31] negative shares with the sum -2^31; 0 for a plan of all zeros
  * @param      parts  parts
  * @param      count  number of parts and shares
- * @note Cost: 460 instructions for each part.
  */
 void dahl_parallel_shares(int32_t *shares, const dahl_part_t *parts, uint32_t count);
 
@@ -202,8 +199,6 @@ void dahl_parallel_shares(int32_t *shares, const dahl_part_t *parts, uint32_t co
  * @return F / sum of Fc in Q30, a half rounded up; +-2^30 if all parts are at Fc. dahl_to_units()
  *   converts it.
  * @note Error: DAHL_PARALLEL_ERROR_Q30(count).
- * @note Cost: 21 instructions, and 22 for each Dahl element up to 8 counts, 11 plus its own move
- *   for any other part.
  */
 int32_t dahl_parallel_step_counts_q30(const dahl_part_t *parts, const int32_t *shares,
                                       uint32_t count, int32_t dcounts);
@@ -220,14 +215,12 @@ typedef struct {
 
 /**
  * Move as dahl_step_counts() does and add up the work.
- * @note Cost: 53 instructions for up to 8 counts.
  */
 float dahl_work_step_counts(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work,
                             int32_t dcounts);
 
 /**
  * Move as dahl_step_counts_q30() does and add up the work.
- * @note Cost: 34 instructions for up to 8 counts.
  */
 int32_t dahl_work_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work,
                                   int32_t dcounts);
@@ -267,8 +260,7 @@ float dahl_work(const dahl_params_t *params, const dahl_work_t *work);
  *   fails.
  * @return #DAHL_OK; #DAHL_ERR_PARAM if F is NaN or infinite; #DAHL_ERR_RANGE if F is beyond Fc, or
  *   if a move of 2^31 - 1 counts does not reach it
- * @note Cost: about 1000 instructions, 1450 if a count travels 1e-6. If counts change the torque by
- *   less than its rounding, up to 62 moves.
+ * @note Cost: a search. If counts change the torque by less than its rounding, up to 62 moves.
  */
 DAHL_NODISCARD dahl_err_t dahl_counts_to_torque(const dahl_plan_t *plan, const dahl_state_t *state,
                                                 float F, int32_t *dcounts);
@@ -278,8 +270,7 @@ DAHL_NODISCARD dahl_err_t dahl_counts_to_torque(const dahl_plan_t *plan, const d
  * @param plan   prepared plan
  * @param stroke [counts] distance between the two ends
  * @return [N m] Fc tanh(u/2), u the travel of the stroke
- * @note Error: 2^-30 of the result, and one rounding. Cost: 530 instructions for 1000 counts, at
- *   most 900.
+ * @note Error: 2^-30 of the result, and one rounding.
  */
 float dahl_tip_torque(const dahl_plan_t *plan, uint32_t stroke);
 /** @} */
@@ -330,14 +321,13 @@ DAHL_NODISCARD dahl_err_t dahl_velocity_prepare(dahl_velocity_plan_t *plan,
  * @param plan    prepared plan; if it is all zeros, the torque is 0
  * @param dcounts [counts per tick] signed speed, any int32_t
  * @return torque [N m]
- * @note Error: 1.5 2^-30 of the largest torque, and one rounding. Cost: 43 instructions.
+ * @note Error: 1.5 2^-30 of the largest torque, and one rounding.
  */
 float dahl_velocity_torque(const dahl_velocity_plan_t *plan, int32_t dcounts);
 
 /**
  * Return the torque at a speed. Integers only.
  * @return torque over the largest |torque|, in Q30
- * @note Cost: 23 instructions.
  */
 int32_t dahl_velocity_torque_q30(const dahl_velocity_plan_t *plan, int32_t dcounts);
 /** @} */
@@ -383,7 +373,6 @@ typedef struct {
  * @param      params parameters
  * @return #DAHL_OK, or why a parameter, or the travel sigma0/Fc theta_per_count of one count, is
  *   rejected for either Fc. theta_per_count = 0 is #DAHL_ERR_PARAM: there is no step by angle.
- * @note Cost: 5000 instructions.
  */
 DAHL_NODISCARD dahl_err_t dahl_asymmetric_prepare(dahl_asymmetric_plan_t *plan,
                                                   const dahl_asymmetric_params_t *params);
@@ -395,7 +384,7 @@ DAHL_NODISCARD dahl_err_t dahl_asymmetric_prepare(dahl_asymmetric_plan_t *plan,
  * @param dcounts [counts] signed move, any int32_t
  * @return F [N m], -Fc_backward .. Fc_forward; it exceeds the smaller of the two by at most the
  *   error
- * @note Error: #DAHL_ULP_PARTS ulp of the larger Fc. Cost: 60 instructions for up to 8 counts.
+ * @note Error: #DAHL_ULP_PARTS ulp of the larger Fc.
  */
 float dahl_asymmetric_step_counts(const dahl_asymmetric_plan_t *plan, dahl_state_t *state,
                                   int32_t dcounts);
@@ -403,7 +392,7 @@ float dahl_asymmetric_step_counts(const dahl_asymmetric_plan_t *plan, dahl_state
 /**
  * Move as dahl_asymmetric_step_counts() does. Integers only.
  * @return F / larger Fc in Q30, a half rounded up
- * @note Error: #DAHL_ASYMMETRIC_ERROR_Q30. Cost: 32 instructions.
+ * @note Error: #DAHL_ASYMMETRIC_ERROR_Q30.
  */
 int32_t dahl_asymmetric_step_counts_q30(const dahl_asymmetric_plan_t *plan, dahl_state_t *state,
                                         int32_t dcounts);
@@ -437,8 +426,7 @@ typedef struct {
  *   and the bristle relaxes when a load returns.
  * @return F [N m], -c Fc .. c Fc, the nearest float. If c Fc < 2^-64 N m, a torque below 2^-32 c Fc
  *   becomes 0.
- * @note Error: #DAHL_ULP_PARTS ulp of c Fc. Cost: 90 instructions for up to 8 counts, 266 if the
- *   load grew.
+ * @note Error: #DAHL_ULP_PARTS ulp of c Fc. Cost: more if the load grew.
  */
 float dahl_loaded_step_counts(const dahl_plan_t *plan, dahl_loaded_state_t *state, int32_t dcounts,
                               uint32_t load_q30);
@@ -446,7 +434,7 @@ float dahl_loaded_step_counts(const dahl_plan_t *plan, dahl_loaded_state_t *stat
 /**
  * Move as dahl_loaded_step_counts() does. Integers only.
  * @return F/Fc in Q30, between -2^31 and 2^31, a half rounded up
- * @note Error: #DAHL_LOADED_ERROR_Q30. Cost: 39 instructions, 221 if the load grew.
+ * @note Error: #DAHL_LOADED_ERROR_Q30. Cost: more if the load grew.
  */
 int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t *state,
                                     int32_t dcounts, uint32_t load_q30);
@@ -471,7 +459,7 @@ int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t
  * @param load_q30 [Q30] load c, as in dahl_loaded_step_counts(). If it is 0, F is 0 and stays 0
  *   until the shaft moves under a load.
  * @return F [N m], -c Fc .. c Fc, exceeded by at most 2^-31 Fc and its rounding to float
- * @note Error: #DAHL_ULP_ANGLE ulp of Fc, or of c Fc if c > 1. Cost: 165 instructions.
+ * @note Error: #DAHL_ULP_ANGLE ulp of Fc, or of c Fc if c > 1.
  */
 float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta,
                         uint32_t load_q30);
@@ -509,7 +497,6 @@ typedef struct {
  * @return #DAHL_OK, or why a parameter or the travel of one count is rejected. b >= 1 is
  *   #DAHL_ERR_RANGE; a b that is NaN, infinite, zero or negative, and theta_per_count = 0, are
  *   #DAHL_ERR_PARAM.
- * @note Cost: 4000 instructions.
  */
 DAHL_NODISCARD dahl_err_t dahl_elastoplastic_prepare(dahl_elastoplastic_plan_t *plan,
                                                      const dahl_params_t *params,
@@ -521,8 +508,7 @@ DAHL_NODISCARD dahl_err_t dahl_elastoplastic_prepare(dahl_elastoplastic_plan_t *
  * @param state   state to move; 0 counts leave it bit-identical
  * @param dcounts [counts] signed move, any int32_t
  * @return F [N m], -Fc .. Fc
- * @note Error: #DAHL_ULP_PARTS ulp of Fc. Cost: 75 instructions for up to 8 counts, 144 if they
- *   cross b.
+ * @note Error: #DAHL_ULP_PARTS ulp of Fc. Cost: more if the move crosses b.
  */
 float dahl_elastoplastic_step_counts(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state,
                                      int32_t dcounts);
@@ -530,7 +516,7 @@ float dahl_elastoplastic_step_counts(const dahl_elastoplastic_plan_t *plan, dahl
 /**
  * Move as dahl_elastoplastic_step_counts() does. Integers only.
  * @return F/Fc in Q30, -2^30 .. 2^30, a half rounded up
- * @note Error: #DAHL_ELASTOPLASTIC_ERROR_Q30. Cost: 38 instructions, 107 if they cross b.
+ * @note Error: #DAHL_ELASTOPLASTIC_ERROR_Q30. Cost: more if the move crosses b.
  */
 int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan,
                                            dahl_state_t *state, int32_t dcounts);

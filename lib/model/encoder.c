@@ -63,6 +63,15 @@ static int is_jump(const dahl_encoder_t *encoder, int32_t move)
     return distance > encoder->largest_step && encoder->largest_step != 0;
 }
 
+/** The next reading is a first one: the way back from a wrong reading may be shorter than largest_step. */
+static int32_t drop_jump(dahl_encoder_t *encoder)
+{
+    encoder->jumps += encoder->jumps != UINT32_MAX;
+    encoder->primed = 0;
+    encoder->reach = 0; /* no move is inline */
+    return 0;
+}
+
 int32_t dahl_encoder_rare_move(dahl_encoder_t *encoder, uint32_t reading)
 {
     uint32_t before = encoder->last, now = reading;
@@ -76,9 +85,5 @@ int32_t dahl_encoder_rare_move(dahl_encoder_t *encoder, uint32_t reading)
         before = reading;
     }
     int32_t move = dahl_shortest_move(before, now, encoder->modulus);
-    if (is_jump(encoder, move)) {
-        encoder->jumps += encoder->jumps != UINT32_MAX;
-        return 0;
-    }
-    return move;
+    return is_jump(encoder, move) ? drop_jump(encoder) : move;
 }

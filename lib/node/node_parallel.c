@@ -3,6 +3,7 @@
  * Fc_k / sum of Fc. Shares are integer multiples of 2^-62 with the sum 1: if all elements are at Fc, the answer is
  * exactly 1. Error: 2^-32 from rounding w to Q31, 2^-31 from rounding the sum, plus the errors of the elements
  * times their shares. */
+#include "../model/check_params.h"
 #include "use_model.h"
 
 #define ONE_Q31 (INT64_C(1) << 31)
@@ -86,6 +87,7 @@ static void distribute_shares(dahl_node_parallel_t *storage)
     const int32_t highest = highest_exponent(storage);
     uint64_t sum = storage->slip.elements == 0 ? 0 : align_Fc(storage->slip.Fc_mantissa, storage->slip.Fc_exponent, highest);
     uint64_t remainder = ONE_Q62;
+    storage->slip_share = 0;
     for (uint32_t k = 0; k < storage->bearings; k++) {
         sum += align_Fc(storage->plan[k].Fc_mantissa, storage->plan[k].Fc_exponent, highest);
     }
@@ -101,54 +103,67 @@ static int is_slip(const dahl_node_parallel_params_t *params, uint32_t k)
     return (params->slips >> k & 1u) != 0;
 }
 
-static dahl_err_t prepare_bearings(dahl_node_parallel_t *storage, const dahl_node_parallel_params_t *params)
+static dahl_params_t element_params(const dahl_node_parallel_params_t *params, uint32_t k)
 {
-    dahl_err_t err = DAHL_OK;
-    for (uint32_t k = 0; k < params->elements && err == DAHL_OK; k++) {
-        if (!is_slip(params, k)) {
-            const dahl_params_t one = {params->sigma0[k], params->Fc[k], params->theta_per_count};
-            err = dahl_prepare(&storage->plan[storage->bearings], &one);
-            storage->bearings++;
-        }
-    }
-    return err;
+    return (dahl_params_t){params->sigma0[k], params->Fc[k], params->theta_per_count};
 }
 
-static dahl_err_t prepare_slip(dahl_node_parallel_t *storage, const dahl_node_parallel_params_t *params)
+/** Return the error of the first wrong Dahl element, else that of the slip elements. */
+static dahl_err_t check_elements(const dahl_node_parallel_params_t *params)
 {
-    dahl_slip_params_t slip = {.theta_per_count = params->theta_per_count};
+    int32_t err = DAHL_OK, slip_err = DAHL_OK;
     for (uint32_t k = 0; k < params->elements; k++) {
-        if (is_slip(params, k)) {
-            slip.sigma0[slip.elements] = params->sigma0[k];
-            slip.Fc[slip.elements] = params->Fc[k];
-            slip.elements++;
-        }
+        const dahl_params_t one = element_params(params, k);
+        const int32_t found = dahl_check_params(&one);
+        slip_err |= is_slip(params, k) ? found : DAHL_OK;
+        err = err == DAHL_OK && !is_slip(params, k) ? found : err;
     }
-    return slip.elements == 0 ? DAHL_OK : dahl_slip_prepare(&storage->slip, &slip);
+    return (dahl_err_t)(err == DAHL_OK ? slip_err : err);
 }
 
-static dahl_err_t check(const dahl_node_parallel_params_t *params)
+static dahl_err_t check_mix(const dahl_node_parallel_params_t *params)
 {
     if (params->elements == 0 || params->elements > DAHL_SLIP_MAX) {
         return params->elements == 0 ? DAHL_ERR_PARAM : DAHL_ERR_RANGE;
     }
-    return params->theta_per_count > 0.0f ? DAHL_OK : DAHL_ERR_PARAM;
+    return params->theta_per_count > 0.0f ? check_elements(params) : DAHL_ERR_PARAM;
+}
+
+/** Write the plans into the storage itself, because a copy needs 2.7 KiB of stack. check_mix() has accepted each
+ * element, so DAHL_OK is returned. */
+static dahl_err_t prepare_elements(dahl_node_parallel_t *storage, const dahl_node_parallel_params_t *params)
+{
+    dahl_slip_params_t slip = {.theta_per_count = params->theta_per_count};
+    int32_t err = DAHL_OK;
+    storage->bearings = 0;
+    for (uint32_t k = 0; k < params->elements; k++) {
+        const dahl_params_t one = element_params(params, k);
+        if (is_slip(params, k)) {
+            slip.sigma0[slip.elements] = one.sigma0;
+            slip.Fc[slip.elements] = one.Fc;
+            slip.elements++;
+        } else {
+            err |= dahl_prepare(&storage->plan[storage->bearings], &one);
+            storage->bearings++;
+        }
+    }
+    storage->slip.elements = 0;
+    return (dahl_err_t)(slip.elements == 0 ? err : err | dahl_slip_prepare(&storage->slip, &slip));
 }
 
 dahl_err_t dahl_node_use_parallel(dahl_node_t *node, dahl_node_parallel_t *storage, const dahl_node_parallel_params_t *params)
 {
-    dahl_node_parallel_t draft = {.model = {step_q30, relax, DAHL_FRAMES_MODEL_PARALLEL + params->elements, 0}};
-    dahl_params_t sums = {.theta_per_count = params->theta_per_count};
-    dahl_err_t err = check(params);
-    err = err == DAHL_OK ? prepare_bearings(&draft, params) : err;
-    err = err == DAHL_OK ? prepare_slip(&draft, params) : err;
+    dahl_err_t err = check_mix(params);
     if (err == DAHL_OK) {
-        distribute_shares(&draft);
+        dahl_params_t sums = {.theta_per_count = params->theta_per_count};
         for (uint32_t k = 0; k < params->elements; k++) {
             sums.sigma0 += params->sigma0[k];
             sums.Fc += params->Fc[k];
         }
-        *storage = draft;
+        err = prepare_elements(storage, params);
+        distribute_shares(storage);
+        storage->model = (dahl_node_model_t){step_q30, relax, DAHL_FRAMES_MODEL_PARALLEL + params->elements, 0};
+        relax(&storage->model);
         dahl_node_use(node, &storage->model, &sums);
     }
     return err;

@@ -185,7 +185,7 @@ static inline dahl_compensator_params_t bits_compensator_params(const dahl_param
         .pull = 0.7f,
         .noise = 1,
         .play = 3,
-        .jump = 4000,
+        .jump = 3999,
     };
     return params;
 }

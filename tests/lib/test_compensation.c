@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/* The measured law on a simulated axis: it comes to rest after a kick, and no path of the shaft gains energy. Each limit has a
- * case outside the promise that must miss it. The numbers are those of docs/compensation.md; test_compensation_scene.py has
- * position loops.
+/* The measured law on a simulated axis: it comes to rest after a kick, no path of the shaft gains energy, and bad readings do not
+ * turn its torque. Each limit has a case outside the promise that must miss it. The numbers are those of docs/compensation.md;
+ * test_compensation_scene.py has position loops.
  *
  * The axis is in double precision: rotor, true friction, encoder with noise, delay of the drive. The library does not
  * integrate the true friction. */
@@ -12,6 +12,7 @@
 
 #include "../random.h"
 #include "dahl_compensator.h"
+#include "dahl_encoder.h"
 
 #define TWO_PI 6.283185307179586
 #define TRUE_FC 0.5       /* N m */
@@ -66,14 +67,21 @@ static double friction_move(friction_t *f, double dtheta, double speed)
     return sign * Fc * dtheta - sign * closed * Fc / f->sigma0;
 }
 
+/* Wrong readings: reported and passed to dahl_encoder_move(), reported and not stored, reported with a move of 0, or not reported
+ * and longer than the jump. */
+typedef enum { REPORTED, NOT_STORED, SKIPPED, JUMP, FAULTS } fault_t;
+
 typedef struct {
     friction_t friction;
     double inertia, theta, speed; /* kg m2, rad, rad/s */
     double period, theta_per_count;
     int noise, delay; /* counts, ticks */
     int is_noise_after_rounding, is_bad; /* is_bad: the firmware reports a bad reading */
+    fault_t fault;
+    double fault_share; /* of the ticks */
+    int is_wrong;       /* the last reading */
     uint64_t random;
-    int32_t last_counts;
+    dahl_encoder_t encoder;
     double commands[4]; /* N m, the newest first */
     double torque;      /* N m, of the compensator */
     dahl_compensator_params_t params;
@@ -134,12 +142,15 @@ static void start(axis_t *axis)
 {
     axis->params.inertia = (float)axis->inertia;
     axis->params.delay = (float)(axis->delay * axis->period);
+    const uint32_t turn = (uint32_t)lround(TWO_PI / axis->theta_per_count);
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_encoder_init(&axis->encoder, turn, +1, 0));
+    dahl_encoder_home(&axis->encoder, 0);
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_prepare(&axis->element, &axis->params.friction));
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_compensator_prepare(&axis->plan, &axis->params));
 }
 
 /* The noise is uniform in +-noise: of whole counts if it is added after the quantization. */
-static int32_t read_encoder(axis_t *axis)
+static int32_t read_counts(axis_t *axis)
 {
     const uint32_t random = random_u32(&axis->random);
     const double counts = axis->theta / axis->theta_per_count;
@@ -147,6 +158,29 @@ static int32_t read_encoder(axis_t *axis)
         return (int32_t)floor(counts) + (int32_t)(random % (2 * (uint32_t)axis->noise + 1)) - axis->noise;
     }
     return (int32_t)floor(counts + axis->noise * (random * 0x1p-31 - 1));
+}
+
+/* Return the error of a wrong reading in counts. Jumps change their sign, so that two in a row do not cancel. */
+static int32_t wrong_counts(axis_t *axis)
+{
+    const int32_t random = (int32_t)(random_u32(&axis->random) & 0xffffu);
+    return axis->fault == JUMP ? (random & 1 ? 1 : -1) * (int32_t)(2 * axis->params.jump) : random % 301 - 150;
+}
+
+/* Return the move of a tick. */
+static int32_t read_encoder(axis_t *axis)
+{
+    int32_t counts = read_counts(axis);
+    axis->is_wrong = axis->fault_share > 0 && random_u32(&axis->random) * 0x1p-32 < axis->fault_share;
+    if (axis->fault_share > 0) {
+        axis->is_bad = axis->is_wrong && axis->fault != JUMP;
+        counts += axis->is_wrong ? wrong_counts(axis) : 0;
+    }
+    const uint32_t modulus = axis->encoder.modulus, reading = (uint32_t)counts % modulus;
+    if (axis->is_bad && axis->fault != REPORTED) {
+        return axis->fault == SKIPPED ? 0 : dahl_counts_between(axis->encoder.last, reading, modulus);
+    }
+    return dahl_encoder_move(&axis->encoder, reading);
 }
 
 static double compensate(axis_t *axis, int32_t dcounts)
@@ -160,10 +194,9 @@ static double compensate(axis_t *axis, int32_t dcounts)
 /* Read the encoder and send a torque. Return the one of `delay` ticks ago, which acts now. */
 static double drive(axis_t *axis)
 {
-    const int32_t counts = read_encoder(axis);
+    const int32_t dcounts = read_encoder(axis);
     memmove(&axis->commands[1], &axis->commands[0], 3 * sizeof axis->commands[0]);
-    axis->commands[0] = compensate(axis, counts - axis->last_counts);
-    axis->last_counts = counts;
+    axis->commands[0] = compensate(axis, dcounts);
     return axis->commands[axis->delay];
 }
 
@@ -327,6 +360,101 @@ static void test_a_hand_feels_a_wider_play_in_small_motions(void)
         at_most(large[is_wide], hand_ratio(axis, 0.5));
         at_most(small[is_wide], hand_ratio(axis, 0.0025));
     }
+}
+
+/* --- bad readings ----------------------------------------------------------------------------------------------------- */
+
+/* A shaft is led in strokes of any length and speed. */
+typedef struct {
+    int direction, ticks;
+    double speed;              /* counts per tick */
+    double known, hidden_runs; /* counts between good readings in this stroke, and their interruptions */
+} stroke_t;
+
+static void lead(axis_t *axis, stroke_t *stroke)
+{
+    if (stroke->ticks-- == 0) {
+        stroke->direction = -stroke->direction;
+        stroke->speed = 30 * pow(2, -8 * (random_u32(&axis->random) * 0x1p-32));
+        stroke->ticks = (int)(random_u32(&axis->random) % 300);
+        stroke->known = stroke->hidden_runs = 0;
+    }
+    axis->theta += stroke->direction * stroke->speed * axis->theta_per_count;
+}
+
+/* Counts after which the torque has the sign of the motion: the travel from -Fc to 0, and the play, noise and rounding of each run
+ * of good readings. */
+static double counts_to_turn(const axis_t *axis, const stroke_t *stroke)
+{
+    const double to_zero = log(2) * (double)axis->params.length_long / axis->theta_per_count;
+    return to_zero + (stroke->hidden_runs + 1) * ((double)axis->params.play + 2 * axis->noise + 1);
+}
+
+/* A wrong reading hides the motion of its tick and of the next one; an unreported one, or a long silence, that of a third. */
+static void check_led_tick(axis_t *axis, stroke_t *stroke, int *hidden)
+{
+    const double before = axis->commands[0], step = 50 * axis->period;
+    lead(axis, stroke);
+    (void)drive(axis);
+    *hidden = axis->is_wrong ? (axis->fault <= NOT_STORED ? 2 : 3) : *hidden;
+    stroke->hidden_runs += axis->is_wrong;
+    stroke->known += *hidden > 0 ? 0 : stroke->speed;
+    *hidden -= *hidden > 0;
+    at_most(0.3 + 1e-6, fabs(axis->commands[0]));
+    at_most(step + 1e-6, fabs(axis->commands[0] - before));
+    if (axis->compensator.wanted_q30 * (double)stroke->direction < 0) {
+        at_most(counts_to_turn(axis, stroke), stroke->known);
+    }
+}
+
+static axis_t faulty_axis(fault_t fault, double share)
+{
+    axis_t axis = noisy_axis(14, 1000, 1, 2);
+    axis.fault = fault;
+    axis.fault_share = share;
+    axis.params.jump = 200;
+    axis.params.limit = 0.3f;
+    axis.params.rise = 0.1f;
+    return axis;
+}
+
+static void test_wrong_readings_do_not_turn_the_torque_of_a_led_shaft(void)
+{
+    static const double shares[] = {0.003, 0.03, 0.2, 0.5, 0.9};
+    for (int kind = 0; kind < FAULTS * 5; kind++) {
+        axis_t axis = faulty_axis((fault_t)(kind / 5), shares[kind % 5]);
+        stroke_t stroke = {.direction = 1};
+        int hidden = 0;
+        start(&axis);
+        for (int t = 0; t < 50000; t++) {
+            check_led_tick(&axis, &stroke, &hidden);
+        }
+        at_least(50000 * shares[kind % 5] * (axis.fault == JUMP ? 0.4 : 0.8), axis.compensator.rejected);
+        axis.fault_share = axis.is_bad = 0;
+        for (int t = 0; t < 200; t++) { /* it recovers within the rise */
+            axis.theta += 2 * axis.theta_per_count;
+            (void)drive(&axis);
+        }
+        TEST_ASSERT_DOUBLE_WITHIN(1e-4, 0.9 * TRUE_FC, axis.compensator.wanted_q30 * (double)DAHL_Q30 * TRUE_FC);
+    }
+}
+
+/* If they are passed, the place of the noise within the play is lost. */
+static void test_a_free_axis_comes_to_rest_if_wrong_readings_are_not_passed(void)
+{
+    static const double limits[] = {1.4, 0.3, 0.04};
+    double largest = 0;
+    for (int kind = 0; kind < FAULTS * 6; kind++) {
+        const int bits = 12 + kind / 2 % 3 * 4;
+        axis_t axis = noisy_axis(bits, rates_hz[kind % 2], 1, 2);
+        axis.fault = (fault_t)(kind / 6);
+        axis.fault_share = 0.02;
+        axis.params.jump = bits < 20 ? 200 : 8000;
+        const double speed = largest_speed_after_kick(axis);
+        at_most(axis.fault == NOT_STORED || axis.fault == SKIPPED ? 0.02 : limits[bits / 4 - 3], speed);
+        largest = fmax(largest, speed);
+    }
+    at_least(0.5, largest);
 }
 
 /* --- energy ----------------------------------------------------------------------------------------------------------- */

@@ -123,8 +123,9 @@ static void test_parameters_are_refused_with_the_code_of_their_bound(void)
         {AT(rise), 0x1p-65f, DAHL_COMPENSATOR_RANGE},
         {AT(fade_speed), -1.0f, DAHL_COMPENSATOR_PARAM},
         {AT(pull), NAN, DAHL_COMPENSATOR_PARAM},
-        {AT(fade_speed), 0.03f, DAHL_COMPENSATOR_RANGE}, /* jump is 1278 times this speed */
-        {AT(fade_speed), 0.04f, DAHL_COMPENSATOR_OK},
+        {AT(fade_speed), 0.0383495130f, DAHL_COMPENSATOR_RANGE}, /* jump is 1000 times this speed */
+        {AT(fade_speed), 0.0383495167f, DAHL_COMPENSATOR_OK}, /* the next float */
+        {AT(slew), 0x1p-32f, DAHL_COMPENSATOR_RANGE}, /* in a tick, less than 2^-30 Fc */
         {AT(fade_speed), -0.0f, DAHL_COMPENSATOR_OK},
         {AT(Fc_low), 0.49999997f, DAHL_COMPENSATOR_GAIN},
         {AT(friction.Fc), 0.50000006f, DAHL_COMPENSATOR_GAIN},
@@ -260,7 +261,7 @@ static dahl_compensator_params_t random_params(void)
     params.period = (float)random_between(2e-6, 2e-2);
     params.gain = (float)(random_u32(&seed) % 1001) / 1000.0f;
     params.limit = (float)random_between(1e-12, 1e9);
-    params.slew = (float)random_between(1e-12, 1e12);
+    params.slew = (float)random_between(1e-9, 1e12);
     float *const optional[] = {&params.rise, &params.fall, &params.fade_speed, &params.pull};
     static const double most[] = {1e7, 1e7, 1e4, 1e7};
     for (size_t k = 0; k < sizeof optional / sizeof optional[0]; k++) {
@@ -285,16 +286,12 @@ static double corner_factor(const dahl_compensator_plan_t *plan, const dahl_comp
     return fmax(wanted / got, got / wanted);
 }
 
-/* The header promises factors of 1000 and 500; a jump above 1100 times these counts is always refused. */
-static int is_jump_short(double jump, double counts_to_fade)
+/* Within 1e-9 of the limit, a double does not decide it. */
+static void check_jump(double jump, double counts_to_fade, int is_accepted)
 {
     const double factor = DAHL_COMPENSATOR_JUMP_SPEEDS / (counts_to_fade > DAHL_COMPENSATOR_FINE_COUNTS ? 2.0 : 1.0);
-    return counts_to_fade <= 0 || jump < factor * counts_to_fade * 0.999;
-}
-
-static int is_jump_too_long(double jump, double counts_to_fade)
-{
-    return counts_to_fade > 0 && jump > 1100 * counts_to_fade;
+    const double part = counts_to_fade > 0 ? jump / (factor * counts_to_fade) : 0;
+    TEST_ASSERT_TRUE(is_accepted ? part < 1 + 1e-9 : part > 1 - 1e-9);
 }
 
 static void test_a_plan_has_the_values_of_its_parameters(void)
@@ -306,14 +303,21 @@ static void test_a_plan_has_the_values_of_its_parameters(void)
         const double counts_to_fade = (double)p.fade_speed * period / (double)p.friction.theta_per_count;
         dahl_compensator_plan_t plan;
         const int is_accepted = dahl_compensator_prepare(&plan, &p) == DAHL_COMPENSATOR_OK;
-        TEST_ASSERT_TRUE(is_accepted ? !is_jump_too_long(p.jump, counts_to_fade) : !is_jump_short(p.jump, counts_to_fade));
+        const double slew = (double)p.slew * period / Fc * ONE_Q30;
+        if (slew < 2 - 1e-9) { /* a unit is for dahl_compensator_change() */
+            TEST_ASSERT_FALSE(is_accepted);
+            continue;
+        }
+        check_jump(p.jump, counts_to_fade, is_accepted);
         if (!is_accepted) {
             continue;
         }
         accepted++;
+        TEST_ASSERT_TRUE((uint64_t)plan.jump * plan.speed_unit < ONE_Q30);
         TEST_ASSERT_EQUAL_UINT32((uint32_t)((double)p.gain * 65536), plan.gain_q16);
         check_fixed((double)p.limit / Fc * ONE_Q30, 0, INT32_MAX, plan.limit_q30);
-        check_fixed((double)p.slew * period / Fc * ONE_Q30 - 1, 1, UINT32_MAX - 1.0, plan.slew_q30); /* 1 for the change */
+        check_fixed(slew - 1, 1, UINT32_MAX - 1.0, plan.slew_q30);
+        TEST_ASSERT_TRUE(plan.slew_q30 <= slew - 1);
         check_fixed(fade_step(period, (double)p.rise), 1, ONE_Q30, plan.rise_q30);
         check_fixed(fade_step(period, (double)p.fall), 1, ONE_Q30, plan.fall_q30);
         check_speed_unit(&plan, counts_to_fade);
@@ -350,24 +354,33 @@ static void test_an_adaptation_plan_has_the_values_of_its_parameters(void)
 
 /* --- ticks ------------------------------------------------------------------------------------------------------------ */
 
-/* Speed and play as the header defines them. */
+/* Speed, play and bad readings as the header defines them. */
 typedef struct {
     int64_t position, speed_q20, bad_ticks, rejected;
     double fade, torque_q30;
+    int was_bad; /* the last reading */
 } model_t;
+
+/* Return the part of a move that leaves the play. */
+static int64_t model_play(model_t *model, const dahl_compensator_plan_t *plan, int32_t dcounts)
+{
+    const int64_t position = model->position + dcounts;
+    model->position = position < 0 ? 0 : position > plan->play ? plan->play : position;
+    return position - model->position;
+}
 
 static int32_t model_move(model_t *model, const dahl_compensator_plan_t *plan, int32_t dcounts, int is_good)
 {
-    if (!is_good || llabs((int64_t)dcounts) > plan->jump) {
-        model->bad_ticks++;
-        model->rejected++;
+    const int is_bad = !is_good || llabs((int64_t)dcounts) > plan->jump, is_unused = is_bad || model->was_bad;
+    const int64_t move = is_bad ? 0 : model_play(model, plan, dcounts);
+    model->was_bad = is_bad;
+    model->bad_ticks += is_bad;
+    model->rejected += is_bad;
+    if (is_unused) {
         model->fade -= model->bad_ticks < DAHL_COMPENSATOR_BAD_TICKS ? 0 : plan->fall_q30 * FROM_Q30;
         model->fade = fmax(0, model->fade);
         return 0;
     }
-    const int64_t position = model->position + dcounts;
-    model->position = position < 0 ? 0 : position > plan->play ? plan->play : position;
-    const int64_t move = position - model->position;
     model->speed_q20 += (move * plan->speed_unit - model->speed_q20) / ((int64_t)1 << plan->speed_shift);
     model->fade = fmin(1, model->fade + plan->rise_q30 * FROM_Q30);
     model->bad_ticks = 0;
@@ -387,12 +400,14 @@ static void check_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *
     TEST_ASSERT_DOUBLE_WITHIN(1e-9, model->fade, compensator->fade_q30 * FROM_Q30);
 }
 
-static void check_torque(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, model_t *model, int32_t ratio)
+static void check_torque(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, model_t *model, double gain,
+                         int32_t ratio)
 {
     const double speed_fade = fmax(0, fmin(1, 2 - fabs((double)model->speed_q20 * FROM_Q20)));
-    const double wanted = ratio * (plan->gain_q16 * 0x1p-16) * model->fade * speed_fade, slew = plan->slew_q30;
+    const double wanted = ratio * gain * model->fade * speed_fade, slew = plan->slew_q30;
     const int32_t torque = dahl_compensator_torque(plan, compensator, ratio);
-    TEST_ASSERT_DOUBLE_WITHIN(fabs(2.3 * 0x1p-15 * ratio) + 1, wanted, compensator->wanted_q30);
+    TEST_ASSERT_DOUBLE_WITHIN(fabs(DAHL_COMPENSATOR_ERROR * ratio) + 1, wanted, compensator->wanted_q30);
+    TEST_ASSERT_TRUE(fabs(wanted) > fabs((double)compensator->wanted_q30) - 1);
     TEST_ASSERT_TRUE(fabs(wanted) < fabs((double)ratio) || ratio == INT32_MIN || compensator->wanted_q30 == ratio);
     TEST_ASSERT_DOUBLE_WITHIN(0x1p-15, speed_fade, compensator->speed_fade_q15 * 0x1p-15);
     model->torque_q30 += clamp(compensator->wanted_q30 - model->torque_q30, slew);
@@ -430,7 +445,60 @@ static void test_ticks_of_random_motions_follow_the_model(void)
         model_t model = {0};
         for (int t = 0; t < 1000; t++) {
             check_move(&plan, &compensator, &model, random_counts(&plan, t));
-            check_torque(&plan, &compensator, &model, random_i32());
+            check_torque(&plan, &compensator, &model, (double)params.gain, random_i32());
+        }
+    }
+}
+
+/* The worst of a search over gain and both fades. All three are just below a step of their rounding. */
+static void test_the_bound_of_rounding_is_reached_within_2_percent(void)
+{
+    dahl_compensator_params_t params = valid;
+    params.gain = nextafterf(65359 / 65536.0f, 0);
+    const dahl_compensator_plan_t plan = plan_of(&params);
+    const int32_t left_q20 = (32709 << 5) - 1, fade_q30 = (32585 << 15) - 1;
+    const double exact = (double)params.gain * fade_q30 * left_q20 * FROM_Q20;
+    static const int32_t ratios[] = {-ONE_Q30, ONE_Q30};
+    for (int k = 0; k < 2; k++) {
+        dahl_compensator_t compensator = {.fade_q30 = (uint32_t)fade_q30, .speed_q20 = (2 << 20) - left_q20};
+        (void)dahl_compensator_torque(&plan, &compensator, ratios[k]);
+        const double error = (exact - abs(compensator.wanted_q30)) * FROM_Q30;
+        TEST_ASSERT_TRUE(0.98 * DAHL_COMPENSATOR_ERROR < error && error < DAHL_COMPENSATOR_ERROR);
+    }
+}
+
+/* Readings of a shaft that turns by 5 counts a tick: B is flagged, J is an unflagged jump of 200 counts. The play is 1: a move
+ * back from a wrong count costs 1 count. The fade is at once: 0 is out. */
+static void test_a_move_is_used_only_between_good_readings(void)
+{
+    static const struct {
+        const char *readings, *fade;
+        const char *moves[2]; /* bad readings are not passed to dahl_encoder_move(), or passed */
+    } cases[] = {
+        {"GGGG", "1111", {"5555", "5555"}},
+        {"GBGG", "1111", {"5005", "5004"}},
+        {"GJGGG", "11111", {"50005", "50005"}}, /* the way back is a jump too */
+        {"BGGG", "1111", {"0055", "0045"}},
+        {"GBBGG", "11111", {"50005", "50004"}},
+        {"GBBBGG", "111001", {"500005", "500004"}},
+        {"GBGBGBGG", "11111001", {"50000005", "50000004"}},
+        {"GBGGBGGBGG", "1111111111", {"5005005005", "5004004004"}},
+        {"GBBGBBGG", "11110001", {"50000005", "50000004"}},
+    };
+    dahl_compensator_params_t params = valid;
+    params.noise = 0;
+    params.play = 1;
+    const dahl_compensator_plan_t plan = plan_of(&params);
+    for (size_t k = 0; k < 2 * sizeof cases / sizeof cases[0]; k++) {
+        const char *readings = cases[k / 2].readings, *moves = cases[k / 2].moves[k % 2];
+        dahl_compensator_t compensator = {.play_position = 1, .fade_q30 = ONE_Q30};
+        for (int t = 0, last = 0; readings[t] != 0; t++) {
+            const int reading = 5 * (t + 1) + (readings[t] == 'J' ? 200 : readings[t] == 'B' ? 60 : 0);
+            const int is_good = readings[t] != 'B', is_read = is_good || k % 2;
+            const int32_t move = dahl_compensator_move(&plan, &compensator, is_read ? reading - last : 0, is_good);
+            last = is_read ? reading : last;
+            TEST_ASSERT_EQUAL_INT_MESSAGE(moves[t] - '0', move, readings);
+            TEST_ASSERT_EQUAL_INT_MESSAGE(cases[k / 2].fade[t] - '0', compensator.fade_q30 >> 30, readings);
         }
     }
 }
@@ -503,22 +571,38 @@ static void test_counts_of_rejections_do_not_wrap(void)
     TEST_ASSERT_TRUE(compensator.bad_ticks == UINT32_MAX && compensator.rejected == UINT32_MAX);
 }
 
-/* Between all states, also beyond +-1 Fc. A step of the pull is 2^-30 Fc. */
+/* Any state in range, often at an end. */
+static dahl_state_t random_state_in_range(void)
+{
+    static const int64_t one = (int64_t)1 << 62;
+    const int64_t any = (int64_t)((uint64_t)random_u32(&seed) << 32 | random_u32(&seed));
+    const int64_t near_end = one - (any >> 1 & (one - 1) >> (random_u32(&seed) & 63u));
+    dahl_state_t state = {random_u32(&seed) % 2 == 0 ? near_end : ~near_end};
+    state.w = random_u32(&seed) % 4 == 0 ? (any < 0 ? -one : one) : state.w;
+    return state;
+}
+
+/* A step of the pull is 2^-30 Fc. It leaves every state in range, and does not move from the measured one by more than its dead
+ * zone. */
 static void test_a_pull_closes_its_part_of_the_gap(void)
 {
     dahl_compensator_params_t params = valid;
-    params.pull = 0.3f;
-    const dahl_compensator_plan_t plan = plan_of(&params), without = plan_of(&valid);
-    for (int k = 0; k < 1000; k++) {
-        dahl_state_t state, measured;
-        randomize(&state, sizeof state);
-        randomize(&measured, sizeof measured);
+    const dahl_compensator_plan_t without = plan_of(&valid);
+    for (int k = 0; k < 20 * PLANS; k++) {
+        params.pull = (float)random_between(1e-8, 300);
+        const dahl_compensator_plan_t plan = plan_of(&params);
+        dahl_state_t state = random_state_in_range(), measured = random_state_in_range();
+        if (random_u32(&seed) % 2 == 0) {
+            measured.w = state.w + (random_i32() < 0 ? -1 : 1) * (int64_t)(random_u32(&seed) % 4) * ((int64_t)1 << 32);
+        }
         const int64_t before = state.w;
         dahl_compensator_pull(&without, &state, &measured);
         TEST_ASSERT_TRUE(before == state.w);
+        const int is_ok = dahl_state_ok(&state) && dahl_state_ok(&measured);
         dahl_compensator_pull(&plan, &state, &measured);
+        TEST_ASSERT_TRUE(!is_ok || dahl_state_ok(&state));
         const double gap = (double)measured.w - (double)before, moved = (double)state.w - (double)before;
-        TEST_ASSERT_DOUBLE_WITHIN(0x1p33, gap / 512, moved); /* 0.31 Hz at 1 kHz */
+        TEST_ASSERT_DOUBLE_WITHIN(2.0 * 0x1p32 + 0x1p32, ldexp(gap, -plan.pull_shift), moved);
         TEST_ASSERT_TRUE((uint32_t)state.w == (uint32_t)before);
     }
 }

@@ -82,6 +82,7 @@ static int32_t expected_move(counter_t *counter, uint32_t reading)
     }
     if (counter->largest_step != 0 && llabs(way) > (int64_t)counter->largest_step) {
         counter->jumps += counter->jumps != UINT32_MAX; /* does not wrap */
+        counter->primed = 0;
         return 0;
     }
     return (int32_t)way;
@@ -122,6 +123,23 @@ static void test_moves_and_jumps_of_any_counter(void)
             if (largest[i] <= most) {
                 check_counter(&m, modulus, largest[i], k % 2 != 0 ? -1 : +1);
             }
+        }
+    }
+}
+
+/* A wrong reading is within largest_step of a later right one, but not of the one before. */
+static void test_no_move_returns_from_a_wrong_reading(void)
+{
+    for (int sign = -1; sign <= 1; sign += 2) {
+        for (size_t k = 3; k < MODULI; k++) { /* a power of two, or not */
+            dahl_encoder_t encoder = encoder_for(moduli[k], sign, 100);
+            const uint32_t steps = (uint32_t)(sign * 20), wrong = (uint32_t)(sign * 90);
+            uint32_t reading = 500;
+            for (int t = 0; t < 10; t++, reading += steps) {
+                const int32_t move = dahl_encoder_move(&encoder, reading + (t == 5 ? wrong : 0));
+                TEST_ASSERT_EQUAL_INT32(t == 0 || t == 5 || t == 6 ? 0 : 20, move);
+            }
+            TEST_ASSERT_EQUAL_UINT32(1, encoder.jumps);
         }
     }
 }

@@ -257,6 +257,24 @@ static void test_status_is_sent_every_100_ms_or_on_news(void)
     TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us, &out));
 }
 
+/* After power-on the first tick sends Status, unless a Reset has been answered by it. Other answers are no Status. */
+static void test_the_first_tick_sends_status_unless_a_reset_was_answered(void)
+{
+    for (uint8_t first = 0; first < 4; first++) { /* no frame, EncoderState, ParamWrite, Reset */
+        dahl_can_frame_t out;
+        setUp();
+        now_us = 0; /* no period has passed */
+        TEST_ASSERT_TRUE(first != 1 || feed(0, 0));
+        TEST_ASSERT_TRUE(first != 2 || set_param(DAHL_FRAMES_PARAM_GAIN, 1));
+        if (first == 3) {
+            (void)reset(DAHL_FRAMES_RESET_ERRORS);
+        }
+        TEST_ASSERT_EQUAL(first != 3, dahl_node_tick(&node, now_us, &out));
+        TEST_ASSERT_FALSE(dahl_node_tick(&node, now_us + DAHL_NODE_STATUS_US - 1, &out));
+        TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us + DAHL_NODE_STATUS_US, &out));
+    }
+}
+
 /* --- Reset --------------------------------------------------------------------------------------------------------- */
 
 static void spoil(void)

@@ -140,6 +140,28 @@ static void change_ramp(ramp_t *r, uint64_t *seed)
     r->changes++;
 }
 
+/* From each ramp to each other one, half way: the gain goes on from its value, at the new rate. */
+static void test_a_gain_goes_on_at_the_new_rate_if_its_ramp_changes(void)
+{
+    static const uint32_t ramps_ms[] = {0, 1, 20, 300, 1000, 60000};
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_TIMEOUT, 60000));
+    for (uint32_t pair = 0; pair < 36; pair++) {
+        const uint32_t from_ms = ramps_ms[pair / 6], to_ms = ramps_ms[pair % 6];
+        ramp_t r = {.target = DAHL_NODE_ONE, .ramp_us = 1000.0 * from_ms};
+        TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_RAMP, from_ms));
+        start_ramp(&r);
+        for (uint32_t us = 0; us < 500 * from_ms && us < 10000000; us += 777) {
+            check_ramp(&r, 777);
+        }
+        TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_RAMP, to_ms));
+        r.ramp_us = 1000.0 * to_ms;
+        r.changes = 1;
+        for (int t = 0; t < 200; t++) {
+            check_ramp(&r, 100 + 900 * (pair % 2));
+        }
+    }
+}
+
 /* Random ramps and gains, frames 0.1 to 70 ms apart. After a restart a ramp begins at 0. */
 static void test_the_gain_ramps_by_time_at_any_frame_rate(void)
 {

@@ -31,8 +31,10 @@ void check_encoder_move(uint32_t modulus, int sign, uint32_t largest_step, int i
     int64_t largest = before.largest_step;
     __CPROVER_assert(largest == 0 || (-largest <= move && move <= largest), "no motion beyond the largest step");
     __CPROVER_assert(move == 0 || (is_homed && before.sign != 0), "no motion from the first reading, or of zeros");
-    __CPROVER_assert(encoder.last == reading && encoder.primed == (before.sign != 0), "the next move starts at this reading");
-    __CPROVER_assert(encoder.jumps == before.jumps || (move == 0 && encoder.jumps == before.jumps + 1), "a jump is no motion");
+    int is_jump = before.primed && !encoder.primed;
+    __CPROVER_assert(encoder.last == reading && encoder.primed == (before.sign != 0 && !is_jump), "the next move starts here");
+    __CPROVER_assert(!is_jump || (move == 0 && encoder.reach == 0), "a jump is no motion, and the next reading a first one");
+    __CPROVER_assert(encoder.jumps == before.jumps || (is_jump && encoder.jumps == before.jumps + 1), "jumps are counted");
     __CPROVER_assert(encoder.jumps >= before.jumps, "their number does not wrap");
 }
 

@@ -1,11 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * A plugin for QEMU's code generator that counts the instructions and cycles of single calls. The image makes all counted calls
- * from one place (target/call_*.S). The plugin counts from the instruction after `site` up to the one at `back`.
- * At `mark` a new case begins. `out` receives a line `-` for each case, then for each of its calls the instructions and the
- * least and the most cycles. `costs` is a file with the cost of each instruction (cycles.py); without it all cycles are 0.
+ * A plugin for QEMU's code generator that counts instructions, cycles and bytes of stack of single calls. The image makes all
+ * counted calls from one place (target/call_*.S). The plugin counts from the instruction after `site` up to the one at `back`.
+ * At `mark` a new case begins. `out` receives a line `-` for each case, then for each of its calls the instructions, the
+ * least and the most cycles, the stack, and the address of the function modulo 2 MiB. The stack is the distance from the
+ * stack pointer at `site` to the lowest address above `floor` that the call reads or writes. The instruction before `site`
+ * must store a word at the stack pointer.
+ * `costs` is a file with the cost of each instruction (cycles.py); without it all cycles are 0.
  *
- *   qemu-system-arm ... -plugin libbench_plugin.so,site=0x1234,back=0x1236,mark=0x1240,costs=costs.txt,out=counts.txt
+ *   qemu-system-arm ... -plugin plugin.so,site=0x1234,back=0x1236,mark=0x1240,floor=0x20000800,costs=costs.txt,out=counts.txt
  *
  * The few functions of QEMU's plugin interface (version 1) are declared here, because Debian has no header for them.
  * The machine has one processor and handles no interrupts during a count.
@@ -21,10 +24,12 @@ struct qemu_plugin_tb;
 struct qemu_plugin_insn;
 typedef void (*tb_callback_t)(qemu_plugin_id_t id, struct qemu_plugin_tb *block);
 typedef void (*exec_callback_t)(unsigned cpu, void *user);
+typedef void (*memory_callback_t)(unsigned cpu, uint32_t info, uint64_t address, void *user);
 typedef void (*exit_callback_t)(qemu_plugin_id_t id, void *user);
 
 void qemu_plugin_register_vcpu_tb_trans_cb(qemu_plugin_id_t id, tb_callback_t callback);
 void qemu_plugin_register_vcpu_insn_exec_cb(struct qemu_plugin_insn *, exec_callback_t, int flags, void *user);
+void qemu_plugin_register_vcpu_mem_cb(struct qemu_plugin_insn *, memory_callback_t, int flags, int access, void *user);
 void qemu_plugin_register_atexit_cb(qemu_plugin_id_t id, exit_callback_t callback, void *user);
 size_t qemu_plugin_tb_n_insns(const struct qemu_plugin_tb *block);
 struct qemu_plugin_insn *qemu_plugin_tb_get_insn(const struct qemu_plugin_tb *block, size_t index);
@@ -41,15 +46,18 @@ typedef struct {
     uint8_t jump_least, jump_most;
 } cost_t;
 
+#define READS_AND_WRITES 3
+
 #define CODE_HALFWORDS (1u << 20) /* the code of an image must lie in 2 MiB */
 
 static cost_t costs[CODE_HALFWORDS];
 
 static struct {
-    uint64_t site, back, mark;
+    uint64_t site, back, mark, floor;
     FILE *out;
     uint64_t count, least, most;
-    const cost_t *last;
+    uint64_t stack_pointer, lowest; /* at the call; of the stack since then */
+    const cost_t *first, *last;
     bool counting;
 } bench;
 
@@ -75,7 +83,18 @@ static void on_instruction(unsigned cpu, void *user)
     (void)cpu;
     if (bench.counting) {
         add_last(user);
+        bench.first = bench.count == 0 ? user : bench.first;
         bench.count++;
+    }
+}
+
+static void on_memory(unsigned cpu, uint32_t info, uint64_t address, void *user)
+{
+    (void)cpu, (void)info, (void)user;
+    if (!bench.counting) {
+        bench.stack_pointer = address;
+    } else if (address >= bench.floor && address < bench.lowest) {
+        bench.lowest = address;
     }
 }
 
@@ -83,6 +102,7 @@ static void on_site(unsigned cpu, void *user)
 {
     (void)cpu, (void)user;
     bench.count = bench.least = bench.most = 0;
+    bench.lowest = bench.stack_pointer;
     bench.last = NULL;
     bench.counting = true;
 }
@@ -92,7 +112,8 @@ static void on_back(unsigned cpu, void *user)
     (void)cpu;
     if (bench.counting) {
         add_last(user);
-        fprintf(bench.out, "%" PRIu64 " %" PRIu64 " %" PRIu64 "\n", bench.count, bench.least, bench.most);
+        fprintf(bench.out, "%" PRIu64 " %" PRIu64 " %" PRIu64 " %" PRIu64 " %td\n", bench.count, bench.least, bench.most,
+                bench.stack_pointer - bench.lowest, 2 * (bench.first - costs));
     }
     bench.counting = false;
 }
@@ -121,6 +142,7 @@ static void on_block(qemu_plugin_id_t id, struct qemu_plugin_tb *block)
         struct qemu_plugin_insn *insn = qemu_plugin_tb_get_insn(block, i);
         uint64_t address = qemu_plugin_insn_vaddr(insn);
         qemu_plugin_register_vcpu_insn_exec_cb(insn, callback_for(address), 0, cost_at(address));
+        qemu_plugin_register_vcpu_mem_cb(insn, on_memory, 0, READS_AND_WRITES, NULL);
     }
 }
 
@@ -156,6 +178,7 @@ static bool take_argument(const char *argument)
     case 's': bench.site = strtoull(value + 1, NULL, 0); return true;
     case 'b': bench.back = strtoull(value + 1, NULL, 0); return true;
     case 'm': bench.mark = strtoull(value + 1, NULL, 0); return true;
+    case 'f': bench.floor = strtoull(value + 1, NULL, 0); return true;
     case 'c': return read_costs(value + 1);
     case 'o': bench.out = fopen(value + 1, "w"); return bench.out != NULL;
     default: return false;
@@ -171,8 +194,8 @@ int qemu_plugin_install(qemu_plugin_id_t id, const void *info, int argc, char **
             return -1;
         }
     }
-    if (bench.out == NULL || bench.site == 0 || bench.back == 0) {
-        fputs("error: bench plugin needs site=, back=, mark= and out=\n", stderr);
+    if (bench.out == NULL || bench.site == 0 || bench.back == 0 || bench.floor == 0) {
+        fputs("error: bench plugin needs site=, back=, mark=, floor= and out=\n", stderr);
         return -1;
     }
     qemu_plugin_register_vcpu_tb_trans_cb(id, on_block);

@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import call_costs
 import figures
 import host as host_bench
 import measured
@@ -244,6 +245,10 @@ def write_docs(target: dict[str, Any], host: dict[str, Any]) -> None:
         )
     write_block(ROOT / "README.md", table.SHORT_MARKS, table.short(target))
     write_block(DOCS / "microcontroller.md", table.MARKS, table.markdown(target))
+    write_block(DOCS / "microcontroller.md", call_costs.MARKS, call_costs.block(target))
+    write_block(
+        DOCS / "microcontroller.md", call_costs.MEMORY_MARKS, call_costs.memory_block(target)
+    )
     write_block(DOCS / "microcontroller.md", table.CYCLE_MARKS, table.cycles_block(target))
     write_block(DOCS / "microcontroller.md", table.WORST_MARKS, table.worst_block(target))
     write_block(DOCS / "speed.md", table.SPEED_MARKS, table.speed_block(target))

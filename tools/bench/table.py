@@ -9,6 +9,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import call_costs
 from dahl.binding import models
 from rich.console import Console
 from rich.table import Table
@@ -21,7 +22,6 @@ def rows_of(model: models.Model) -> tuple[tuple[str, str], ...]:
     return (
         (f"`dahl_{model.name}_step_counts_q30`", f"{model.name}_q30"),
         (f"`dahl_{model.name}_step_counts`, F in N m", f"{model.name}_float"),
-        (f"`dahl_{model.name}_prepare`", f"{model.name}_prepare"),
     )
 
 
@@ -38,16 +38,10 @@ ROWS = [
     ("`dahl_step_counts_q30`, no motion", "zero_q30"),
     ("`dahl_step`, worst of all travel", "angle_worst"),
     ("`dahl_step` by the C, worst of all travel", "angle_c_worst"),
-    ("`dahl_torque`", "torque"),
-    ("`dahl_set_torque`, worst", "set_torque"),
-    ("`dahl_change_plan`, worst", "change_plan"),
     ("`dahl_counts_between`, readings below the modulus", "counts_between_below"),
-    ("`dahl_counts_between`, worst", "counts_between"),
-    ("`dahl_prepare`", "prepare"),
     ("`dahl_encoder_move`, readings modulo a power of two", "encoder_move"),
     ("`dahl_encoder_move`, readings modulo 10000", "encoder_move_other"),
     ("`dahl_encoder_move`, a reading that is a jump", "encoder_move_jump"),
-    ("`dahl_to_units`", "to_units"),
     ("a whole control tick in integers, F in units", "control_tick_units"),
     ("a whole control tick in float, F in N m", "control_tick"),
     ("`dahl_slip_step_counts_q30`, 2 elements", "slip_2_q30"),
@@ -60,31 +54,21 @@ ROWS = [
     ("`dahl_parallel_step_counts_q30`, 4 Dahl elements", "parallel_4_q30"),
     ("`dahl_parallel_step_counts_q30`, a Dahl and a slip element", "mixed_2_q30"),
     ("`dahl_parallel_step_counts_q30`, 3 Dahl elements and a slip element", "mixed_4_q30"),
-    ("`dahl_slip_prepare`, 8 elements", "slip_prepare_8"),
     *(row for model in models.table().values() if model.has_directions for row in rows_of(model)),
     ("`dahl_loaded_step_counts_q30`", "loaded_q30"),
     ("`dahl_loaded_step_counts_q30`, the load grew", "loaded_more_q30"),
     ("`dahl_loaded_step_counts`, F in N m", "loaded_float"),
-    ("`dahl_clamped_step`, F in N m", "clamped_float"),
     ("`dahl_elastoplastic_step_counts_q30`, elastic", "elastic_q30"),
     ("`dahl_elastoplastic_step_counts_q30`, plastic", "plastic_q30"),
     ("`dahl_elastoplastic_step_counts_q30`, across the breakaway", "crossing_q30"),
     ("`dahl_elastoplastic_step_counts`, across the breakaway, F in N m", "crossing_float"),
-    ("`dahl_work_step_counts`, one count", "work_step"),
-    ("`dahl_work_step_counts_q30`, one count", "work_step_q30"),
-    ("`dahl_work`", "work_read"),
-    ("`dahl_counts_to_torque`, worst", "counts_to_torque"),
+    ("`dahl_work_step_counts`, up to 8 counts", "work_step"),
+    ("`dahl_work_step_counts_q30`, up to 8 counts", "work_step_q30"),
+    ("`dahl_counts_to_torque`, counts of .077 presliding lengths", "counts_to_torque"),
     ("`dahl_counts_to_torque`, counts of 1e-6 presliding lengths", "counts_to_torque_fine"),
     ("`dahl_tip_torque`, 1000 counts", "tip_torque_1000"),
-    ("`dahl_tip_torque`, worst", "tip_torque"),
     ("`dahl_tip_torque`, counts of 1e-6 presliding lengths", "tip_torque_fine"),
-    ("`dahl_velocity_torque_q30`", "velocity_torque_q30"),
-    ("`dahl_velocity_torque`", "velocity_torque"),
     ("`dahl_compensator_move` and `dahl_compensator_torque`, worst", "compensator_tick"),
-    ("`dahl_compensator_pull`", "compensator_pull"),
-    ("`dahl_compensator_change`, worst", "compensator_change"),
-    ("`dahl_adaptation_step`, worst", "adaptation_step"),
-    ("`dahl_compensator_prepare`", "compensator_prepare"),
     ("*newlib `expm1f` step*", "newlib_expm1f"),
     ("*newlib `expf` step*", "newlib_expf"),
     ("*newlib `exp` (double) step*", "newlib_exp_double"),
@@ -98,9 +82,6 @@ ROWS = [
     ("code bytes: also `dahl_step_counts` and `dahl_step`", "code_bytes_angle"),
     ("const data bytes", "const_bytes_angle"),
     ("writable static bytes", "static_bytes_angle"),
-    ("plan bytes", "plan_bytes"),
-    ("state bytes", "state_bytes"),
-    ("deepest stack bytes", "stack_bytes"),
 ]
 
 
@@ -111,6 +92,10 @@ CYCLE_ROWS = [
     ("a whole control tick in integers, F in units", "control_tick_units"),
     ("a whole control tick in float, F in N m", "control_tick"),
     ("`dahl_compensator_move` and `dahl_compensator_torque`", "compensator_tick"),
+    *(
+        (f"`dahl_node_receive`, {call_costs.RECEIVED[case]}", case)
+        for case in ("node_encoder", "node_param_model")
+    ),
     ("*newlib `expm1f` step*", "newlib_expm1f"),
 ]
 
@@ -262,6 +247,19 @@ def worst_block(result: dict[str, dict[str, Any]]) -> str:
     return "\n".join([WORST_MARKS[0], *lines, WORST_MARKS[1]])
 
 
+def calls_table(result: dict[str, dict[str, Any]]) -> Table:
+    """Return a table of instructions, stack and flash of each public call."""
+    head, groups = call_costs.rows_of_table(result)
+    table = Table(title="Worst measured call: instructions, bytes of stack, bytes of flash")
+    table.add_column("")
+    for title in head:
+        table.add_column(title, justify="right")
+    for _, rows in groups:
+        for title, numbers in rows:
+            table.add_row(title.replace("`", ""), *map(str, numbers))
+    return table
+
+
 def show(result: dict[str, dict[str, Any]]) -> None:
     table = Table(title="Instructions per call, entry to return; bytes")
     table.add_column("")
@@ -271,6 +269,7 @@ def show(result: dict[str, dict[str, Any]]) -> None:
         table.add_row(title.replace("*", "").replace("`", ""), *cells(result, key))
     console = make_console()
     console.print(table)
+    console.print(calls_table(result))
     if timed(result):
         console.print(cycles_table("Cycles per call", timed(result), format_cycles))
     console.print(bare_link(result).replace("`", ""))

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import call_costs
 import cycles
 from dahl.binding import models
 from dahl.sim import firmware
@@ -137,6 +138,7 @@ def emulate(core: Core, image: Path) -> tuple[str, str]:
     counts, costs = (OUT / f"{name}.{core.name}.{os.getpid()}" for name in ("counts", "costs"))
     at = symbols(core, image)
     places = ",".join(f"{word}={at['bench_' + word][0]:#x}" for word in ("site", "back", "mark"))
+    places += f",floor={at['__heap_start' if core.tools is RISCV else 'heap_start'][0]:#x}"
     options = [
         "-nographic",
         "-monitor",
@@ -162,15 +164,19 @@ def emulate(core: Core, image: Path) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class Call:
-    """Instructions of a call, and its least and most cycles (0 if the core has no table)."""
+    """Instructions of a call, its least and most cycles (0 if the core has no table), its bytes of
+    stack, and the address of its function modulo 2 MiB.
+    """
 
     count: int
     least: int
     most: int
+    stack: int
+    address: int
 
 
 def read_cases(text: str, counts: str) -> tuple[dict[str, list[Call]], dict[str, int]]:
-    """Return the calls of each case by name, and the numbers that the image printed."""
+    """Return the calls of each case by name, and the bytes of each type of the library."""
     names = re.findall(r"^case (\S+)", text, re.MULTILINE)
     sections = [
         [Call(*map(int, line.split())) for line in part.splitlines()]
@@ -178,21 +184,21 @@ def read_cases(text: str, counts: str) -> tuple[dict[str, list[Call]], dict[str,
     ]
     if not names or len(names) != len(sections):
         raise BenchError(f"the image named {len(names)} cases and the plugin saw {len(sections)}")
-    numbers = {
-        name: int(value) for name, value in re.findall(r"^number (\S+) (\d+)", text, re.MULTILINE)
+    objects = {
+        name: int(value) for name, value in re.findall(r"^bytes (\S+) (\d+)", text, re.MULTILINE)
     }
-    return dict(zip(names, sections, strict=True)), numbers
+    return dict(zip(names, sections, strict=True)), objects
 
 
-def instructions(calls: dict[str, list[Call]]) -> dict[str, list[int]]:
-    return {name: [call.count for call in each] for name, each in calls.items()}
+def instructions(cases: dict[str, list[Call]]) -> dict[str, list[int]]:
+    return {name: [call.count for call in each] for name, each in cases.items()}
 
 
-def stated_cycles(core: Core, calls: dict[str, list[Call]]) -> dict[str, list[int]]:
+def stated_cycles(core: Core, cases: dict[str, list[Call]]) -> dict[str, list[int]]:
     """Return one number for each call: on M0 that of a multiplier of 1 cycle, else the most."""
     return {
         name: [call.least if core.name == "m0" else call.most for call in each]
-        for name, each in calls.items()
+        for name, each in cases.items()
     }
 
 
@@ -204,6 +210,8 @@ CYCLE_CASES = {
     "control_tick_units": ("control_tick_units",),
     "control_tick": ("control_tick",),
     "compensator_tick": ("compensator_tick",),
+    "node_encoder": ("node_encoder",),
+    "node_param_model": ("node_param_model",),
     "newlib_expm1f": ("expm1f",),
 }
 
@@ -212,10 +220,12 @@ def cycle_numbers(cases: dict[str, list[Call]]) -> dict[str, list[int]]:
     """Return the least and the most cycles of the worst call of each row."""
     result = {}
     for key, names in CYCLE_CASES.items():
-        calls = [call for name in names for call in cases[name]]
-        result[key] = [max(call.least for call in calls), max(call.most for call in calls)]
+        each = [call for name in names for call in cases[name]]
+        result[key] = [max(call.least for call in each), max(call.most for call in each)]
     return result
 
+
+CODE_MASK = 2 * 1024 * 1024 - 2  # of the address of a function in the counts; Thumb sets bit 0
 
 WORST = "worst:"
 
@@ -238,15 +248,15 @@ def worst_numbers(cases: dict[str, list[Call]], text: str) -> dict[str, dict[str
     """
     result = {}
     for name, inputs in inputs_of(text).items():
-        calls = cases[name]
-        if len(calls) != len(inputs):
-            raise BenchError(f"{name} has {len(calls)} calls and {len(inputs)} inputs")
-        worst = max(range(len(calls)), key=lambda k: (calls[k].most, calls[k].count))
+        each = cases[name]
+        if len(each) != len(inputs):
+            raise BenchError(f"{name} has {len(each)} calls and {len(inputs)} inputs")
+        worst = max(range(len(each)), key=lambda k: (each[k].most, each[k].count))
         result[name.removeprefix(WORST)] = {
-            "instructions": max(call.count for call in calls),
-            "cycles": [max(call.least for call in calls), calls[worst].most],
-            "searched": len(calls),
-            "input": inputs[worst] if len(set(calls)) > 1 else None,
+            "instructions": max(call.count for call in each),
+            "cycles": [max(call.least for call in each), each[worst].most],
+            "searched": len(each),
+            "input": inputs[worst] if len({call.count for call in each}) > 1 else None,
         }
     return result
 
@@ -258,14 +268,19 @@ def cache_value(core: Core, key: str) -> str:
     return found.group(1) if found else ""
 
 
-def link_path(core: Core, name: str, archive: Path | None = None) -> Path:
+def link(core: Core, name: str, symbols: list[str], *libraries: object) -> Path:
+    """Link an image of some functions and what they call."""
     image = core.build / "bench" / f"size_{name}.elf"
     flags = cache_value(core, "CMAKE_C_FLAGS").split()
-    wanted = [f"-Wl,-u,{symbol}" for symbol in PATHS[name]]
+    wanted = [f"-Wl,-u,{symbol}" for symbol in symbols]
     command = [core.tool("gcc"), *flags, "-nostdlib", "-Wl,--gc-sections", "-o", image]
-    command += [f"-Wl,-e,{PATHS[name][0]}", *wanted]
-    run(*command, archive or core.build / "lib" / "libdahl.a", "-lgcc")
+    command += [f"-Wl,-e,{symbols[0]}", *wanted]
+    run(*command, *libraries, "-lgcc")
     return image
+
+
+def link_path(core: Core, name: str, archive: Path | None = None) -> Path:
+    return link(core, name, PATHS[name], archive or core.build / "lib" / "libdahl.a")
 
 
 def sizes(core: Core, image: Path) -> dict[str, int]:
@@ -326,6 +341,36 @@ def measure_sizes(core: Core) -> dict[str, int]:
     return result
 
 
+def flash(core: Core, name: str) -> int:
+    """Return the bytes of code and constants of an image that makes this call alone."""
+    library = core.build / "lib"
+    image = link(core, name, [name], library / "libdahl_node.a", library / "libdahl.a", "-lc")
+    size = sizes(core, image)
+    return size["code"] + size["const"]
+
+
+def measure_calls(core: Core, cases: dict[str, list[Call]], image: Path) -> dict[str, Any]:
+    """Return the worst instructions and stack of each public call, and its flash. The frames that
+    dahl_node_receive() reads have a row each.
+    """
+    public = call_costs.public_calls(ROOT / "lib/include")
+    everywhere = [call for each in cases.values() for call in each]
+    rows = {name: (name, everywhere) for name in public}
+    rows |= {case: ("dahl_node_receive", cases[case]) for case in call_costs.RECEIVED}
+    result, at = {}, symbols(core, image)
+    for row, (name, candidates) in rows.items():
+        address = at[name][0] & CODE_MASK if name in at else -1
+        made = [call for call in candidates if call.address == address]
+        if not made:
+            raise BenchError(f"{name}() has no case in tools/bench/target")
+        result[row] = {
+            "instructions": max(call.count for call in made),
+            "stack": max(call.stack for call in made),
+            "flash": flash(core, name),
+        }
+    return result
+
+
 # Beginnings of the cases of dahl_parts.h and dahl_compensator.h, and Coulomb for measured.py
 PARTS = (
     *(f"{name}_" for name in models.table() if name != "dahl"),
@@ -335,7 +380,7 @@ PARTS = (
 )
 
 
-def library_numbers(cases: dict[str, list[int]], numbers: dict[str, int]) -> dict[str, int]:
+def library_numbers(cases: dict[str, list[int]]) -> dict[str, int]:
     """Return the results of the library: for each name the worst of its calls."""
     worst = {name: max(counts) for name, counts in cases.items()}
     result = {}
@@ -367,10 +412,7 @@ def library_numbers(cases: dict[str, list[int]], numbers: dict[str, int]) -> dic
     )
     result |= {name: worst[name] for name in others}
     result |= {name: count for name, count in worst.items() if name.startswith(PARTS)}
-    result["stack_bytes"] = max(
-        value for name, value in numbers.items() if name.startswith("stack_")
-    )
-    return result | numbers
+    return result
 
 
 def rival_numbers(cases: dict[str, list[int]], libc: str) -> dict[str, int]:
@@ -401,17 +443,20 @@ def measure(core: Core, libcs: list[str]) -> dict[str, object]:
         "compiler": run(core.tool("gcc"), "--version").splitlines()[0],
     }
     for libc in reversed(libcs):
-        text, counts = emulate(core, core.build / "bench" / f"bench_{libc}")
-        calls, numbers = read_cases(text, counts)
-        cases = instructions(calls)
-        result |= library_numbers(cases, numbers) | rival_numbers(cases, libc)
+        image = core.build / "bench" / f"bench_{libc}"
+        text, counts = emulate(core, image)
+        counted, types = read_cases(text, counts)
+        cases = instructions(counted)
+        result |= library_numbers(cases) | rival_numbers(cases, libc)
         result.setdefault("motions", {})[libc] = motion_numbers(cases)
         if core.name in cycles.TABLES:
-            in_cycles = motion_numbers(stated_cycles(core, calls))
+            in_cycles = motion_numbers(stated_cycles(core, counted))
             result.setdefault("motion_cycles", {})[libc] = in_cycles
-    result["worst"] = worst_numbers(calls, text)
+    result["worst"] = worst_numbers(counted, text)
+    result["calls"] = measure_calls(core, counted, image)
+    result["types"] = types
     if core.name in cycles.TABLES:
-        result["cycles"] = cycle_numbers(calls)
+        result["cycles"] = cycle_numbers(counted)
     return (
         result
         | measure_sizes(core)

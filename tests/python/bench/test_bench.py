@@ -25,7 +25,9 @@ TOOLS = {name: ("arm-none-eabi-gcc", "qemu-system-arm") for name in (*SMALL, "m7
 TOOLS["rv32"] = ("riscv64-unknown-elf-gcc", "qemu-system-riscv32")
 HERE = [name for name, tools in TOOLS.items() if all(map(shutil.which, tools))]
 PAGES = ("README.md", "docs/microcontroller.md", "docs/speed.md")
-EXACT = [("docs/microcontroller.md", name) for name in ("target", "cycles", "worst")]
+EXACT = [
+    ("docs/microcontroller.md", name) for name in ("target", "calls", "memory", "cycles", "worst")
+]
 EXACT += [("README.md", "short"), ("docs/speed.md", "speed")]
 
 
@@ -95,19 +97,63 @@ def test_no_rival_is_cheaper_and_better_on_any_core(bench: Bench, words: list[st
     assert not re.search("beaten:.*(m0|m3|m4f)", done.stdout)
 
 
+OF_CALLS = BUDGETS["calls at most: m0, m3 to m33, rv32"]
+
+
+def limits_of(name: str) -> dict[str, int]:
+    """Return each limit of a core in tests/target/budgets.json, by the name of its number."""
+    of_bytes, column = BUDGETS["bytes at most"], {"m0": 0, "rv32": 2}.get(name, 1)
+    limits = BUDGETS["instructions at most"][name] | of_bytes.get(name, {}) | of_bytes["all"]
+    limits |= {f"bytes of {kind}": n for kind, n in BUDGETS["bytes of a type at most"].items()}
+    return limits | {
+        f"{quantity} of {call}": numbers[column]
+        for call, each in OF_CALLS.items()
+        for quantity, numbers in each.items()
+    }
+
+
+def over_budget(numbers: dict[str, int], name: str) -> dict[str, int]:
+    return {key: numbers[key] for key, limit in limits_of(name).items() if numbers[key] > limit}
+
+
 @pytest.mark.checks
 @pytest.mark.parametrize("name", TOOLS)
 def test_a_core_is_within_its_budgets(bench: Bench, name: str) -> None:
-    """tests/target/budgets.json has every limit."""
     if name not in HERE:
         pytest.skip(f"unproven: what a tick costs: no tools for {name}")
-    core, of_bytes = bench.get("target")[name], BUDGETS["bytes at most"]
-    limits = BUDGETS["instructions at most"][name] | of_bytes[name] | of_bytes["all"]
-    assert {key: core[key] for key, limit in limits.items() if core[key] > limit} == {}
+    core = bench.get("target")[name]
+    numbers = core | {f"bytes of {kind}": n for kind, n in core["types"].items()}
+    for call, each in core["calls"].items():
+        numbers |= {f"{quantity} of {call}": number for quantity, number in each.items()}
+    assert over_budget(numbers, name) == {}
     spread = core["dense_q30_most"] - core["dense_q30_least"]
     assert spread <= BUDGETS["dense moves differ by at most"][name]
     least = BUDGETS["newlib_expm1f over one_count_q30 at least"].get(name, 0)
     assert not least or core["newlib_expm1f"] >= least * core["one_count_q30"]
+
+
+@pytest.mark.parametrize("name", TOOLS)
+def test_each_budget_bites(name: str) -> None:
+    limits = limits_of(name)
+    assert over_budget(limits, name) == {}
+    for key, limit in limits.items():
+        assert over_budget(limits | {key: limit + 1}, name) == {key: limit + 1}
+
+
+def test_each_public_call_has_a_budget_of_instructions_and_stack(monkeypatch) -> None:
+    """A new call needs a case in tools/bench/target, and a budget."""
+    monkeypatch.syspath_prepend(str(BENCH))
+    costs = import_module("call_costs")
+    assert OF_CALLS.keys() == {*costs.public_calls(ROOT / "lib/include"), *costs.RECEIVED}
+    assert all(each.keys() == {"instructions", "stack"} for each in OF_CALLS.values())
+
+
+@pytest.mark.parametrize("page", ["lib/include/dahl_node.h", "docs/loop.md"])
+def test_a_stated_cost_of_the_receive_interrupt_is_the_budget(page: str) -> None:
+    text = re.sub(r"[\s*]+", " ", (ROOT / page).read_text())
+    stated = re.findall(r"at most (\d+) instructions and (\d+) bytes of stack", text)
+    each = [OF_CALLS[row] for row in ("node_param_model", "node_encoder_any")]
+    assert stated == [(str(e["instructions"][0]), str(e["stack"][0])) for e in each]
 
 
 @pytest.fixture

@@ -201,7 +201,7 @@ def test_the_rules_of_an_axis_are_decided_as_by_fractions() -> None:
         rest |= {
             "law": c.DAHL_COMPENSATOR_MEASURED,
             "limit": 1.0,
-            "slew": 1.0,
+            "slew": 100 * one["Fc"],
             "play": 1,
             "jump": 1,
         }
@@ -335,6 +335,8 @@ REFUSED: list[tuple[Callable[..., Any], dict[str, Any], tuple[str, ...]]] = [
     (compensator, {"play": 0}, ("play = 0 ", "1")),
     (compensator, {"jump": 0}, ("jump = 0 ", "1")),
     (compensator, {"jump": 1000, "fade_speed": 0.3}, ("jump = 1000 ", "1000 times")),
+    (compensator, {"jump": 1010, "fade_speed": 0.38}, ("jump = 1010 ", "1000 times")),
+    (compensator, {"slew": 8e-7}, ("slew = 8e-07 ", "2^-29 Fc")),
     (compensator, {"jump": 2**29, "fade_speed": 1e4}, ("jump = 536870912 ", "500 times the 26315")),
     (compensator, {"gain": 1.5}, ("gain = 1.5 ", "<= 1")),
     (compensator, {"Fc_low": 0.0}, ("Fc_low = 0 is outside 2^-64", "reference = False")),
@@ -361,6 +363,7 @@ LEAST, MOST = 2.0**-64, float(np.nextafter(np.float32(2.0**64), np.float32(0)))
 ENDS = dict.fromkeys(OPTIONAL, [0.0, LEAST, MOST]) | dict.fromkeys(POSITIVE, [LEAST, MOST])
 ENDS |= {"fade_speed": [0.0], "Fc_low": [0.0, MOST], "length_long": [0.0, LEAST]}
 ENDS |= {"gain": [0.0, LEAST, 0.875]}
+ENDS |= {"slew": [2.0**-20, MOST], "period": [2.0**-35, MOST]}  # 2^-29 Fc in a tick
 
 
 @pytest.mark.parametrize("name", ENDS)

@@ -13,6 +13,7 @@ import re
 import runpy
 import struct
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import can
@@ -20,6 +21,7 @@ import dahl
 import numpy as np
 import pytest
 from dahl.binding import plan_header
+from numpy.typing import NDArray
 from programs import run, shared_object
 from sources import CORE, LIB
 
@@ -35,14 +37,19 @@ def compiled(root: Path, folder: Path, *words: object) -> ctypes.CDLL:
     return shared_object(folder, *includes, *words, *CORE, *COMPENSATOR)
 
 
-def test_the_page_has_the_bits_of_python(root: Path, tmp_path: Path) -> None:
+def compiled_page(root: Path, folder: Path, bounds: str) -> ctypes.CDLL:
     (code,) = re.findall(r"```c\n(.*?)```", (root / "docs/compensation.md").read_text(), re.S)
-    (tmp_path / "page.c").write_text(code)
-    bounds = plan_header.bounds("rig", FC_LOW, LENGTH_LONG, SIGMA0_HIGH, "N m", "rad")
-    (tmp_path / "dahl_plan_rig.h").write_text(bounds)
-    page = compiled(root, tmp_path, tmp_path / "page.c")
+    (folder / "page.c").write_text(code)
+    (folder / "dahl_plan_rig.h").write_text(bounds)
+    page = compiled(root, folder, folder / "page.c")
     page.compensation_tick.restype = ctypes.c_float
     assert page.compensation_init() == 0
+    return page
+
+
+def test_the_page_has_the_bits_of_python(root: Path, tmp_path: Path) -> None:
+    bounds = plan_header.bounds("rig", FC_LOW, LENGTH_LONG, SIGMA0_HIGH, "N m", "rad")
+    page = compiled_page(root, tmp_path, bounds)
     low, long, high = (float(one) for one in re.findall(r"(\S+)f /\*", bounds))
     sigma0 = float(np.float32(low) / np.float32(long))
     theta = float(np.float32(6.2831853) / 16384)
@@ -203,29 +210,37 @@ def test_the_current_loop_adds_the_current_of_the_friction(root: Path, tmp_path:
 # --- simplefoc ------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def foc(root: Path, tmp_path: Path) -> ctypes.CDLL:
+def foc_of(root: Path, folder: Path) -> ctypes.CDLL:
     mock = root / "tests/python/examples/simplefoc_mock"
-    compiled(root, tmp_path)
+    compiled(root, folder)
     words = ["g++", "-std=c++11", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-shared", "-fPIC"]
     words += [f"-I{root}/lib/include", f"-I{mock}", f"-I{root}/examples/simplefoc"]
-    words += [mock / "motor.cpp", tmp_path / "made.so", f"-Wl,-rpath,{tmp_path}"]
-    run(*words, "-o", tmp_path / "foc.so")
-    lib = ctypes.CDLL(str(tmp_path / "foc.so"))
+    words += [mock / "motor.cpp", folder / "made.so", f"-Wl,-rpath,{folder}"]
+    run(*words, "-o", folder / "foc.so")
+    lib = ctypes.CDLL(str(folder / "foc.so"))
     lib.motor_loop.restype = ctypes.c_float
     return lib
+
+
+@pytest.fixture
+def foc(root: Path, tmp_path: Path) -> ctypes.CDLL:
+    return foc_of(root, tmp_path)
+
+
+def foc_current(foc: ctypes.CDLL, turns: float, enabled: int = 1, good: int = 1, us: int = 1000):
+    """Return the current of a tick in A. turns: -1 .. 1, negative for SimpleFOC's `Encoder`."""
+    return foc.motor_loop(ctypes.c_float(turns * 2 * math.pi), ctypes.c_ulong(us), enabled, good)
 
 
 @pytest.mark.parametrize("direction", [1, -1])
 def test_simplefoc_gets_ampere_within_the_limit(direction: int, foc: ctypes.CDLL) -> None:
     """On top of the current of another term, through the zero of the sensor, and 0 if disabled."""
     other = 0.25  # A
-    assert foc.motor_init(direction, ctypes.c_float(other)) == 0
+    assert foc.motor_init(direction, ctypes.c_float(other), 16384) == 0
 
     def turn(ticks: int, counts: int, start: int, enabled: int = 1, us: int = 1000) -> list[float]:
-        angles = [(start + counts * k) % 16384 / 16384 * 2 * math.pi for k in range(ticks)]
-        call = foc.motor_loop
-        return [call(ctypes.c_float(a), ctypes.c_ulong(us), enabled) - other for a in angles]
+        turns = [(start + counts * k) % 16384 / 16384 for k in range(ticks)]
+        return [foc_current(foc, one, enabled, us=us) - other for one in turns]
 
     early = turn(40, 1, 15960, us=250)  # a quarter of a period: each fourth call is a tick
     assert 5 < sum(a != b for a, b in zip(early, early[1:], strict=False)) <= 10
@@ -238,6 +253,23 @@ def test_simplefoc_gets_ampere_within_the_limit(direction: int, foc: ctypes.CDLL
     assert turn(300, -2, 16598)[-1] == pytest.approx(-direction * limit, rel=1e-5)
     assert foc.motor_rejected() == 0
     assert turn(60, -2, 15998, enabled=0)[-1] == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("counts_per_turn", [8000, 10000, 16384])
+def test_negative_angles_of_simplefoc_turn_on(counts_per_turn: int, foc: ctypes.CDLL) -> None:
+    """Encoder::update() of 2.4.0 returns the remainder of a turn with the sign of its counter. To
+    and fro through the turns around 0, no move is longer than the shaft's, and the torque keeps
+    the sign of the motion.
+    """
+    assert foc.motor_init(1, ctypes.c_float(0), counts_per_turn) == 0
+    count, sign = 0, 1
+    for sign, length in ((-1, 2.5), (1, 4), (-1, 3.2), (1, 1.7)):
+        for travel in range(round(length * counts_per_turn)):
+            count += sign
+            current = foc_current(foc, math.fmod(count, counts_per_turn) / counts_per_turn)
+            assert abs(foc.motor_moved()) <= 1
+            assert travel < 100 or current * sign > 0
+    assert foc.motor_rejected() == 0
 
 
 # --- odrive_moteus --------------------------------------------------------------------------------
@@ -350,7 +382,8 @@ def test_a_host_feeds_newton_metres_forward(
         due = torques_of_moves([0] + 400 * [3] + 199 * [-3], module.PERIOD_S)
         assert found == pytest.approx(due, abs=1e-9)
         assert (max(found), found[-1]) == pytest.approx((LIMIT, -LIMIT), rel=1e-5)
-        for count in (math.nan, 603, 1e38, 603, 603):  # no number; a jump there and back
+        # no number, then a jump there and back
+        for count in (math.nan, 603, 603, 1e38, 603, 603, 603):
             drive.send(angle(count / 16384))
             assert feed.tick(host) == pytest.approx(-LIMIT, rel=1e-5)
         cut = angle(0.0)
@@ -361,3 +394,172 @@ def test_a_host_feeds_newton_metres_forward(
         assert silent == pytest.approx(
             [-min(LIMIT, 0.9 * 0.045 * fade) for fade in fades], abs=1e-4
         )
+
+
+# --- bad readings, on every axis that has an encoder and a compensator ----------------------------
+
+Tick = Callable[[int, bool], float]  # count of the shaft, is_good -> torque
+
+
+def tick_of_the_page(root: Path, folder: Path) -> Tick:
+    page = compiled_page(root, folder, plan_header.bounds("rig", 0.45, 5.5e-3, 90.0, "N m", "rad"))
+    last = 0
+
+    def tick(count: int, is_good: bool) -> float:
+        nonlocal last
+        dcounts, last = count - last, count
+        return float(page.compensation_tick(dcounts, int(is_good)))
+
+    return tick
+
+
+def tick_of_spi(root: Path, folder: Path) -> Tick:
+    """The SPI encoder of encoder.md."""
+    lib = encoder_page(root, folder, "read_spi_encoder", SPI)
+    assert lib.init() == 0
+    reading, flag = (ctypes.c_uint32.in_dll(lib, name) for name in ("spi_reading", "spi_is_good"))
+
+    def tick(count: int, is_good: bool) -> float:
+        reading.value, flag.value = count % 16384, is_good
+        return float(lib.compensation_tick()) / 2**30
+
+    return tick
+
+
+def tick_of_stm32(root: Path, folder: Path) -> Tick:
+    motor = Motor(root, folder)
+    assert motor.lib.current_loop_init() == 0
+
+    def tick(count: int, is_good: bool) -> float:
+        motor.tim3[CNT] = count % 65536
+        ctypes.c_int.in_dll(motor.lib, "encoder_is_good").value = is_good
+        return motor.run(1, 0)[0]
+
+    return tick
+
+
+def tick_of_simplefoc(root: Path, folder: Path) -> Tick:
+    lib = foc_of(root, folder)
+    assert lib.motor_init(1, ctypes.c_float(0), 16384) == 0
+    return lambda count, is_good: foc_current(lib, count % 16384 / 16384, good=int(is_good))
+
+
+def tick_of_odrive(root: Path, folder: Path) -> Tick:
+    """A bad reading is a frame without a number."""
+    (folder / "feed_forward.py").write_text(
+        (root / "examples/odrive_moteus/feed_forward.py").read_text()
+    )
+    module = runpy.run_path(str(folder / "feed_forward.py"))
+    module["FeedForward"].tick.__globals__["TIMEOUT_S"] = 1e-3
+    feed = module["FeedForward"](module["ODrive"](NODE), **BOUNDS)
+    bus = {"interface": "virtual", "channel": str(folder)}
+    host, drive = can.Bus(**bus), can.Bus(**bus)
+
+    def tick(count: int, is_good: bool) -> float:
+        drive.send(odrive_angle(count / 16384 if is_good else math.nan))
+        return float(feed.tick(host))
+
+    return tick
+
+
+TICKS = [tick_of_the_page, tick_of_spi, tick_of_stm32, tick_of_simplefoc, tick_of_odrive]
+
+
+@pytest.mark.parametrize("make", TICKS)
+def test_a_bad_reading_does_not_turn_the_torque(
+    make: Callable[[Path, Path], Tick], root: Path, tmp_path: Path
+) -> None:
+    """A shaft turns steadily. A wrong count is reported, and below the largest move."""
+    tick, count, random = make(root, tmp_path), 0, np.random.default_rng(1)
+
+    def turn(bad: NDArray[np.bool_]) -> list[float]:
+        nonlocal count
+        torques = []
+        for is_bad in bad:
+            count += 2
+            wrong = int(random.integers(-90, 91))
+            torques.append(tick(count + (wrong if is_bad else 0), not is_bad))
+        return torques
+
+    ticks = 6000 if make is tick_of_stm32 else 700  # to fade in
+    full = turn(np.zeros(ticks, bool))[-1]
+    assert full > 0
+    single = turn(np.arange(300) % 5 == 0)
+    assert single == pytest.approx([full] * 300, rel=1e-3)
+    assert min(turn(random.random(300) < 0.6)) >= 0
+    assert turn(np.zeros(ticks, bool))[-1] == pytest.approx(full, rel=1e-3)
+
+
+# --- encoder.md -----------------------------------------------------------------------------------
+
+SPI = """
+#include "dahl_compensator.h"
+#include "dahl_encoder.h"
+dahl_plan_t friction; dahl_compensator_plan_t plan; dahl_encoder_t encoder;
+uint32_t spi_reading, spi_is_good;
+int read_spi_encoder(uint32_t *reading) { *reading = spi_reading; return (int)spi_is_good; }
+int init(void) {
+    dahl_compensator_params_t params = {.friction = {80, 0.4f, 6.2831853f / 16384},
+        .law = DAHL_COMPENSATOR_MEASURED, .Fc_low = 0.4f, .length_long = 0.005f,
+        .sigma0_high = 90, .inertia = 0.002f, .delay = 2e-3f, .gain = 0.9f,
+        .limit = 1, .slew = 50, .period = 1e-3f, .rise = 0.1f, .fall = 0.02f,
+        .noise = 1, .play = 4, .jump = 200};
+    return dahl_prepare(&friction, &params.friction) | dahl_encoder_init(&encoder, 16384, 1, 0)
+        | dahl_compensator_prepare(&plan, &params);
+}
+"""
+
+INDEX = """
+#include "dahl_encoder.h"
+dahl_encoder_t encoder;
+uint32_t counter; int moved;
+static uint32_t is_masked;
+static void tick(void) { if (!is_masked) { moved += dahl_encoder_move(&encoder, counter); } }
+void set_counter(uint32_t count) { counter = count; tick(); }
+uint32_t mask_interrupts(void) { tick(); uint32_t was = is_masked; is_masked = 1; return was; }
+void unmask_interrupts(uint32_t before) { is_masked = before; tick(); }
+int turn(int counts) { moved = 0; counter += (uint32_t)counts; tick(); return moved; }
+int init(void) { return dahl_encoder_init(&encoder, 0, 1, 0); }
+"""
+
+
+def encoder_page(root: Path, folder: Path, word: str, rest: str) -> ctypes.CDLL:
+    """Return the block of encoder.md that has this word, compiled with the rest of its program."""
+    blocks = re.findall(r"```c\n(.*?)```", (root / "docs/encoder.md").read_text(), re.S)
+    (block,) = (one for one in blocks if word in one)
+    (folder / "block.c").write_text(block)
+    (folder / "rest.c").write_text(rest)
+    return compiled(root, folder, folder / "block.c", folder / "rest.c")
+
+
+def test_no_tick_runs_between_the_index_and_its_home(root: Path, tmp_path: Path) -> None:
+    """A tick is pending at each call out of the interrupt."""
+    lib = encoder_page(root, tmp_path, "index_interrupt", INDEX)
+    moved = ctypes.c_int.in_dll(lib, "moved")
+    assert lib.init() == 0 and lib.turn(8000) == 0
+    for counts in (5, 8000, -3000):
+        assert lib.turn(counts) == counts
+        moved.value = 0
+        lib.index_interrupt()
+        assert moved.value == 0 and ctypes.c_uint32.in_dll(lib, "counter").value == 0
+
+
+def error_of_sweeps(turns: int, start: int) -> float:
+    """Return the largest error, in Fc, of sweeps of 100 counts by differences of a float angle."""
+    theta = 2 * math.pi / 16384
+    plan = dahl.Plan(200 * 0.5, 0.5, theta)
+    by_angle, by_counts, worst = dahl.Friction(plan), dahl.Friction(plan), 0.0
+    step = (1, 2, 5, 10, 20, 50, 100)[start % 7]
+    sweep = [*range(0, 100, step), *range(100, 0, -step)]
+    counts = turns * 16384 + start + np.array(6 * sweep)
+    angles = (counts * theta).astype(np.float32)
+    for angle, dcounts in zip(np.diff(angles).tolist(), np.diff(counts).tolist(), strict=True):
+        error = by_angle.step(angle) - by_counts.step_counts(dcounts)
+        worst = max(worst, abs(error) / plan.Fc)
+    return worst
+
+
+@pytest.mark.parametrize(("turns", "limit"), [(0, 1.4e-4), (538, 0.071)])
+def test_a_float_angle_errs_as_the_page_says(turns: int, limit: float) -> None:
+    worst = max(error_of_sweeps(turns, start) for start in range(0, 16284, 9))
+    assert 0.9 * limit < worst <= limit

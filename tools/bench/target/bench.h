@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Report cases, stack depths and sizes to the host (tools/bench/target.py). */
+/* Report cases and sizes to the host (tools/bench/target.py). */
 #ifndef BENCH_H
 #define BENCH_H
 
@@ -13,14 +13,9 @@ void bench_case(const char *name);
 /* `input SETTING STATE MOVE` in hexadecimal, before each call of a case whose worst input the table names. */
 void bench_input(uint32_t setting, uint64_t state, uint32_t move);
 
-/* `number NAME VALUE` */
-void bench_number(const char *name, uint32_t value);
-
-/* Bytes of stack that a call used. Before the call, bench_paint(BENCH_PAINT). */
-#define BENCH_STACK_BYTES 960u
-#define BENCH_STACK_WORD 0xA5C35A3Cu
-#define BENCH_PAINT BENCH_STACK_BYTES + 64u, BENCH_STACK_WORD
-uint32_t bench_depth(void);
+/* `bytes TYPE VALUE`, of a type of the library */
+void bench_bytes(const char *type, uint32_t bytes);
+#define BENCH_BYTES(type) bench_bytes(#type, sizeof(type))
 
 void bench_library(void);
 void bench_parts(void);
@@ -29,6 +24,9 @@ void bench_motions(void);
 void bench_variants(void);
 void bench_energy(void);
 void bench_compensator(void);
+void bench_any(void);
+void bench_node(void);
+void bench_seldom(void);
 void bench_worst(void);
 
 #endif

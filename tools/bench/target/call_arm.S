@@ -9,11 +9,9 @@
     .thumb_func
 bench_call:
     push {r3, r4, r5, lr}
-    ldr r4, =bench_sp
-    mov r5, sp
-    str r5, [r4]
     ldr r4, =bench_function
     ldr r4, [r4]
+    str r4, [sp] /* shows the plugin the stack pointer */
 bench_site:
     blx r4
 bench_back:
@@ -23,17 +21,5 @@ bench_back:
     .type bench_mark, %function
     .thumb_func
 bench_mark:
-    bx lr
-
-    .global bench_paint
-    .type bench_paint, %function
-    .thumb_func
-bench_paint:
-    mov r2, sp
-    subs r0, r2, r0
-1:  subs r2, r2, #4
-    str r1, [r2]
-    cmp r2, r0
-    bhi 1b
     bx lr
     .ltorg

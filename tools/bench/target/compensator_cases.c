@@ -4,7 +4,14 @@
 #include "dahl_compensator.h"
 #include "inputs.h"
 
+#include <stdbool.h>
+
 int32_t call_tick(const dahl_compensator_plan_t *, dahl_compensator_t *, int32_t, int32_t) __asm__("bench_call");
+int32_t call_move(const dahl_compensator_plan_t *, dahl_compensator_t *, int32_t, int) __asm__("bench_call");
+int32_t call_torque(const dahl_compensator_plan_t *, dahl_compensator_t *, int32_t) __asm__("bench_call");
+int32_t call_apply(dahl_adaptation_t *, int32_t) __asm__("bench_call");
+dahl_compensator_err_t call_adaptation_prepare(dahl_adaptation_plan_t *, const dahl_compensator_params_t *,
+                                               float) __asm__("bench_call");
 void call_pull(const dahl_compensator_plan_t *, dahl_state_t *, const dahl_state_t *) __asm__("bench_call");
 void call_adapt(const dahl_adaptation_plan_t *, dahl_adaptation_t *, const dahl_compensator_t *, int32_t) __asm__("bench_call");
 void call_change(const dahl_compensator_plan_t *, const dahl_compensator_plan_t *, dahl_compensator_t *) __asm__("bench_call");
@@ -46,15 +53,22 @@ static int32_t tick(const dahl_compensator_plan_t *plan, dahl_compensator_t *com
 }
 
 /* Noise, both directions, speeds beyond the fade, jumps, and torques that reach the limit and the slew. */
-static void bench_tick(const dahl_compensator_plan_t *plan)
+static void bench_ticks(const char *name, const dahl_compensator_plan_t *plan, bool is_split)
 {
     static const int32_t moves[] = {0, 1, -1, 3, -3, 20, -20, 200, -200, BAD, -BAD, BAD, BAD, BAD};
     static const int32_t ratios[] = {0, ONE_Q30, -ONE_Q30, ONE_Q30 / 5, -ONE_Q30 / 5};
     dahl_compensator_t compensator = {0};
-    bench_case("compensator_tick");
-    bench_function = (bench_function_t)tick;
+    bench_case(name);
     for (unsigned k = 0; k < 30 * sizeof moves / sizeof moves[0]; k++) {
-        call_tick(plan, &compensator, moves[k / 30], ratios[k % 5]);
+        if (is_split) {
+            bench_function = (bench_function_t)dahl_compensator_move;
+            call_move(plan, &compensator, moves[k / 30], 1);
+            bench_function = (bench_function_t)dahl_compensator_torque;
+            call_torque(plan, &compensator, ratios[k % 5]);
+        } else {
+            bench_function = (bench_function_t)tick;
+            call_tick(plan, &compensator, moves[k / 30], ratios[k % 5]);
+        }
         compensator.torque_q30 = k % 7 == 0 ? INT32_MAX : k % 7 == 1 ? -INT32_MAX : compensator.torque_q30;
     }
 }
@@ -119,7 +133,9 @@ static void bench_adaptation(void)
     dahl_adaptation_plan_t adaptation_plan;
     dahl_adaptation_t adaptation = {0};
     dahl_compensator_t compensator = {0};
-    if (dahl_adaptation_prepare(&adaptation_plan, &params, 0.002f) != DAHL_COMPENSATOR_OK) {
+    bench_case("adaptation_prepare");
+    bench_function = (bench_function_t)dahl_adaptation_prepare;
+    if (call_adaptation_prepare(&adaptation_plan, &params, 0.002f) != DAHL_COMPENSATOR_OK) {
         return;
     }
     bench_case("adaptation_step");
@@ -130,7 +146,10 @@ static void bench_adaptation(void)
         (void)dahl_adaptation_apply(&adaptation, sign * ONE_Q30);
         call_adapt(&adaptation_plan, &adaptation, &compensator, sign * (1 << 24));
     }
-    bench_number("adaptation_bytes", sizeof adaptation);
+    bench_case("adaptation_apply");
+    bench_function = (bench_function_t)dahl_adaptation_apply;
+    call_apply(&adaptation, ONE_Q30);
+    call_apply(&adaptation, -ONE_Q30);
 }
 
 void bench_compensator(void)
@@ -144,10 +163,14 @@ void bench_compensator(void)
         || call_compensator_prepare(&plan, &params) != DAHL_COMPENSATOR_OK) {
         return; /* the host then lacks the other cases */
     }
-    bench_tick(&plan);
+    bench_ticks("compensator_tick", &plan, false);
+    bench_ticks("compensator_calls", &plan, true);
     search_worst_tick(&plan);
     bench_pull(&plan);
     bench_change(&plan);
     bench_adaptation();
-    bench_number("compensator_bytes", sizeof(dahl_compensator_t));
+    BENCH_BYTES(dahl_compensator_plan_t);
+    BENCH_BYTES(dahl_compensator_t);
+    BENCH_BYTES(dahl_adaptation_plan_t);
+    BENCH_BYTES(dahl_adaptation_t);
 }

@@ -103,6 +103,6 @@ void bench_energy(void)
     bench_tip_torque("tip_torque", &plan);
     bench_tip_torque("tip_torque_fine", &fine);
     bench_velocity();
-    bench_number("work_bytes", sizeof(dahl_work_t));
-    bench_number("velocity_plan_bytes", sizeof(dahl_velocity_plan_t));
+    BENCH_BYTES(dahl_work_t);
+    BENCH_BYTES(dahl_velocity_plan_t);
 }

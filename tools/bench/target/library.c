@@ -18,6 +18,8 @@ float call_torque(const dahl_plan_t *, const dahl_state_t *) __asm__("bench_call
 void call_set_torque(const dahl_plan_t *, dahl_state_t *, float) __asm__("bench_call");
 void call_change_plan(const dahl_plan_t *, const dahl_plan_t *, dahl_state_t *) __asm__("bench_call");
 int32_t call_between(uint32_t, uint32_t, uint32_t) __asm__("bench_call");
+int call_state_ok(const dahl_state_t *) __asm__("bench_call");
+void call_encoder_home(dahl_encoder_t *, uint32_t) __asm__("bench_call");
 int32_t call_encoder(dahl_encoder_t *, uint32_t) __asm__("bench_call");
 int32_t call_units(int32_t, uint32_t) __asm__("bench_call");
 
@@ -40,45 +42,25 @@ static const int64_t starts[] = {
 };
 #define STARTS (sizeof starts / sizeof starts[0])
 
-static uint32_t deepest;
-
-static void note_depth(void)
-{
-    uint32_t depth = bench_depth();
-    deepest = depth > deepest ? depth : deepest;
-}
-
-static void report_depth(const char *name)
-{
-    bench_number(name, deepest);
-    deepest = 0;
-}
-
 static void by_q30(int64_t w, int32_t dcounts)
 {
     dahl_state_t state = {w};
     bench_function = (bench_function_t)dahl_step_counts_q30;
-    bench_paint(BENCH_PAINT);
     call_q30(&plan, &state, dcounts);
-    note_depth();
 }
 
 static void by_float(int64_t w, int32_t dcounts)
 {
     dahl_state_t state = {w};
     bench_function = (bench_function_t)dahl_step_counts;
-    bench_paint(BENCH_PAINT);
     call_float(&plan, &state, dcounts);
-    note_depth();
 }
 
 static void by_angle(int64_t w, float dtheta)
 {
     dahl_state_t state = {w};
     bench_function = (bench_function_t)dahl_step;
-    bench_paint(BENCH_PAINT);
     call_angle(&plan, &state, dtheta);
-    note_depth();
 }
 
 static void c_by_angle(int64_t w, float dtheta)
@@ -183,13 +165,10 @@ static void bench_reversal(void)
 
 static void bench_counts_worst(void)
 {
-    deepest = 0;
     bench_case("counts_worst_q30");
     search_counts(by_q30);
-    report_depth("stack_q30");
     bench_case("counts_worst_float");
     search_counts(by_float);
-    report_depth("stack_float");
 }
 
 /* Every exponent with a few mantissas and both signs, from every start; then floats at random. */
@@ -227,10 +206,8 @@ static void bench_angle(void)
             by_angle(starts[i], -travels[k].u / 200.0f);
         }
     }
-    deepest = 0;
     bench_case("angle_worst");
     search_angle(by_angle);
-    report_depth("stack_angle");
     bench_case("angle_c_worst");
     search_angle(c_by_angle);
 }
@@ -243,16 +220,12 @@ static const dahl_params_t many_params[] = {
 
 static void bench_prepare(void)
 {
-    deepest = 0;
     bench_case("prepare");
     bench_function = (bench_function_t)dahl_prepare;
     for (unsigned i = 0; i < sizeof many_params / sizeof many_params[0]; i++) {
         static dahl_plan_t made;
-        bench_paint(BENCH_PAINT);
         call_prepare(&made, &many_params[i]);
-        note_depth();
     }
-    report_depth("stack_prepare");
 }
 
 static void bench_others(void)
@@ -268,6 +241,12 @@ static void bench_others(void)
     bench_function = (bench_function_t)dahl_set_torque;
     for (int i = -6; i <= 6; i++) {
         call_set_torque(&plan, &state, (float)i * 0.1f);
+    }
+    bench_case("state_ok");
+    bench_function = (bench_function_t)dahl_state_ok;
+    for (unsigned i = 0; i < STARTS; i++) {
+        state.w = starts[i];
+        call_state_ok(&state);
     }
     bench_case("change_plan");
     bench_function = (bench_function_t)dahl_change_plan;
@@ -326,6 +305,16 @@ static void bench_encoder(void)
     }
 }
 
+static void bench_encoder_home(void)
+{
+    dahl_encoder_t encoder;
+    bench_case("encoder_home");
+    bench_function = (bench_function_t)dahl_encoder_home;
+    if (prepare_encoder(&encoder, 10000, 1)) {
+        call_encoder_home(&encoder, 4095);
+    }
+}
+
 static void bench_units(void)
 {
     bench_case("to_units");
@@ -366,9 +355,11 @@ void bench_library(void)
     bench_prepare();
     bench_others();
     bench_encoder();
+    bench_encoder_home();
     bench_units();
     bench_axis("control_tick", (bench_function_t)axis_tick);
     bench_axis("control_tick_units", (bench_function_t)axis_tick_units);
-    bench_number("plan_bytes", sizeof(dahl_plan_t));
-    bench_number("state_bytes", sizeof(dahl_state_t));
+    BENCH_BYTES(dahl_plan_t);
+    BENCH_BYTES(dahl_state_t);
+    BENCH_BYTES(dahl_encoder_t);
 }

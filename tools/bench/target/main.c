@@ -9,7 +9,6 @@
 #include "semihosting.h"
 
 bench_function_t bench_function;
-uint32_t bench_sp;
 
 static void say(const char *text)
 {
@@ -24,17 +23,17 @@ void bench_case(const char *name)
     bench_mark();
 }
 
-void bench_number(const char *name, uint32_t value)
+void bench_bytes(const char *type, uint32_t bytes)
 {
     char digits[11];
     char *first = digits + sizeof digits - 1;
     *first = '\0';
     do {
-        *--first = (char)('0' + value % 10);
-        value /= 10;
-    } while (value != 0);
-    say("number ");
-    say(name);
+        *--first = (char)('0' + bytes % 10);
+        bytes /= 10;
+    } while (bytes != 0);
+    say("bytes ");
+    say(type);
     say(" ");
     say(first);
     say("\n");
@@ -62,17 +61,6 @@ void bench_input(uint32_t setting, uint64_t state, uint32_t move)
     say(line);
 }
 
-uint32_t bench_depth(void)
-{
-    const uint32_t *word = (const uint32_t *)(uintptr_t)(bench_sp - BENCH_STACK_BYTES);
-    uint32_t bytes = BENCH_STACK_BYTES;
-    while (bytes > 0 && *word == BENCH_STACK_WORD) {
-        word++;
-        bytes -= 4;
-    }
-    return bytes;
-}
-
 int main(void)
 {
     bench_library();
@@ -83,5 +71,8 @@ int main(void)
     bench_energy();
     bench_compensator();
     bench_worst();
+    bench_any();
+    bench_node();
+    bench_seldom();
     return 0;
 }

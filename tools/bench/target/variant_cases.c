@@ -45,7 +45,7 @@ static const dahl_params_t params = {100.0f, 0.5f, 3.8349519e-4f}; /* 14-bit enc
         bench_case(#name "_prepare"); \
         bench_function = (bench_function_t)dahl_##name##_prepare; \
         (void)!call_##name##_prepare(&plan, &directed); \
-        bench_number(#name "_plan_bytes", sizeof plan); \
+        BENCH_BYTES(dahl_##name##_plan_t); \
     }
 DAHL_FRAMES_DIRECTED_MODELS(BENCH_DIRECTED)
 
@@ -116,6 +116,6 @@ void bench_variants(void)
     bench_elastoplastic("plastic_float", (bench_function_t)dahl_elastoplastic_step_counts, 60, 1, 8);
     bench_elastoplastic("crossing_q30", (bench_function_t)dahl_elastoplastic_step_counts_q30, 49, 1, 8);
     bench_elastoplastic("crossing_float", (bench_function_t)dahl_elastoplastic_step_counts, 49, 1, 8);
-    bench_number("elastic_plan_bytes", sizeof(dahl_elastoplastic_plan_t));
-    bench_number("loaded_state_bytes", sizeof(dahl_loaded_state_t));
+    BENCH_BYTES(dahl_elastoplastic_plan_t);
+    BENCH_BYTES(dahl_loaded_state_t);
 }

@@ -42,9 +42,10 @@ class Compensator(Copied):
                         These five are for the law of the measured counts, ignored with reference
     gain         0 .. 1, gain*Fc <= 0.95*(Fc_low - load), with reference: <= Fc_low
     limit        N m    largest torque, > 0
-    slew         N m/s  largest change of the torque, > 0
+    slew         N m/s  largest change of the torque, at least 2^-29 Fc in a tick
     period       s      of a tick
-    rise, fall   s      to fade in, and to fade out while the encoder is bad; 0: at once
+    rise, fall   s      to fade in, and to fade out while the encoder is bad, at most 2^30 ticks;
+                        0: at once
     fade_speed   rad/s  no torque from twice this speed; 0: no fade over speed
     pull         Hz     corner frequency of draw(); 0: none
     noise, play, jump   counts: +-noise of the encoder, width of the play >= 2*noise and >= 1
@@ -168,14 +169,23 @@ class Compensator(Copied):
                     limit = limit.removeprefix("0, or ") + " with reference = False"
                 return f"{name} = {value:g} is outside {limit}"
         parameters.need_counted(v["theta_per_count"])
+        return self._refusal_of_tick() or parameters.refusal(*(v[name] for name in FRICTION))
+
+    def _refusal_of_tick(self) -> str:
+        """Return the value that is refused because of its part of a tick, or nothing."""
+        v = self._values
+        if not all(_is_in_range(name, v[name], False) for name in FRICTION):
+            return ""
+        if v["slew"] * v["period"] / v["Fc"] < 2.000001 / ONE_Q30:
+            return f"slew = {v['slew']:g} N m/s is below 2^-29 Fc in a tick"
         counts = v["fade_speed"] * v["period"] / v["theta_per_count"]
-        friction_is_good = all(_is_in_range(name, v[name], False) for name in FRICTION)
-        is_fine = counts > c.DAHL_COMPENSATOR_FINE_COUNTS
-        most = c.DAHL_COMPENSATOR_JUMP_SPEEDS // (2 if is_fine else 1)
-        if friction_is_good and 0 < most * counts < 1.1 * self._jump:
+        most = c.DAHL_COMPENSATOR_JUMP_SPEEDS // (
+            2 if counts > c.DAHL_COMPENSATOR_FINE_COUNTS else 1
+        )
+        if 0 < most * counts < 1.000001 * self._jump:
             limit = f"{most} times the {counts:g} counts of a tick at fade_speed"
             return f"jump = {self._jump} is not below {limit}"
-        return parameters.refusal(*(v[name] for name in FRICTION))
+        return ""
 
     @property
     def reference(self) -> bool:
@@ -223,8 +233,12 @@ class Compensator(Copied):
 
     def move(self, dcounts: int, is_good: bool = True) -> int:
         """Read the encoder: reject, fade, play. Call it first in each tick. Returns the counts that
-        step the element of the measured law. dcounts is a whole number within int32; is_good is
-        False for a bad or stale reading. Raises dahl.Error for any other dcounts or flag.
+        step the element of the measured law. dcounts is a whole number within int32.
+
+        For a bad or stale reading, pass is_good = False, and do not pass the reading to
+        Encoder.move(). A move is used only if the reading before it was accepted too: the first
+        good one after a bad one only sets the start of the next move and returns 0. Raises
+        dahl.Error for any other dcounts or flag.
         """
         moved, flag = checks.counts(dcounts), checks.flag("is_good", is_good)
         return int(c.dahl_compensator_move(self._prepared, self._state, moved, flag))

@@ -43,7 +43,10 @@ class Encoder(Copied):
     modulus       as in counts_between(); 0, or 3 .. 2^32-1
     sign          of the mounting: +1, or -1 if it counts down while the shaft turns forward
     largest_step  counts; a longer move is a jump (an index pulse, a wrong reading) and no motion;
-                  below half of the modulus; 0: no limit
+                  the next reading then counts as a first one. Below half of the modulus; 0: no
+                  limit
+
+    Do not pass a reading that is known to be bad: the next move then covers both ticks.
 
     >>> timer = dahl.Encoder(modulus=65536)
     >>> timer.move(65535), timer.move(2)
@@ -63,7 +66,7 @@ class Encoder(Copied):
 
     def move(self, reading: int) -> int:
         """Return the counts since the last reading, as counts_between() does; 0 for the first
-        reading and for a jump.
+        reading, for a jump and for the reading after it.
         """
         return int(c.dahl_encoder_move(self._encoder, self._check_reading(reading)))
 

@@ -175,7 +175,7 @@ class Node(Copied):
 
     def tick(self, now: float | None = None) -> can.Message | None:
         """Check the clock; call it every few ms. Return a Status to send if one is due, as in the
-        first call.
+        first call, unless a Reset has been answered before.
         """
         moment = self._us if now is None else self._at(now)
         return self._out.message() if c.dahl_node_tick(self._node, moment, self._out.c) else None

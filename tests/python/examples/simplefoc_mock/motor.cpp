@@ -6,10 +6,11 @@ unsigned long clock_us;
 
 static Sensor sensor;
 static FOCMotor motor;
-static FrictionCompensator compensator(motor, 0.05f, 16384);
+static FrictionCompensator *compensator;
 
-extern "C" int motor_init(int direction, float other_ampere)
+extern "C" int motor_init(int direction, float other_ampere, unsigned counts_per_turn)
 {
+    compensator = new FrictionCompensator(motor, 0.05f, counts_per_turn);
     clock_us = 4294967000; // micros() wraps soon
     motor.sensor = &sensor;
     motor.sensor_direction = static_cast<Direction>(direction);
@@ -28,17 +29,19 @@ extern "C" int motor_init(int direction, float other_ampere)
     params.fall = 0.02f;
     params.play = 1;
     params.jump = 200;
-    return compensator.init(params);
+    return compensator->init(params);
 }
 
 // Returns the whole feed-forward current in A after `us` microseconds at an angle in rad within the turn.
-extern "C" float motor_loop(float angle, unsigned long us, int is_enabled)
+extern "C" float motor_loop(float angle, unsigned long us, int is_enabled, int is_good)
 {
     clock_us += us;
     sensor.angle = angle;
     motor.enabled = static_cast<int8_t>(is_enabled);
-    compensator.loop();
+    compensator->loop(is_good != 0);
     return motor.feed_forward_current.q;
 }
 
-extern "C" unsigned motor_rejected() { return compensator.telemetry().rejected; }
+extern "C" unsigned motor_rejected() { return compensator->telemetry().rejected; }
+
+extern "C" int motor_moved() { return compensator->telemetry().move; }

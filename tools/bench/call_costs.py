@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: MIT
+"""Public calls of the library: worst measured instructions, stack and flash of each.
+
+A new call needs a case in tools/bench/target: set bench_function to it and call it with bench_call.
+The plugin sees which function a case calls. Then `tools/bench.sh target` has its row.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+HEADERS = ("dahl", "dahl_encoder", "dahl_parts", "dahl_compensator", "dahl_node")
+CALLED_BY_CALLS = {"dahl_encoder_rare_move", "dahl_part_move", "dahl_slip_part_move"}
+
+IN_A_TICK = re.compile(
+    r"dahl_((\w+_)?step(_counts)?(_q30)?|torque|velocity_torque(_q30)?|to_units|counts_between"
+    r"|encoder_move|compensator_(move|torque|pull)|adaptation_apply)"
+)
+
+# Rows of dahl_node_receive(), by case: what it receives
+RECEIVED = {
+    "node_encoder": "EncoderState, up to 8 counts",
+    "node_encoder_any": "EncoderState, any count, fault and setting",
+    "node_encoder_parallel_8_any": "the same with 8 Dahl elements in parallel",
+    "node_param_model": "ParamWrite that changes Sigma0, Fc or ThetaPerCount",
+    "node_param_other": "any other ParamWrite",
+    "node_others": "Reset and other frames",
+}
+
+# Columns of the table: the worst of these cores
+COLUMNS = {
+    "Cortex-M0": ("m0",),
+    "M3 to M33": ("m3", "m4f", "m7", "m33"),
+    "RV32IMAC": ("rv32",),
+}
+QUANTITIES = ("instructions", "stack", "flash")
+
+# Types, by part: the plan, which may be const in flash, and the state in RAM
+TYPES = {
+    "Dahl": ("dahl_plan_t", "dahl_state_t"),
+    "slip, 1 to 8 elements": ("dahl_slip_plan_t", "dahl_slip_state_t"),
+    "each element of a parallel mix, in addition": ("dahl_part_t", None),
+    "asymmetric": ("dahl_asymmetric_plan_t", "dahl_state_t"),
+    "loaded": ("dahl_plan_t", "dahl_loaded_state_t"),
+    "elasto-plastic": ("dahl_elastoplastic_plan_t", "dahl_state_t"),
+    "table over speed": ("dahl_velocity_plan_t", None),
+    "work": (None, "dahl_work_t"),
+    "encoder": (None, "dahl_encoder_t"),
+    "compensator": ("dahl_compensator_plan_t", "dahl_compensator_t"),
+    "adaptation": ("dahl_adaptation_plan_t", "dahl_adaptation_t"),
+    "node, model Dahl": (None, "dahl_node_t"),
+    "node, storage of slip": (None, "dahl_node_slip_t"),
+    "node, storage of parallel": (None, "dahl_node_parallel_t"),
+    "node, storage of asymmetric": (None, "dahl_node_asymmetric_t"),
+    "node, storage of loaded": (None, "dahl_node_loaded_t"),
+    "node, storage of elasto-plastic": (None, "dahl_node_elastoplastic_t"),
+}
+
+MARKS = ("<!-- bench:calls -->", "<!-- /bench:calls -->")
+MEMORY_MARKS = ("<!-- bench:memory -->", "<!-- /bench:memory -->")
+
+
+def public_calls(include: Path) -> list[str]:
+    """Return the functions that the headers declare, in their order."""
+    found: list[str] = []
+    for header in HEADERS:
+        text = re.sub(r"/\*[^*]*(?:\*(?!/)[^*]*)*\*/", "", (include / f"{header}.h").read_text())
+        found += re.findall(r"^\w[\w* ]*\b(dahl_\w+)\(", text, re.MULTILINE)
+    return [name for name in dict.fromkeys(found) if name not in CALLED_BY_CALLS]
+
+
+def groups(names: list[str]) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return the groups of the table: a title, and the title and key of each row."""
+    node = [name for name in names if name.startswith("dahl_node_")]
+    in_a_tick = [name for name in names if IN_A_TICK.fullmatch(name)]
+    seldom = [name for name in names if name not in {*node, *in_a_tick}]
+    received = [(f"`dahl_node_receive`, {what}", case) for case, what in RECEIVED.items()]
+    of_node = [(f"`{name}`", name) for name in node if name != "dahl_node_receive"]
+    return [
+        ("in a tick", [(f"`{name}`", name) for name in in_a_tick]),
+        ("at start-up, or if parameters change", [(f"`{name}`", name) for name in seldom]),
+        ("friction node", [*received, *of_node]),
+    ]
+
+
+Rows = list[tuple[str, list[int]]]
+
+
+def rows_of_table(result: dict[str, dict[str, Any]]) -> tuple[list[str], list[tuple[str, Rows]]]:
+    """Return the titles of the columns, and the groups with the numbers of each row. A column has
+    the worst of its cores.
+    """
+    columns = {t: [c for c in cores if c in result] for t, cores in COLUMNS.items()}
+    columns = {title: cores for title, cores in columns.items() if cores}
+    head = [f"{quantity}: {title}" for quantity in QUANTITIES for title in columns]
+
+    def numbers(key: str) -> list[int]:
+        return [
+            max(result[core]["calls"][key][quantity] for core in cores)
+            for quantity in QUANTITIES
+            for cores in columns.values()
+        ]
+
+    names = [name for name in next(iter(result.values()))["calls"] if name not in RECEIVED]
+    return head, [
+        (group, [(title, numbers(key)) for title, key in rows]) for group, rows in groups(names)
+    ]
+
+
+def block(result: dict[str, dict[str, Any]]) -> str:
+    """Return the block of docs/microcontroller.md with a row for each public call."""
+    head, found = rows_of_table(result)
+    lines = [f"| worst measured call | {' | '.join(head)} |", "|---|" + "---:|" * len(head)]
+    for group, rows in found:
+        lines.append(f"| **{group}** |" + " |" * len(head))
+        lines += [f"| {title} | {' | '.join(map(str, numbers))} |" for title, numbers in rows]
+    return "\n".join([MARKS[0], *lines, MARKS[1]])
+
+
+def memory_block(result: dict[str, dict[str, Any]]) -> str:
+    """Return the block of docs/microcontroller.md with the bytes of each plan and state."""
+    types = result["m0"]["types"]
+    lines = ["| bytes | plan: flash or RAM | state: RAM |", "|---|---:|---:|"]
+    for part, (plan, state) in TYPES.items():
+        cells = [str(types[name]) if name else "-" for name in (plan, state)]
+        lines.append(f"| {part} | {' | '.join(cells)} |")
+    return "\n".join([MEMORY_MARKS[0], *lines, MEMORY_MARKS[1]])
