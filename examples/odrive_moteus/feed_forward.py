@@ -5,14 +5,20 @@ An ODrive must be in torque mode and send its estimates each 2 ms: its default o
 as a fault. Enable its watchdog: without it, the last torque stays if this program ends. A moteus is
 set to its position mode without gains. A host adds delay and jitter: prefer the current loop of the
 drive if you can change it. The turns are floats, so that 1/16384 turn is lost beyond 512 turns.
-    feed_forward.py odrive can0
+
+    feed_forward.py odrive can0 --Fc-low 0.045 --length-long 0.0055 --sigma0-high 9 --inertia 2e-4
+        --delay 4e-3 --limit 0.06 --fade-speed 5
+
+The first three are by dahl identify. An axis with less friction than Fc-low runs away up to twice
+the fade speed: docs/compensation.md has how to find each bound, and how to switch on.
 """
 
+import argparse
 import math
 import struct
 import sys
 import time
-from typing import Protocol
+from typing import Any, Protocol
 
 import can
 import dahl
@@ -76,18 +82,27 @@ class Moteus:
 
 
 class FeedForward:
-    """Compensate by the measured law. Fc_low [N m] and length_long [rad] are by dahl identify."""
+    """Compensate by the measured law. The bounds are those of dahl.Compensator."""
 
-    def __init__(self, drive: Drive, Fc_low: float, length_long: float, limit: float) -> None:
+    def __init__(
+        self,
+        drive: Drive,
+        *,
+        Fc_low: float,
+        length_long: float,
+        elastic: bool = False,
+        **bounds: Any,
+    ) -> None:
         theta_per_count = 2 * math.pi / COUNTS_PER_TURN
-        plan = dahl.Plan(Fc_low / length_long, Fc_low, theta_per_count)
+        length = 4 * length_long if elastic else length_long
+        plan = dahl.Plan(Fc_low / length, Fc_low, theta_per_count)
         self._drive, self._element = drive, dahl.Friction(plan)
         self._counts: int | None = None
         self._compensator = dahl.Compensator(
             *(plan.sigma0, plan.Fc, plan.theta_per_count),
             Fc_low=Fc_low,
             length_long=length_long,
-            limit=limit,
+            elastic=elastic,
             slew=50.0,  # N m/s
             period=PERIOD_S,
             rise=0.5,  # s
@@ -95,6 +110,7 @@ class FeedForward:
             noise=1,  # counts
             play=4,
             jump=JUMP,
+            **bounds,
         )
 
     def tick(self, bus: can.BusABC) -> float:
@@ -128,12 +144,28 @@ def open_bus(channel: str, is_fd: bool) -> can.BusABC:
         sys.exit(f"error: cannot open {channel}: {error}")
 
 
+def options() -> argparse.Namespace:
+    """Each bound must be given: one of another axis is unsafe."""
+    parser = argparse.ArgumentParser(description="Cancel friction by a feed-forward torque.")
+    parser.add_argument("drive", choices=["odrive", "moteus"])
+    parser.add_argument("channel", help="an interface of SocketCAN")
+    needed = {"Fc-low": "N m", "length-long": "rad", "sigma0-high": "N m/rad", "inertia": "kg m2"}
+    needed |= {"delay": "s", "limit": "N m", "fade-speed": "rad/s"}
+    for name, unit in needed.items():
+        parser.add_argument(f"--{name}", type=float, required=True, help=unit)
+    parser.add_argument("--load", type=float, default=0.0, help="N m, constant from outside")
+    parser.add_argument("--elastic", action="store_true", help="a gear, belt or coupling")
+    return parser.parse_args()
+
+
 if __name__ == "__main__":
-    drives: dict[str, type[ODrive | Moteus]] = {"odrive": ODrive, "moteus": Moteus}
-    if len(sys.argv) != 3 or sys.argv[1] not in drives:
-        sys.exit("usage: feed_forward.py odrive|moteus CHANNEL")
-    kind, channel = sys.argv[1:]
-    feed = FeedForward(drives[kind](), 0.045, 0.0055, limit=0.1)
+    bounds = vars(options())
+    kind, channel = bounds.pop("drive"), bounds.pop("channel")
+    drive: ODrive | Moteus = ODrive() if kind == "odrive" else Moteus()
+    try:
+        feed = FeedForward(drive, **bounds)
+    except dahl.Error as error:
+        sys.exit(f"error: {error}")
     with open_bus(channel, kind == "moteus") as opened:
         while True:
             feed.tick(opened)

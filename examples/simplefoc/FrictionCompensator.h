@@ -25,7 +25,9 @@ class FrictionCompensator {
     {
     }
 
-    // Start with the measured law. theta_per_count is set here. Returns 0, or an error code of dahl.h or dahl_compensator.h.
+    // Start with the measured law. theta_per_count is set here; set the other parameters, also inertia and delay: the time
+    // from the sensor to the torque, with half a period of params.period for the loop that calls it. Returns 0, or an error
+    // code of dahl.h or dahl_compensator.h.
     int init(dahl_compensator_params_t params)
     {
         params.law = DAHL_COMPENSATOR_MEASURED;

@@ -22,10 +22,14 @@
 #define KI 500.0f /* V/(A s) */
 #define FC_LOW 0.045f        /* N m, from dahl identify */
 #define LENGTH_LONG 0.0055f  /* rad, from dahl identify */
+#define SIGMA0_HIGH 9.0f     /* N m/rad, from dahl identify */
+#define ROTOR_INERTIA 2e-5f  /* kg m2, data sheet */
+#define DELAY_S 1.2e-3f      /* a PWM period, and the lag of the current loop: winding L/KP = 1 ms */
 
 static const dahl_compensator_params_t params = {
     .friction = {FC_LOW / LENGTH_LONG, FC_LOW, 6.2831853f / 16384}, /* 4096 lines, 4 edges each */
     .law = DAHL_COMPENSATOR_MEASURED, .Fc_low = FC_LOW, .length_long = LENGTH_LONG,
+    .sigma0_high = SIGMA0_HIGH, .load = 0.0f, .inertia = ROTOR_INERTIA, .delay = DELAY_S, .elastic = 0, /* direct drive */
     .gain = 0.9f, .limit = 0.06f, .slew = 5.0f, .period = PERIOD_S, /* N m, N m/s, s */
     .rise = 0.5f, .fall = 0.02f, .fade_speed = 20.0f,               /* s, s, rad/s */
     .noise = 1, .play = 4, .jump = 100};                            /* counts */

@@ -39,9 +39,9 @@ static DAHL_COLD dahl_compensator_err_t check(const dahl_compensator_params_t *p
         return DAHL_COMPENSATOR_WRONG_LAW;
     }
     if (err == DAHL_OK && dahl_bits_of(params->period) > dahl_bits_of(PERIOD_MAX_S)) {
-        err = DAHL_COMPENSATOR_RANGE;
+        err = DAHL_ERR_RANGE;
     }
-    return (dahl_compensator_err_t)err;
+    return dahl_compensator_code_of(err);
 }
 
 static uint32_t ticks_of(float time, dahl_real_t period)

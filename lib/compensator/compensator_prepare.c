@@ -13,30 +13,43 @@
 #define COARSE_SPEED_Q20 ((UINT32_C(1) << 20) / DAHL_COMPENSATOR_FINE_COUNTS)
 #define ONE_Q16 (UINT32_C(1) << 16)
 #define LIMIT_MAX INT32_MAX
+#define ELASTIC_LENGTHS_LOG2 2 /* 4 length_long */
 
-/** The OR of several codes is the most severe one. */
+/** Return a code of dahl_err_t. The OR of several is the most severe one. */
 static DAHL_COLD int32_t check(float value, int may_be_zero)
 {
     const uint32_t bits = dahl_bits_of(value);
     if (dahl_is_zero(value)) {
-        return may_be_zero ? DAHL_COMPENSATOR_OK : DAHL_COMPENSATOR_PARAM;
+        return may_be_zero ? DAHL_OK : DAHL_ERR_PARAM;
     }
     if (bits >= DAHL_BITS_INF) { /* infinite, NaN, or negative */
-        return DAHL_COMPENSATOR_PARAM;
+        return DAHL_ERR_PARAM;
     }
-    return dahl_bits_of(DAHL_TORQUE_MIN) <= bits && bits < dahl_bits_of(DAHL_TORQUE_MAX) ? DAHL_COMPENSATOR_OK
-                                                                                      : DAHL_COMPENSATOR_RANGE;
+    return dahl_bits_of(DAHL_TORQUE_MIN) <= bits && bits < dahl_bits_of(DAHL_TORQUE_MAX) ? DAHL_OK : DAHL_ERR_RANGE;
 }
 
-static DAHL_COLD int32_t check_values(const dahl_compensator_params_t *params)
+static int is_measured(const dahl_compensator_params_t *params)
+{
+    return params->law == DAHL_COMPENSATOR_MEASURED;
+}
+
+/** Only the measured law needs the axis. */
+static DAHL_COLD int32_t check_axis(const dahl_compensator_params_t *params)
+{
+    return check(params->sigma0_high, 0) | check(params->load, 1) | check(params->inertia, 0) | check(params->delay, 0);
+}
+
+static DAHL_COLD dahl_compensator_err_t check_values(const dahl_compensator_params_t *params)
 {
     const int is_reference = params->law == DAHL_COMPENSATOR_REFERENCE;
     int32_t err = dahl_check_params_by_counts(&params->friction);
-    err |= is_reference || params->law == DAHL_COMPENSATOR_MEASURED ? DAHL_COMPENSATOR_OK : DAHL_COMPENSATOR_PARAM;
+    err |= is_reference || is_measured(params) ? DAHL_OK : DAHL_ERR_PARAM;
     err |= check(params->Fc_low, is_reference) | check(params->length_long, is_reference);
+    err |= is_measured(params) ? check_axis(params) : DAHL_OK;
     err |= check(params->gain, 1) | check(params->limit, 0) | check(params->slew, 0) | check(params->period, 0);
     err |= check(params->rise, 1) | check(params->fall, 1) | check(params->fade_speed, 1) | check(params->pull, 1);
-    return err | (params->jump > 0 ? DAHL_COMPENSATOR_OK : DAHL_COMPENSATOR_PARAM);
+    err |= params->jump > 0 ? DAHL_OK : DAHL_ERR_PARAM;
+    return dahl_compensator_code_of(err);
 }
 
 /** Return the speed of one count per tick over fade_speed in Q20; 0 without a fade over speed. A number of few bits is
@@ -51,11 +64,13 @@ static uint32_t speed_unit(const dahl_compensator_params_t *params)
     return unit < COARSE_SPEED_Q20 ? unit + 1 : unit;
 }
 
-/** Return the largest change in a tick, rounded down. */
+/** Return the largest change in a tick, rounded down, and one unit less: dahl_compensator_change() may round the torque
+ * by one. */
 static uint32_t slew_step_q30(const dahl_compensator_params_t *params)
 {
     dahl_real_t step = dahl_real_multiply(dahl_real_of_param(params->slew), dahl_real_of_param(params->period));
-    return dahl_real_to_fixed(dahl_real_divide(step, dahl_real_of_param(params->friction.Fc)), 30, UINT32_MAX);
+    uint32_t step_q30 = dahl_real_to_fixed(dahl_real_divide(step, dahl_real_of_param(params->friction.Fc)), 30, UINT32_MAX);
+    return step_q30 > 0 ? step_q30 - 1 : 0;
 }
 
 /** Return true if the jump is below its multiple of the counts of a tick at fade_speed. Both products are exact, since
@@ -84,27 +99,58 @@ static int is_in_range(const dahl_compensator_params_t *params)
         && params->noise <= DAHL_COMPENSATOR_PLAY_MAX / 2 && slew_step_q30(params) > 0 && is_jump_in_range(params);
 }
 
+/** 20 gain Fc > 19 (Fc_low - load), with the difference rounded down. */
+static int is_gain_above_net_bound(const dahl_compensator_params_t *params, dahl_real_t gain, dahl_real_t Fc)
+{
+    dahl_real_t net = dahl_real_of_param(params->Fc_low);
+    if (dahl_bits_of(params->load) << 1 >= dahl_bits_of(params->Fc_low) << 1) {
+        return 1;
+    }
+    if (!dahl_is_zero(params->load)) {
+        net = dahl_real_subtract_down(net, dahl_real_of_param(params->load));
+    }
+    const uint64_t torque = dahl_mul(20 * (gain.mantissa >> 8), Fc.mantissa >> 8);
+    return dahl_wide_is_above(dahl_normalise(torque, gain.exponent + Fc.exponent + 16),
+                              dahl_normalise(dahl_mul(19, net.mantissa), net.exponent));
+}
+
+/** With the measured law, the bound is 0.95 (Fc_low - load). */
 static int is_gain_above_bound(const dahl_compensator_params_t *params)
 {
-    return !dahl_is_zero(params->Fc_low) && !dahl_is_zero(params->gain)
-        && dahl_real_is_product_above(dahl_real_of_param(params->gain), dahl_real_of_param(params->friction.Fc),
-                                      dahl_real_of_param(params->Fc_low));
+    if (dahl_is_zero(params->Fc_low) || dahl_is_zero(params->gain)) {
+        return 0;
+    }
+    const dahl_real_t gain = dahl_real_of_param(params->gain), Fc = dahl_real_of_param(params->friction.Fc);
+    return is_measured(params) ? is_gain_above_net_bound(params, gain, Fc)
+                               : dahl_real_is_product_above(gain, Fc, dahl_real_of_param(params->Fc_low));
 }
 
 /** The next shorter length decides, because sigma0 = Fc/length_long may have been rounded up. */
 static int is_slope_above_bound(const dahl_compensator_params_t *params)
 {
-    const dahl_real_t length = dahl_real_of(dahl_bits_of(params->length_long) - 1);
+    dahl_real_t length = dahl_real_of(dahl_bits_of(params->length_long) - 1);
+    length.exponent += is_measured(params) && params->elastic ? ELASTIC_LENGTHS_LOG2 : 0;
     return !dahl_is_zero(params->length_long)
         && dahl_real_is_product_above(dahl_real_of_param(params->friction.sigma0), length,
                                       dahl_real_of_param(params->friction.Fc));
 }
 
+/** sigma0_high (delay + period/2)^2 > 3 inertia, with the time rounded up. */
+static int is_inertia_below_bound(const dahl_compensator_params_t *params)
+{
+    const dahl_real_t three = {UINT32_C(3) << 30, -30}, sigma0_high = dahl_real_of_param(params->sigma0_high);
+    dahl_real_t half_period = dahl_real_of_param(params->period);
+    half_period.exponent--;
+    const dahl_real_t late = dahl_real_add_up(dahl_real_of_param(params->delay), half_period);
+    return dahl_real_is_product_above(sigma0_high, dahl_real_square_up(late),
+                                      dahl_real_multiply(dahl_real_of_param(params->inertia), three));
+}
+
 static dahl_compensator_err_t check_params(const dahl_compensator_params_t *params)
 {
-    int32_t err = check_values(params);
+    dahl_compensator_err_t err = check_values(params);
     if (err != DAHL_COMPENSATOR_OK) {
-        return (dahl_compensator_err_t)err;
+        return err;
     }
     if (!is_in_range(params)) {
         return DAHL_COMPENSATOR_RANGE;
@@ -115,7 +161,10 @@ static dahl_compensator_err_t check_params(const dahl_compensator_params_t *para
     if (is_slope_above_bound(params)) {
         return DAHL_COMPENSATOR_SLOPE;
     }
-    return params->play < 1 || params->play < 2 * params->noise ? DAHL_COMPENSATOR_PLAY : DAHL_COMPENSATOR_OK;
+    if (params->play < 1 || params->play < 2 * params->noise) {
+        return DAHL_COMPENSATOR_PLAY;
+    }
+    return is_measured(params) && is_inertia_below_bound(params) ? DAHL_COMPENSATOR_INERTIA : DAHL_COMPENSATOR_OK;
 }
 
 /** Return the step of a fade that lasts `time`. */
@@ -143,7 +192,12 @@ static uint8_t pull_shift(const dahl_compensator_params_t *params, dahl_real_t p
 static DAHL_COLD void write_plan(dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params)
 {
     const dahl_real_t Fc = dahl_real_of_param(params->friction.Fc), period = dahl_real_of_param(params->period);
+    const dahl_real_t fade = dahl_real_of_param(params->fade_speed);
     plan->law = (uint8_t)params->law;
+    plan->Fc_mantissa = Fc.mantissa;
+    plan->Fc_exponent = Fc.exponent;
+    plan->fade_mantissa = dahl_is_zero(params->fade_speed) ? 0 : fade.mantissa;
+    plan->fade_exponent = fade.exponent;
     plan->gain_q16 = dahl_is_zero(params->gain) ? 0 : dahl_real_to_fixed(dahl_real_of_param(params->gain), 16, ONE_Q16);
     plan->limit_q30 =
         (int32_t)dahl_real_to_fixed(dahl_real_divide(dahl_real_of_param(params->limit), Fc), 30, LIMIT_MAX);

@@ -1,10 +1,16 @@
 /* SPDX-License-Identifier: MIT */
-/** Products and quotients of parameters as mantissa 2^exponent, truncated to 32 bits; for prepare functions. */
+/** For prepare functions: codes, and sums, products and quotients of parameters as mantissa 2^exponent of 32 bits. */
 #ifndef DAHL_REAL_H
 #define DAHL_REAL_H
 
 #include "../arith/fixed.h"
-#include "dahl.h"
+#include "dahl_compensator.h"
+
+/** Return the code of a dahl_err_t. */
+static inline dahl_compensator_err_t dahl_compensator_code_of(int32_t err)
+{
+    return err == DAHL_OK ? DAHL_COMPENSATOR_OK : err == DAHL_ERR_RANGE ? DAHL_COMPENSATOR_RANGE : DAHL_COMPENSATOR_PARAM;
+}
 
 /** Inline at each level of optimization, because gcc for Cortex-M0 copies a returned structure with memcpy. */
 static inline DAHL_ALWAYS_INLINE dahl_real_t dahl_real_of_param(float x)
@@ -71,12 +77,49 @@ static inline uint32_t dahl_real_speed_counts(uint32_t unit)
     return counts;
 }
 
+/** Return x 2^(30 - shift), truncated. A loop, because Cortex-M0 would call a helper function for the shift. */
+static inline DAHL_COLD uint64_t dahl_real_shift(dahl_real_t x, int32_t shift)
+{
+    uint64_t bits = (uint64_t)x.mantissa << 30;
+    for (; shift > 0 && bits != 0; shift--) {
+        bits >>= 1;
+    }
+    return bits;
+}
+
+/** Return a + b as a mantissa of 30 or 31 bits, rounded up by at most 2^-29 of the sum. */
+static inline DAHL_COLD dahl_real_t dahl_real_add_up(dahl_real_t a, dahl_real_t b)
+{
+    const dahl_real_t large = a.exponent < b.exponent ? b : a, small = a.exponent < b.exponent ? a : b;
+    uint64_t sum = dahl_real_shift(large, 0) + dahl_real_shift(small, large.exponent - small.exponent);
+    dahl_real_t real = {(uint32_t)(sum >> 32) + 1, large.exponent + 2};
+    return real;
+}
+
+/** Return a - b, rounded down by less than 2^-30 of it, for floats a > b. Their lowest 8 bits are 0. */
+static inline DAHL_COLD dahl_real_t dahl_real_subtract_down(dahl_real_t a, dahl_real_t b)
+{
+    const int32_t shift = a.exponent - b.exponent;
+    return dahl_real_round_down(dahl_real_shift(a, 0) - dahl_real_shift(b, shift) - (shift > 38), a.exponent - 30);
+}
+
+/** Return x^2 of such a sum, rounded up by at most 2^-27 of the square. */
+static inline DAHL_COLD dahl_real_t dahl_real_square_up(dahl_real_t x)
+{
+    dahl_real_t real = {(uint32_t)(dahl_mul(x.mantissa, x.mantissa) >> 31) + 1, 2 * x.exponent + 31};
+    return real;
+}
+
+static inline int dahl_wide_is_above(dahl_wide_t a, dahl_wide_t b)
+{
+    return a.exponent != b.exponent ? a.exponent > b.exponent : a.mantissa > b.mantissa;
+}
+
 /** Return true if a b > c, decided exactly. */
 static inline int dahl_real_is_product_above(dahl_real_t a, dahl_real_t b, dahl_real_t c)
 {
-    dahl_wide_t product = dahl_normalise(dahl_mul(a.mantissa, b.mantissa), a.exponent + b.exponent);
-    int32_t exponent = c.exponent - 32;
-    return product.exponent != exponent ? product.exponent > exponent : product.mantissa > (uint64_t)c.mantissa << 32;
+    const dahl_wide_t wide = {(uint64_t)c.mantissa << 32, c.exponent - 32};
+    return dahl_wide_is_above(dahl_normalise(dahl_mul(a.mantissa, b.mantissa), a.exponent + b.exponent), wide);
 }
 
 #endif

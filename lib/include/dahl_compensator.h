@@ -16,12 +16,14 @@
  *   step.
  *
  * @verbatim
- * USE (measured law; Fc_low and length_long are the ends of the intervals of `dahl identify`)
+ * USE (measured law; Fc_low, length_long and sigma0_high are by `dahl identify`)
  *   static dahl_plan_t friction;           static dahl_state_t bristle;
  *   static dahl_compensator_plan_t plan;   static dahl_compensator_t compensator;   // all zeros
  *   static const dahl_compensator_params_t params = {
  *       .friction = {Fc_low / length_long, Fc_low, 3.835e-4f},   // sigma0, Fc, rad per count
  *       .law = DAHL_COMPENSATOR_MEASURED, .Fc_low = Fc_low, .length_long = length_long,
+ *       .sigma0_high = sigma0_high, .load = 0.0f, .inertia = 0.002f,   // N m/rad, N m, kg m2
+ *       .delay = 2e-3f, .elastic = 0,                                  // s
  *       .gain = 0.9f, .limit = 1.0f, .slew = 50.0f, .period = 1e-3f,   // N m, N m/s, s
  *       .rise = 0.5f, .fall = 0.02f, .fade_speed = 5.0f,               // s, s, rad/s
  *       .noise = 1, .play = 4, .jump = 200};                           // counts
@@ -58,18 +60,26 @@
  * converts it. Each term can be read in dahl_compensator_t.
  *
  * @par Guarantee (measured law)
- * A free axis comes to rest, whatever its inertia, if
- * - Fc_low is at most the true Fc, at all speeds below twice fade_speed,
- * - length_long is at least the true presliding length: the breakaway torque over sigma0,
- * - the true friction is Dahl- or LuGre-like,
- * - the noise of the encoder is at most `noise`,
- * - play is at least 2 noise + 2, or 1 without noise,
- * - the torque acts at most 3 ticks after the reading.
+ * After a push, the speed of a free axis falls to that without the law. It exceeds that by at most
+ * 0.02 rad/s, or 2 counts times sqrt(sigma0/inertia) if that is more. Three rules must hold, which
+ * the prepare function enforces:
+ * - 3 inertia >= sigma0_high (delay + period/2)^2: a lighter rotor swings,
+ * - gain Fc <= 0.95 (Fc_low - load): otherwise a load drives the axis,
+ * - Fc/sigma0 >= length_long, or 4 length_long if the axis is elastic: otherwise the motor swings
+ *   on its shaft.
  *
- * With 12 to 20 bits, a simulated axis then moves by at most 0.02 rad/s after a kick. The prepare
- * function enforces gain Fc <= Fc_low, Fc/sigma0 >= length_long, and play >= 2 noise. Closed form
- * behind it: a loop of amplitude A has the area 4 Fc (A - tanh(a A)/a), a = sigma0/Fc. If slip
- * elements make the presliding, give three times the measured length.
+ * The bounds must be true:
+ * - Fc_low is at most the true Fc, at all speeds below twice fade_speed, and in each condition,
+ * - length_long is at least the true presliding length that the encoder sees: the breakaway torque
+ *   over sigma0, and the twist of the shaft,
+ * - sigma0_high, load and delay are upper bounds, inertia is a lower one,
+ * - the true friction is Dahl- or LuGre-like,
+ * - the noise of the encoder is at most `noise`, and play is at least 2 noise + 2, or 1 without
+ *   noise. (Prepare enforces 2 noise.)
+ * - slew is at least 20 Fc in a second.
+ *
+ * Closed form behind it: a loop of amplitude A has the area 4 Fc (A - tanh(a A)/a), a = sigma0/Fc.
+ * If slip elements make the presliding, give three times the measured length.
  *
  * A smaller play makes small motions lighter, but a free axis can keep moving.
  * docs/compensation.md has numbers for both.
@@ -116,16 +126,20 @@ extern "C" {
 /** [1] Rounding of gain and fades, as a part of the torque of the element. */
 #define DAHL_COMPENSATOR_ERROR 1.0682e-4
 
-/** Result of dahl_compensator_prepare() and dahl_adaptation_prepare(). */
+/** Result of dahl_compensator_prepare() and dahl_adaptation_prepare(). No code but 0 is one of
+ * dahl_err_t. */
 typedef enum {
     DAHL_COMPENSATOR_OK = 0,         /**< success */
-    DAHL_COMPENSATOR_PARAM = -1,     /**< a parameter is NaN, infinite, negative, or zero but must
-                                          not be; or the law is unknown */
-    DAHL_COMPENSATOR_RANGE = -2,     /**< a parameter is out of range */
-    DAHL_COMPENSATOR_GAIN = -3,      /**< gain Fc is above Fc_low */
-    DAHL_COMPENSATOR_SLOPE = -4,     /**< the presliding length Fc/sigma0 is below length_long */
-    DAHL_COMPENSATOR_PLAY = -5,      /**< the play is below twice the noise, or below 1 count */
-    DAHL_COMPENSATOR_WRONG_LAW = -6, /**< dahl_adaptation_prepare(): not the reference law */
+    DAHL_COMPENSATOR_PARAM = -17,     /**< a parameter is NaN, infinite, negative, or zero but must
+                                           not be; or the law is unknown */
+    DAHL_COMPENSATOR_RANGE = -18,     /**< a parameter is out of range */
+    DAHL_COMPENSATOR_GAIN = -19,      /**< gain Fc is above 0.95 (Fc_low - load); reference law:
+                                           above Fc_low */
+    DAHL_COMPENSATOR_SLOPE = -20,     /**< the presliding length Fc/sigma0 is below length_long, or
+                                           below 4 length_long of an elastic axis */
+    DAHL_COMPENSATOR_PLAY = -21,      /**< the play is below twice the noise, or below 1 count */
+    DAHL_COMPENSATOR_WRONG_LAW = -22, /**< dahl_adaptation_prepare(): not the reference law */
+    DAHL_COMPENSATOR_INERTIA = -23,   /**< 3 inertia is below sigma0_high (delay + period/2)^2 */
 } dahl_compensator_err_t;
 
 /** Move that steps the element. */
@@ -144,12 +158,24 @@ typedef struct {
     float Fc_low;               /**< [N m] lower bound of the true Fc. With the reference law, 0
                                      skips the check. */
     float length_long;          /**< [rad] upper bound of the true presliding length: Fc/sigma0, or
-                                     the breakaway torque over sigma0 if that is larger than Fc.
-                                     With the reference law, 0 skips the check. */
+                                     the breakaway torque over sigma0 if that is larger than Fc,
+                                     as the encoder sees it: with the twist of the shaft. With the
+                                     reference law, 0 skips the check. */
+    float sigma0_high;          /**< [N m/rad] upper bound of the true steepest stiffness. This and
+                                     the next four: measured law only. */
+    float load;                 /**< [N m] largest constant torque from outside: gravity, a spring,
+                                     a cable; 0: none */
+    float inertia;              /**< [kg m2] lower bound of what turns with the encoder: rotor and
+                                     load, or the rotor alone if the axis is elastic */
+    float delay;                /**< [s] upper bound of the time from the reading to the torque,
+                                     with the lag of the current loop; not 0 */
+    uint32_t elastic;           /**< 1 if a gear, belt, coupling or any resonance is between motor
+                                     and load; 0 if the axis is rigid */
     float gain;                 /**< [1] 0 .. 1: share of the friction to cancel */
     float limit;                /**< [N m] largest torque; above 2 Fc counts as 2 Fc */
-    float slew;                 /**< [N m/s] largest change of the torque, at least 2^-30 Fc in a
-                                     tick; 20 to 100 costs little */
+    float slew;                 /**< [N m/s] largest change of the torque, at least 2^-29 Fc in a
+                                     tick: 40 to 200 Fc in a second costs little, and 20 is the
+                                     least for the guarantee */
     float period;               /**< [s] time between two ticks */
     float rise;                 /**< [s] time to fade in at start and after a fault, at most 2^30
                                      ticks; 0: at once */
@@ -189,6 +215,10 @@ typedef struct {
     uint8_t law;            /**< dahl_compensator_law_t */
     uint32_t speed_mask;    /**< 2^speed_shift - 1 */
     uint32_t speed_unit;    /**< [Q20] speed of one count per tick over fade_speed */
+    uint32_t Fc_mantissa;   /**< Fc = Fc_mantissa 2^Fc_exponent [N m]; top bit set */
+    int32_t Fc_exponent;    /**< exponent of Fc_mantissa */
+    uint32_t fade_mantissa; /**< fade_speed [rad/s] likewise; 0: no fade over speed */
+    int32_t fade_exponent;  /**< exponent of fade_mantissa */
 } dahl_compensator_plan_t;
 
 /** State and telemetry of one compensator, 44 bytes. All zeros: relaxed, faded out. */
@@ -213,8 +243,9 @@ typedef struct {
  * @param      params parameters; both pointers must be valid
  * @return #DAHL_COMPENSATOR_OK, or why the parameters are rejected. Of several reasons, the first
  *   in the order of dahl_compensator_err_t.
- * @note Bounds are compared exactly. A length_long one float above Fc/sigma0 passes, so that sigma0
- *   = Fc/length_long is accepted in float.
+ * @note Bounds are compared exactly. Two are rounded to the safe side: the rule of the inertia by
+ *   2^-26 of it, Fc_low - load by 2^-30 of it. A length_long one float above Fc/sigma0 passes, so
+ *   that sigma0 = Fc/length_long is accepted in float.
  */
 DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
     dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params);
@@ -246,6 +277,25 @@ int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensa
  */
 int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
                                 dahl_compensator_t *compensator, int32_t ratio_q30);
+
+/**
+ * Change the parameters of a running compensator. Call it between two ticks, at most once, next to
+ * dahl_change_plan() of the element.
+ * @param from        plan of the last tick
+ * @param to          plan of the next tick
+ * @param compensator state: torque, wanted, ratio and speed are converted to the units of `to`, and
+ *   the distance to the nearer end of the play is kept. The fade and the counters stay.
+ * @note The next torque is within the limit of `to`, and it differs from the last one by at most
+ *   the slew of `to`, both in N m, for any new Fc, gain, limit, slew, fade_speed, play or period.
+ *   If the new limit is below the torque, both cannot hold: the limit does. The torque falls to it
+ *   at once, and from there by the slew at most.
+ * @note A state converts to 0 torque if one of the plans is all zeros. If `from` has no fade over
+ *   speed, the speed begins with that of the last move. Interrupts: only the context of the ticks
+ *   may call it. `from` may be written again after it returns; `to` must stay until the next
+ *   change (examples/change_parameters).
+ */
+void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_compensator_plan_t *to,
+                             dahl_compensator_t *compensator);
 
 /**
  * Reference law: draw the state of the element to one that the measured counts step. Call it

@@ -205,10 +205,20 @@ static inline uint64_t bits_fold_adaptation_plan(uint64_t hash, const dahl_adapt
     return bits_fold(hash, (uint64_t)(uint32_t)plan->gap_q20 << 32 | (uint32_t)plan->speed_shift << 8 | plan->bin_shift);
 }
 
+/* Change to other units and back; the bristle keeps its ratio. */
+static inline uint64_t bits_change_compensator(uint64_t hash, const dahl_compensator_plan_t *plan,
+                                               const dahl_compensator_plan_t *other, dahl_compensator_t *compensator)
+{
+    dahl_compensator_change(plan, other, compensator);
+    hash = bits_fold(hash, (uint64_t)(uint32_t)compensator->torque_q30 << 32 | (uint32_t)compensator->speed_q20);
+    dahl_compensator_change(other, plan, compensator);
+    return bits_fold(hash, (uint64_t)(uint32_t)compensator->ratio_q30 << 32 | (uint32_t)compensator->play_position);
+}
+
 static inline void bits_compensator(bits_of_part_t *run)
 {
-    const dahl_compensator_params_t params = bits_compensator_params(run->params);
-    dahl_compensator_plan_t plan;
+    dahl_compensator_params_t params = bits_compensator_params(run->params);
+    dahl_compensator_plan_t plan, other;
     dahl_adaptation_plan_t adaptation_plan;
     dahl_plan_t element;
     dahl_compensator_t compensator = {0};
@@ -217,6 +227,12 @@ static inline void bits_compensator(bits_of_part_t *run)
     motion_t motion = MOTION_START, faults = MOTION_START;
     if (dahl_prepare(&element, run->params) != DAHL_OK || dahl_compensator_prepare(&plan, &params) != DAHL_COMPENSATOR_OK
         || dahl_adaptation_prepare(&adaptation_plan, &params, 0.002f) != DAHL_COMPENSATOR_OK) {
+        return;
+    }
+    params.friction.Fc *= 0.75f;
+    params.fade_speed *= 1.25f;
+    params.play = 5;
+    if (dahl_compensator_prepare(&other, &params) != DAHL_COMPENSATOR_OK) {
         return;
     }
     run->hash = bits_fold_adaptation_plan(bits_fold_compensator_plan(run->hash, &plan), &adaptation_plan);
@@ -231,6 +247,9 @@ static inline void bits_compensator(bits_of_part_t *run)
         dahl_adaptation_step(&adaptation_plan, &adaptation, &compensator, ratio >> 5);
         run->hash = bits_fold(run->hash, (uint64_t)(uint32_t)compensator.speed_q20 << 32 | (uint32_t)adaptation.speed_q20);
         run->hash = bits_fold(run->hash, (uint64_t)bristle.w);
+        if (t % 97 == 0) {
+            run->hash = bits_change_compensator(run->hash, &plan, &other, &compensator);
+        }
     }
 }
 

@@ -107,6 +107,7 @@ static axis_t axis_of(int bits, double rate_hz)
         .law = DAHL_COMPENSATOR_MEASURED,
         .Fc_low = (float)TRUE_FC,
         .length_long = (float)(TRUE_FC / TRUE_SIGMA0),
+        .sigma0_high = (float)TRUE_SIGMA0,
         .gain = 0.9f,
         .limit = 1.0f,
         .slew = 50.0f,
@@ -133,12 +134,14 @@ static void claim(axis_t *axis, double Fc, double sigma0)
 {
     axis->params.friction.Fc = (float)Fc;
     axis->params.friction.sigma0 = (float)sigma0;
-    axis->params.Fc_low = axis->params.friction.Fc;
+    axis->params.Fc_low = axis->params.friction.Fc / 0.949f; /* for gain 1 */
     axis->params.length_long = 0.999f * axis->params.friction.Fc / axis->params.friction.sigma0;
 }
 
 static void start(axis_t *axis)
 {
+    axis->params.inertia = (float)axis->inertia;
+    axis->params.delay = (float)(axis->delay * axis->period);
     const uint32_t turn = (uint32_t)lround(TWO_PI / axis->theta_per_count);
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_encoder_init(&axis->encoder, turn, +1, 0));
     dahl_encoder_home(&axis->encoder, 0);

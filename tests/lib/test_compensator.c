@@ -31,6 +31,9 @@ static const dahl_compensator_params_t valid = {
     .law = DAHL_COMPENSATOR_REFERENCE,
     .Fc_low = 0.5f,
     .length_long = 0.005f,
+    .sigma0_high = 100.0f, /* this and the next two: of the measured law */
+    .inertia = 0.002f,
+    .delay = 3e-3f,
     .gain = 1.0f,
     .limit = 0.5f,
     .slew = 1e6f,
@@ -39,6 +42,15 @@ static const dahl_compensator_params_t valid = {
     .play = 2,
     .jump = 100,
 };
+
+/* With the measured law and a gain that it may have. */
+static dahl_compensator_params_t measured_params(void)
+{
+    dahl_compensator_params_t params = valid;
+    params.law = DAHL_COMPENSATOR_MEASURED;
+    params.gain = 0.9f;
+    return params;
+}
 
 static dahl_compensator_plan_t plan_of(const dahl_compensator_params_t *params)
 {
@@ -76,13 +88,26 @@ static double clamp(double x, double most)
 
 #define AT(member) offsetof(dahl_compensator_params_t, member)
 
+typedef struct {
+    size_t member; /* of a float */
+    float value;
+    dahl_compensator_err_t code;
+} refusal_t;
+
+static void check_refusals(const dahl_compensator_params_t *good, const refusal_t *cases, size_t count)
+{
+    for (size_t k = 0; k < count; k++) {
+        dahl_compensator_params_t params = *good;
+        dahl_compensator_plan_t plan = {.gain_q16 = 77}, before = plan;
+        memcpy((char *)&params + cases[k].member, &cases[k].value, sizeof(float));
+        TEST_ASSERT_EQUAL_INT(cases[k].code, dahl_compensator_prepare(&plan, &params));
+        TEST_ASSERT_TRUE((cases[k].code == DAHL_COMPENSATOR_OK) == (memcmp(&plan, &before, sizeof plan) != 0));
+    }
+}
+
 static void test_parameters_are_refused_with_the_code_of_their_bound(void)
 {
-    static const struct {
-        size_t member; /* of a float */
-        float value;
-        dahl_compensator_err_t code;
-    } cases[] = {
+    static const refusal_t cases[] = {
         {AT(friction.sigma0), 0.0f, DAHL_COMPENSATOR_PARAM},
         {AT(friction.theta_per_count), 0.0f, DAHL_COMPENSATOR_PARAM},
         {AT(friction.Fc), 0x1p-70f, DAHL_COMPENSATOR_RANGE},
@@ -110,12 +135,60 @@ static void test_parameters_are_refused_with_the_code_of_their_bound(void)
         {AT(length_long), 0.004999999f, DAHL_COMPENSATOR_OK},
         {AT(gain), 0.0f, DAHL_COMPENSATOR_OK},
     };
-    for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
-        dahl_compensator_params_t params = valid;
-        dahl_compensator_plan_t plan = {.gain_q16 = 77}, before = plan;
-        memcpy((char *)&params + cases[k].member, &cases[k].value, sizeof(float));
-        TEST_ASSERT_EQUAL_INT(cases[k].code, dahl_compensator_prepare(&plan, &params));
-        TEST_ASSERT_TRUE((cases[k].code == DAHL_COMPENSATOR_OK) == (memcmp(&plan, &before, sizeof plan) != 0));
+    check_refusals(&valid, cases, sizeof cases / sizeof cases[0]);
+}
+
+/* The rules of a free axis, each next to its limit: 3.5 ms between reading and torque. test_compensator.py compares them with
+ * exact fractions. */
+static void test_the_measured_law_needs_a_stable_axis(void)
+{
+    static const refusal_t cases[] = {
+        {AT(sigma0_high), 0.0f, DAHL_COMPENSATOR_PARAM},
+        {AT(inertia), 0.0f, DAHL_COMPENSATOR_PARAM},
+        {AT(delay), 0.0f, DAHL_COMPENSATOR_PARAM},
+        {AT(load), -1.0f, DAHL_COMPENSATOR_PARAM},
+        {AT(load), 0x1p-65f, DAHL_COMPENSATOR_RANGE},
+        {AT(gain), 0.95f, DAHL_COMPENSATOR_OK}, /* a float below 0.95 */
+        {AT(gain), 0.95000005f, DAHL_COMPENSATOR_GAIN},
+        {AT(load), 0.026f, DAHL_COMPENSATOR_OK},
+        {AT(load), 0.027f, DAHL_COMPENSATOR_GAIN},
+        {AT(load), 0.5f, DAHL_COMPENSATOR_GAIN},
+        {AT(load), 1e9f, DAHL_COMPENSATOR_GAIN},
+        {AT(inertia), 4.084e-4f, DAHL_COMPENSATOR_OK},
+        {AT(inertia), 4.083e-4f, DAHL_COMPENSATOR_INERTIA},
+        {AT(delay), 7.24e-3f, DAHL_COMPENSATOR_OK},
+        {AT(delay), 7.25e-3f, DAHL_COMPENSATOR_INERTIA},
+        {AT(sigma0_high), 489.0f, DAHL_COMPENSATOR_OK},
+        {AT(sigma0_high), 490.0f, DAHL_COMPENSATOR_INERTIA},
+        {AT(length_long), 0.005000001f, DAHL_COMPENSATOR_SLOPE},
+    };
+    static const refusal_t elastic[] = {
+        {AT(length_long), 0.00125f, DAHL_COMPENSATOR_OK},
+        {AT(length_long), 0.0012500005f, DAHL_COMPENSATOR_SLOPE},
+    };
+    dahl_compensator_params_t params = measured_params();
+    check_refusals(&params, cases, sizeof cases / sizeof cases[0]);
+    params.elastic = 1;
+    check_refusals(&params, elastic, sizeof elastic / sizeof elastic[0]);
+    params.gain = 0.0f; /* no torque */
+    params.length_long = 0.001f;
+    params.load = 1.0f;
+    (void)plan_of(&params);
+}
+
+static void test_the_reference_law_ignores_the_axis(void)
+{
+    dahl_compensator_params_t params = valid;
+    params.sigma0_high = params.inertia = params.delay = params.load = NAN;
+    params.elastic = 1;
+    (void)plan_of(&params);
+}
+
+/* A user may return the first code that is not 0. */
+static void test_no_code_is_one_of_dahl_prepare(void)
+{
+    for (int code = DAHL_COMPENSATOR_INERTIA; code <= DAHL_COMPENSATOR_PARAM; code++) {
+        TEST_ASSERT_TRUE(code != DAHL_OK && code != DAHL_ERR_PARAM && code != DAHL_ERR_RANGE);
     }
 }
 
@@ -146,6 +219,7 @@ static void test_counts_and_laws_are_refused_with_the_code_of_their_bound(void)
         dahl_compensator_params_t params = valid;
         dahl_compensator_plan_t plan;
         params.law = (dahl_compensator_law_t)cases[k].law;
+        params.gain = 0.9f;
         params.Fc_low = cases[k].Fc_low;
         params.length_long *= cases[k].Fc_low > 0 ? 1 : 0;
         params.noise = cases[k].noise;
@@ -230,7 +304,7 @@ static void test_a_plan_has_the_values_of_its_parameters(void)
         dahl_compensator_plan_t plan;
         const int is_accepted = dahl_compensator_prepare(&plan, &p) == DAHL_COMPENSATOR_OK;
         const double slew = (double)p.slew * period / Fc * ONE_Q30;
-        if (slew < 1 - 1e-9) {
+        if (slew < 2 - 1e-9) { /* a unit is for dahl_compensator_change() */
             TEST_ASSERT_FALSE(is_accepted);
             continue;
         }
@@ -242,8 +316,8 @@ static void test_a_plan_has_the_values_of_its_parameters(void)
         TEST_ASSERT_TRUE((uint64_t)plan.jump * plan.speed_unit < ONE_Q30);
         TEST_ASSERT_EQUAL_UINT32((uint32_t)((double)p.gain * 65536), plan.gain_q16);
         check_fixed((double)p.limit / Fc * ONE_Q30, 0, INT32_MAX, plan.limit_q30);
-        check_fixed(slew, 1, UINT32_MAX, plan.slew_q30);
-        TEST_ASSERT_TRUE(plan.slew_q30 <= slew);
+        check_fixed(slew - 1, 1, UINT32_MAX - 1.0, plan.slew_q30);
+        TEST_ASSERT_TRUE(plan.slew_q30 <= slew - 1);
         check_fixed(fade_step(period, (double)p.rise), 1, ONE_Q30, plan.rise_q30);
         check_fixed(fade_step(period, (double)p.fall), 1, ONE_Q30, plan.fall_q30);
         check_speed_unit(&plan, counts_to_fade);
@@ -459,6 +533,33 @@ static void test_any_state_keeps_the_limit(void)
             TEST_ASSERT_DOUBLE_WITHIN(1e-6, clamp(ratio * FROM_Q30 * factor, 2), scaled * FROM_Q30);
         }
         TEST_ASSERT_EQUAL_INT32(0, dahl_compensator_torque(&zeros, &compensator, random_i32()));
+    }
+}
+
+/* With equal plans nothing changes, and with a plan of zeros no torque is left. */
+static void test_a_change_of_any_state_keeps_the_limit(void)
+{
+    static const dahl_compensator_plan_t zeros = {0};
+    for (int k = 0; k < PLANS; k++) {
+        dahl_compensator_params_t params[2];
+        dahl_compensator_plan_t plan[2];
+        dahl_compensator_t compensator, before;
+        for (int one = 0; one < 2; one++) {
+            do {
+                params[one] = random_params();
+                params[one].play = 2 + random_u32(&seed) % 1000;
+            } while (dahl_compensator_prepare(&plan[one], &params[one]) != DAHL_COMPENSATOR_OK);
+        }
+        randomize(&compensator, sizeof compensator);
+        dahl_compensator_change(&plan[0], &plan[1], &compensator);
+        TEST_ASSERT_TRUE(0 <= compensator.play_position && compensator.play_position <= plan[1].play);
+        (void)dahl_compensator_move(&plan[1], &compensator, random_i32(), 1);
+        TEST_ASSERT_TRUE(labs(dahl_compensator_torque(&plan[1], &compensator, random_i32())) <= plan[1].limit_q30);
+        before = compensator;
+        dahl_compensator_change(&plan[1], &plan[1], &compensator);
+        TEST_ASSERT_EQUAL_MEMORY(&before, &compensator, sizeof before);
+        dahl_compensator_change(&plan[1], &zeros, &compensator);
+        TEST_ASSERT_EQUAL_INT32(0, compensator.torque_q30);
     }
 }
 

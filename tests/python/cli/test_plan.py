@@ -134,12 +134,13 @@ def test_a_plan_has_the_name_of_its_option_or_file(words, name, plan, tmp_path):
 @pytest.mark.parametrize(("low", "long"), [(0.5, 0.25), (0.1, 0.1), (0.3, 0.3), (2.0**-70, 1e-30)])
 def test_bounds_are_the_nearest_floats_on_the_safe_side(low, long):
     """Those of an own float are itself. The lower bound is not above its value."""
-    text = plan_header.bounds("rig", low, long, "N m", "rad")
+    text = plan_header.bounds("rig", low, long, long, "N m", "rad")
     found = {name: np.float32(value) for name, value in re.findall(r"RIG_(\w+) (\S+)f ", text)}
     above = np.nextafter(found["FC_LOW"], np.float32(np.inf))
     below = np.nextafter(found["LENGTH_LONG"], np.float32(0))
     assert float(found["FC_LOW"]) <= low < float(above)  # NumPy compares a float as a float32
     assert float(found["LENGTH_LONG"]) >= long > float(below)
+    assert found["SIGMA0_HIGH"] == found["LENGTH_LONG"] and "_HIGH" in text.split("N m/rad")[0]
 
 
 def test_force_overwrites_any_file_and_a_plan_needs_no_force(plan, tmp_path):

@@ -173,6 +173,7 @@ def test_json_has_each_number_under_its_name(rig):
         "ci95": {name: [within(0.96 * x, x), within(x, 1.04 * x)] for name, x in truth.items()},
         "Fc_low": kept["ci95"]["Fc"][0],
         "length_long": pytest.approx(1 / kept["ci95"]["a"][0]),
+        "sigma0_high": kept["ci95"]["sigma0"][1],
         "uncertainty": {"sigma0": "noise", "Fc": "noise"},
         "identifiable": {"sigma0": True, "Fc": True},
         "extra": terms,
@@ -232,7 +233,7 @@ def test_json_has_each_number_under_its_name(rig):
 
 
 POWERS = {  # of the units of torque, angle and time, by the last name in a path of JSON
-    **dict.fromkeys("sigma0 spring bilinear_sigma0".split(), (1, -1, 0)),
+    **dict.fromkeys("sigma0 spring bilinear_sigma0 sigma0_high".split(), (1, -1, 0)),
     **dict.fromkeys("Fc rmse offset Fc_low Fc_forward Fc_backward".split(), (1, 0, 0)),
     **dict.fromkeys("length_long resolution theta_per_count backlash".split(), (0, 1, 0)),
     "viscous": (1, -1, 1),
@@ -294,6 +295,7 @@ def test_the_screen_begins_with_the_verdict_and_has_each_number_with_its_unit(ri
         low, high = kept["ci95"][name]
         rows[name] = f"{kept[name]:.5g} {unit}, 95 %: {low:.5g} to {high:.5g}"
     bounds = f"Fc_low {kept['Fc_low']:.5g} N, length_long {kept['length_long']:.5g} m"
+    bounds += f", sigma0_high {kept['sigma0_high']:.5g} N/m"
     rows |= {name: f"{kept['extra'][name]:.4g} {unit}" for name, unit in UNITS.items()}
     left_out = f"{kept['held_out']['dahl']['r2']:.4f} of {kept['cycles_scored']} cycles"
     rows |= {"compensator": bounds, "R2, cycles left out": left_out}
@@ -341,6 +343,8 @@ def test_the_header_has_the_plan_and_its_numbers(rig):
     Fc_low, length_long = kept["Fc_low"], kept["length_long"]  # noqa: N806
     assert (1 - 1e-6) * Fc_low <= float(macros["FC_LOW"]) <= Fc_low * (1 + 1e-9)
     assert length_long * (1 - 1e-9) <= float(macros["LENGTH_LONG"]) <= (1 + 1e-6) * length_long
+    sigma0_high = kept["sigma0_high"]
+    assert sigma0_high * (1 - 1e-9) <= float(macros["SIGMA0_HIGH"]) <= (1 + 1e-6) * sigma0_high
     wanted = (kept["verdict"], f"{kept['r2_plan']:.4f}", *(path.name for path in rig.logs))
     for words_wanted in (*wanted, *(f"FORCED, although {one}" for one in kept["plan"]["against"])):
         assert words_wanted in words

@@ -186,6 +186,24 @@ def test_bounds_for_a_compensator_hold_at_each_speed_and_in_both_directions(name
     assert most * FC / SIGMA0 <= length_long <= 1.15 * most * FC / SIGMA0
 
 
+def test_the_length_of_a_compensator_is_that_of_the_breakaway_not_of_the_first_slope() -> None:
+    """Friction on both sides of a soft shaft: stiff at first, then the shaft twists."""
+    parts = (80.0, 0.25), (20.0, 0.25)
+    torque = sum(dahl_torque(MOTION, sigma0, Fc) for sigma0, Fc in parts)
+    result = identify([log_of(MOTION, torque, 0.01)])
+    _, length_long = result.compensator_bounds
+    angle = np.linspace(1e-5, 0.06, 1000)
+    true = sum(-Fc / FC * np.expm1(-sigma0 / Fc * angle) for sigma0, Fc in parts)
+    assert np.all((-np.expm1(-angle / length_long) <= true)[true < 0.95])
+    assert 1.9 * FC / SIGMA0 < length_long < 2.5 * FC / SIGMA0  # the softer side alone: 2.5
+
+
+def test_a_play_between_encoder_and_friction_leaves_no_bounds() -> None:
+    result = identify([log_of(chirp(), dahl_torque(behind_play(chirp(), 0.004)))])
+    assert result.play > 0 and result.compensator_bounds is None
+    assert "play" in result.against_bounds
+
+
 def test_a_peak_after_rests_hides_the_slope_at_rest_only() -> None:
     result = identify([hostile_logs.KINDS["adhesion after rests"](1)])
     assert result.compensator_bounds is None and "claimed" in result.against_bounds

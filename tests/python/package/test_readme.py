@@ -42,17 +42,18 @@ def test_a_block_of_python_runs_and_prints(
 
 @pytest.mark.usefixtures("library")
 @pytest.mark.parametrize("block", BLOCKS)
-def test_a_block_of_c_compiles(block: str, tmp_path: Path) -> None:
+def test_a_block_of_c_compiles_also_as_cpp(block: str, tmp_path: Path) -> None:
     from dahl.binding import plan_header
     from dahl.binding.friction import Plan
 
     plan = plan_header.text("rig", Plan(37349, 2.666, 1e-7), ["rig"])
-    plan += plan_header.bounds("rig", 2.6, 7.3e-5, "N m", "rad")
+    plan += plan_header.bounds("rig", 2.6, 7.3e-5, 38000, "N m", "rad")
     (tmp_path / "dahl_plan_rig.h").write_text(plan)
     (tmp_path / "block.c").write_text(block)
     includes = [f"-I{folder}" for folder in (tmp_path, ROOT / "lib", ROOT / "lib/include")]
-    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only"]
-    run("cc", *strict, *includes, tmp_path / "block.c")
+    strict = ["-Wall", "-Wextra", "-Werror", "-fsyntax-only", *includes, tmp_path / "block.c"]
+    run("cc", "-std=c99", *strict)
+    run("c++", "-std=c++20", "-x", "c++", *strict, "-Wno-missing-field-initializers")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)

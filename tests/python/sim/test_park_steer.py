@@ -70,6 +70,23 @@ def test_the_page_has_the_numbers_of_the_scene(runs, root: Path) -> None:
     assert np.array(rows, float) == pytest.approx(np.array(list(due)), abs=0.011)
 
 
+def test_the_assist_drives_a_free_wheel_on_less_grip_than_it_assumes(root: Path) -> None:
+    """Until the viscous drag takes the surplus of torque. On dry tyres the wheel rests."""
+    text = (root / "docs/steering.md").read_text()
+    drag = scene.PINION_DAMPING + scene.COLUMN_DAMPING
+    rows = re.findall(r"^\| ([\d.]+) \| [^|]* \| ([\d.]+) \|$", text, re.M)
+    due = {
+        float(x): max(0, scene.GAIN - float(x)) * scene.sticking_torque() / drag for x, _ in rows
+    }
+    assert len(rows) == 4
+    assert [float(speed) for _, speed in rows] == pytest.approx(list(due.values()), abs=0.051)
+    for share in (1.0, 0.15):
+        run = scene.simulate(scene.GAIN, grip_share=share, released=2.5)
+        moved = float(run.pinion_angle[-1] - run.pinion_angle[-1001])
+        assert moved / (1000 * scene.PERIOD_S) == pytest.approx(due[share], abs=0.01)
+        assert run.hand[-1] == 0
+
+
 def test_the_demo_writes_numbers_frames_and_picture(runs, tmp_path: Path, monkeypatch) -> None:
     by_gain = {gain: runs[name] for name, gain in GAINS.items()}
     monkeypatch.setattr(scene, "simulate", lambda gain, _progress: by_gain[gain])

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Cases of dahl_compensator.h: both calls of a tick without that of the element, the pull, and the adaptation. */
+/* Cases of dahl_compensator.h: both calls of a tick without that of the element, the pull, new parameters, and the adaptation. */
 #include "bench.h"
 #include "dahl_compensator.h"
 #include "inputs.h"
@@ -14,6 +14,7 @@ dahl_compensator_err_t call_adaptation_prepare(dahl_adaptation_plan_t *, const d
                                                float) __asm__("bench_call");
 void call_pull(const dahl_compensator_plan_t *, dahl_state_t *, const dahl_state_t *) __asm__("bench_call");
 void call_adapt(const dahl_adaptation_plan_t *, dahl_adaptation_t *, const dahl_compensator_t *, int32_t) __asm__("bench_call");
+void call_change(const dahl_compensator_plan_t *, const dahl_compensator_plan_t *, dahl_compensator_t *) __asm__("bench_call");
 dahl_compensator_err_t call_compensator_prepare(dahl_compensator_plan_t *,
                                                 const dahl_compensator_params_t *) __asm__("bench_call");
 
@@ -27,6 +28,10 @@ static const dahl_compensator_params_t params = {
     .law = DAHL_COMPENSATOR_REFERENCE,
     .Fc_low = 0.5f,
     .length_long = 0.005f,
+    .sigma0_high = 120.0f, /* this and the next three: of the measured law */
+    .load = 0.02f,
+    .inertia = 0.002f,
+    .delay = 2e-3f,
     .gain = 0.9f,
     .limit = 0.4f,
     .slew = 50.0f,
@@ -98,6 +103,30 @@ static void bench_pull(const dahl_compensator_plan_t *plan)
     }
 }
 
+/* From each of two plans to the other, with states and torques of all sizes. */
+static void bench_change(const dahl_compensator_plan_t *plan)
+{
+    dahl_compensator_params_t other = params;
+    dahl_compensator_plan_t other_plan;
+    other.friction.Fc = 0.37f;
+    other.friction.sigma0 = 70.0f;
+    other.fade_speed = 3.3f;
+    other.play = 5;
+    if (dahl_compensator_prepare(&other_plan, &other) != DAHL_COMPENSATOR_OK) {
+        return;
+    }
+    bench_case("compensator_change");
+    bench_function = (bench_function_t)dahl_compensator_change;
+    for (int k = 0; k < 200; k++) {
+        dahl_compensator_t compensator = {.play_position = k % 7};
+        compensator.ratio_q30 = (int32_t)(random_state() >> 32);
+        compensator.wanted_q30 = (int32_t)(random_state() >> 32);
+        compensator.torque_q30 = (int32_t)(random_state() >> 32);
+        compensator.speed_q20 = (int32_t)(random_state() >> 32);
+        call_change(k % 2 == 0 ? plan : &other_plan, k % 2 == 0 ? &other_plan : plan, &compensator);
+    }
+}
+
 /* Slides to and fro, through each gate, to full bins. */
 static void bench_adaptation(void)
 {
@@ -125,16 +154,20 @@ static void bench_adaptation(void)
 
 void bench_compensator(void)
 {
+    dahl_compensator_params_t measured = params;
     dahl_compensator_plan_t plan;
+    measured.law = DAHL_COMPENSATOR_MEASURED;
     bench_case("compensator_prepare");
     bench_function = (bench_function_t)dahl_compensator_prepare;
-    if (call_compensator_prepare(&plan, &params) != DAHL_COMPENSATOR_OK) {
+    if (call_compensator_prepare(&plan, &measured) != DAHL_COMPENSATOR_OK
+        || call_compensator_prepare(&plan, &params) != DAHL_COMPENSATOR_OK) {
         return; /* the host then lacks the other cases */
     }
     bench_ticks("compensator_tick", &plan, false);
     bench_ticks("compensator_calls", &plan, true);
     search_worst_tick(&plan);
     bench_pull(&plan);
+    bench_change(&plan);
     bench_adaptation();
     BENCH_BYTES(dahl_compensator_plan_t);
     BENCH_BYTES(dahl_compensator_t);

@@ -20,6 +20,8 @@ from dahl.errors import Error
 
 FRICTION = ("sigma0", "Fc", "theta_per_count")
 BOUNDS = ("Fc_low", "length_long")  # the reference law needs none
+AXIS = ("sigma0_high", "load", "inertia", "delay")  # the reference law ignores them
+NEEDED = {*BOUNDS, *AXIS} - {"load"}  # of the measured law
 POSITIVE, OPTIONAL = "2^-64 <= {} < 2^64 ({})", "0, or 2^-64 <= {} < 2^64 ({})"
 
 
@@ -32,9 +34,15 @@ class Compensator(Copied):
     reference    False: the measured counts step the element; True: those of the reference do
     Fc_low       N m    lower bound of the true Fc; 0 with reference: no check
     length_long  rad    upper bound of the true presliding length; 0 with reference: no check
-    gain         0 .. 1, gain*Fc <= Fc_low
+    sigma0_high  N m/rad  upper bound of the true steepest stiffness
+    load         N m    largest constant torque from outside
+    inertia      kg m2  what turns with the encoder; the rotor alone if elastic
+    delay        s      from the reading to the torque, with the lag of the current loop
+    elastic      True with a gear, belt, coupling or resonance between motor and load
+                        These five are for the law of the measured counts, ignored with reference
+    gain         0 .. 1, gain*Fc <= 0.95*(Fc_low - load), with reference: <= Fc_low
     limit        N m    largest torque, > 0
-    slew         N m/s  largest change of the torque, at least 2^-30 Fc in a tick
+    slew         N m/s  largest change of the torque, at least 2^-29 Fc in a tick
     period       s      of a tick
     rise, fall   s      to fade in, and to fade out while the encoder is bad, at most 2^30 ticks;
                         0: at once
@@ -50,8 +58,8 @@ class Compensator(Copied):
     >>> plan = dahl.Plan(sigma0=100.0, Fc=0.5, theta_per_count=3.8e-4)
     >>> bearing = dahl.Friction(plan)
     >>> compensator = dahl.Compensator(
-    ...     100.0, 0.5, 3.8e-4, Fc_low=0.5, length_long=0.005, gain=0.9, limit=1.0, slew=50.0,
-    ...     period=1e-3, play=2, noise=1)
+    ...     100.0, 0.5, 3.8e-4, Fc_low=0.5, length_long=0.005, sigma0_high=120.0, inertia=0.002,
+    ...     delay=2e-3, gain=0.9, limit=1.0, slew=50.0, period=1e-3, play=2, noise=1)
     >>> w = bearing.step_counts_q30(compensator.move(902))
     >>> round(compensator.torque(w), 6), compensator.terms["move"]  # N m, counts
     (0.05, 900)
@@ -62,6 +70,10 @@ class Compensator(Copied):
     theta_per_count = Parameter(parameters.COUNTED)
     Fc_low = Parameter(OPTIONAL.format("Fc_low", "N m"))
     length_long = Parameter(OPTIONAL.format("length_long", "rad"))
+    sigma0_high = Parameter(POSITIVE.format("sigma0_high", "N m/rad"))
+    load = Parameter(OPTIONAL.format("load", "N m"))
+    inertia = Parameter(POSITIVE.format("inertia", "kg m2"))
+    delay = Parameter(POSITIVE.format("delay", "s"))
     gain = Parameter("0, or 2^-64 <= gain <= 1")
     limit = Parameter(POSITIVE.format("limit", "N m"))
     slew = Parameter(POSITIVE.format("slew", "N m/s"))
@@ -83,6 +95,11 @@ class Compensator(Copied):
         gain: float = 0.9,
         Fc_low: float = 0.0,  # noqa: N803
         length_long: float = 0.0,
+        sigma0_high: float = 0.0,
+        load: float = 0.0,
+        inertia: float = 0.0,
+        delay: float = 0.0,
+        elastic: bool = False,
         reference: bool = False,
         rise: float = 0.0,
         fall: float = 0.0,
@@ -93,10 +110,12 @@ class Compensator(Copied):
         jump: int = 1000,
     ) -> None:
         given = dict(sigma0=sigma0, Fc=Fc, theta_per_count=theta_per_count, Fc_low=Fc_low)
-        given |= dict(length_long=length_long, gain=gain, limit=limit, slew=slew, period=period)
-        given |= dict(rise=rise, fall=fall, fade_speed=fade_speed, pull=pull)
+        given |= dict(length_long=length_long, sigma0_high=sigma0_high, load=load)
+        given |= dict(inertia=inertia, delay=delay, gain=gain, limit=limit, slew=slew)
+        given |= dict(period=period, rise=rise, fall=fall, fade_speed=fade_speed, pull=pull)
         self._values = {k: parameters.parameter(k, v, _limit(k)) for k, v in given.items()}
         self._reference = checks.instance("reference", reference, bool)
+        self._elastic = checks.instance("elastic", elastic, bool)
         self._noise = checks.whole("noise", noise, 0, c.DAHL_COMPENSATOR_PLAY_MAX // 2)
         self._play = checks.whole("play", play, 1, c.DAHL_COMPENSATOR_PLAY_MAX)
         self._jump = checks.whole("jump", jump, 1, c.DAHL_COMPENSATOR_JUMP_MAX)
@@ -108,8 +127,8 @@ class Compensator(Copied):
         values = dict(self._values)
         friction = {name: values.pop(name) for name in FRICTION}
         law = c.DAHL_COMPENSATOR_REFERENCE if self._reference else c.DAHL_COMPENSATOR_MEASURED
-        counts = {"noise": self._noise, "play": self._play, "jump": self._jump}
-        given = {"friction": friction, "law": law, **values, **counts}
+        given = {"friction": friction, "law": law, "elastic": self._elastic, **values}
+        given |= {"noise": self._noise, "play": self._play, "jump": self._jump}
         params = c.new("dahl_compensator_params_t *", given)
         code = c.dahl_compensator_prepare(self._prepared, params)
         if code != c.DAHL_COMPENSATOR_OK:
@@ -117,19 +136,36 @@ class Compensator(Copied):
 
     def _refusal(self, code: int) -> str:
         """Return the value and the limit that the library refused."""
+        if code in (c.DAHL_COMPENSATOR_PARAM, c.DAHL_COMPENSATOR_RANGE):
+            return self._value_out_of_range()
+        return self._broken_rules()[code]
+
+    def _broken_rules(self) -> dict[int, str]:
+        """Return the words of each code that compares several parameters."""
+        v, is_free = self._values, not self._reference
+        torque, length = v["gain"] * v["Fc"], v["Fc"] / v["sigma0"]
+        most = 0.95 * (v["Fc_low"] - v["load"]) if is_free else v["Fc_low"]
+        most_name = "0.95*(Fc_low - load)" if is_free else "Fc_low"
+        lengths = 4 if self._elastic and is_free else 1
+        least_name = "4*length_long of an elastic axis" if lengths > 1 else "length_long"
+        inertia = v["sigma0_high"] * (v["delay"] + v["period"] / 2) ** 2 / 3
+        return {
+            c.DAHL_COMPENSATOR_GAIN: f"gain*Fc = {torque:.9g} N m is above {most_name} ="
+            f" {most:.9g} N m",
+            c.DAHL_COMPENSATOR_SLOPE: f"Fc/sigma0 = {length:.9g} rad is below {least_name} ="
+            f" {lengths * v['length_long']:.9g} rad",
+            c.DAHL_COMPENSATOR_PLAY: f"play = {self._play} is below 2*noise ="
+            f" {2 * self._noise} counts",
+            c.DAHL_COMPENSATOR_INERTIA: f"inertia = {parameters.digits(v['inertia'])} is below"
+            f" sigma0_high*(delay + period/2)^2/3 = {inertia:.9g} kg m2",
+        }
+
+    def _value_out_of_range(self) -> str:
         v = self._values
-        if code == c.DAHL_COMPENSATOR_GAIN:
-            torque = f"gain*Fc = {v['gain'] * v['Fc']:.9g} N m"
-            return f"{torque} is above Fc_low = {v['Fc_low']:.9g} N m"
-        if code == c.DAHL_COMPENSATOR_SLOPE:
-            length = f"Fc/sigma0 = {v['Fc'] / v['sigma0']:.9g} rad"
-            return f"{length} is below length_long = {v['length_long']:.9g} rad"
-        if code == c.DAHL_COMPENSATOR_PLAY:
-            return f"play = {self._play} is below 2*noise = {2 * self._noise} counts"
         for name, value in v.items():
             if name not in FRICTION and not _is_in_range(name, value, self._reference):
                 limit = _limit(name)
-                if name in BOUNDS and not self._reference:
+                if name in NEEDED and not self._reference:
                     limit = limit.removeprefix("0, or ") + " with reference = False"
                 return f"{name} = {value:g} is outside {limit}"
         parameters.need_counted(v["theta_per_count"])
@@ -140,8 +176,8 @@ class Compensator(Copied):
         v = self._values
         if not all(_is_in_range(name, v[name], False) for name in FRICTION):
             return ""
-        if v["slew"] * v["period"] / v["Fc"] < 1.000001 / ONE_Q30:
-            return f"slew = {v['slew']:g} N m/s is below 2^-30 Fc in a tick"
+        if v["slew"] * v["period"] / v["Fc"] < 2.000001 / ONE_Q30:
+            return f"slew = {v['slew']:g} N m/s is below 2^-29 Fc in a tick"
         counts = v["fade_speed"] * v["period"] / v["theta_per_count"]
         most = c.DAHL_COMPENSATOR_JUMP_SPEEDS // (
             2 if counts > c.DAHL_COMPENSATOR_FINE_COUNTS else 1
@@ -155,6 +191,11 @@ class Compensator(Copied):
     def reference(self) -> bool:
         """Whether the reference steps the element."""
         return self._reference
+
+    @property
+    def elastic(self) -> bool:
+        """Whether a resonance is between motor and load."""
+        return self._elastic
 
     @property
     def noise(self) -> int:
@@ -222,6 +263,25 @@ class Compensator(Copied):
                 raise Error(f"{name} = {checks.shown(one)} has no State")
         c.dahl_compensator_pull(self._prepared, element.state._c, measured.state._c)
 
+    def change(self, **changed: float) -> None:
+        """Change parameters between two ticks, by the names of the constructor; the others stay.
+
+        The next torque is within the new limit, and it differs from the last one by at most
+        slew*period, both in N m; if the new limit is below the torque, it falls to it at once. If
+        the friction changes, call change_plan() of the element too. Raises dahl.Error, and changes
+        nothing, for parameters that the constructor rejects.
+        """
+        to = Compensator(**{**self._parameters(), **changed})  # type: ignore[arg-type]
+        c.dahl_compensator_change(self._prepared, to._prepared, self._state)
+        state = self._state
+        self.__dict__.update(to.__dict__)
+        self._state = state
+
+    def _parameters(self) -> dict[str, float]:
+        flags = {"reference": self._reference, "elastic": self._elastic}
+        counts = {"noise": self._noise, "play": self._play, "jump": self._jump}
+        return {**self._values, **flags, **counts}
+
     def run_log(
         self,
         element: RatioElement,
@@ -258,15 +318,14 @@ class Compensator(Copied):
         return self._compared() == other._compared()
 
     def _compared(self) -> tuple[object, ...]:
-        counts = self._reference, self._noise, self._play, self._jump
-        return self._values, counts, content(self._state)
+        return self._parameters(), content(self._state)
 
     __hash__ = None  # type: ignore[assignment]  # it changes with each tick
 
     def __repr__(self) -> str:
         named = [f"{name}={parameters.digits(value)}" for name, value in self._values.items()]
-        named += [f"reference={self._reference}", f"noise={self._noise}"]
-        return f"Compensator({', '.join(named)}, play={self._play}, jump={self._jump})"
+        rest = list(self._parameters().items())[len(named) :]
+        return f"Compensator({', '.join([*named, *(f'{name}={value}' for name, value in rest)])})"
 
 
 def _limit(name: str) -> str:
@@ -274,8 +333,10 @@ def _limit(name: str) -> str:
 
 
 def _is_in_range(name: str, value: float, reference: bool) -> bool:
-    may_be_zero = name in ("gain", "rise", "fall", "fade_speed", "pull")
+    may_be_zero = name in ("load", "gain", "rise", "fall", "fade_speed", "pull")
     may_be_zero |= reference and name in BOUNDS
+    if reference and name in AXIS:
+        return True
     if value == 0:
         return may_be_zero
     most = math.nextafter(1, 2) if name == "gain" else parameters.TORQUE_MAX

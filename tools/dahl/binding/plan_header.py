@@ -132,17 +132,27 @@ def with_load(header: str, name: str, at_zero: float, per_unit: float) -> str:
     return header[:end] + "\n".join(function) + "\n" + header[end:]
 
 
-def bounds(name: str, Fc_low: float, length_long: float, torque: str, angle: str) -> str:  # noqa: N803
+def bounds(
+    name: str,
+    Fc_low: float,  # noqa: N803
+    length_long: float,
+    sigma0_high: float,
+    torque: str,
+    angle: str,
+) -> str:
     """Return the lines after a header with the bounds for dahl_compensator.h: the floats below
-    Fc_low and above length_long, with the units of torque and angle.
+    Fc_low and above the others, with the units of torque and angle.
     """
     prefix = f"DAHL_PLAN_{name.upper()}"
     low, long = _float(_rounded(Fc_low, 0.0)), _float(_rounded(length_long, np.inf))
+    high = _float(_rounded(sigma0_high, np.inf))
     return (
-        "\n/* Bounds for dahl_compensator.h, from the 95 % intervals. */\n"
+        "\n/* Bounds for dahl_compensator.h, from the 95 % intervals. The length is that which the"
+        " encoder\n * sees, with the twist of a shaft. */\n"
         f"#ifndef {prefix}_FC_LOW\n"
         f"#define {prefix}_FC_LOW {low} /* {torque} */\n"
         f"#define {prefix}_LENGTH_LONG {long} /* {angle} */\n"
+        f"#define {prefix}_SIGMA0_HIGH {high} /* {torque}/{angle} */\n"
         "#endif\n"
     )
 

@@ -230,7 +230,8 @@ def header(model: RunnableModel, name: str, title: str) -> str:
     folded = [part for line in whole for part in textwrap.wrap(line, COMMENT_WIDTH)]
     text = plan_header.text(name, model.plans(), folded)
     if result.compensator_bounds:
-        text += plan_header.bounds(name, *result.compensator_bounds, log.unit, log.angle_unit)
+        known = *result.compensator_bounds, result.sigma0.high
+        text += plan_header.bounds(name, *known, log.unit, log.angle_unit)
     return plan_header.with_load(text, name, *model.load) if model.model == "loaded" else text
 
 

@@ -252,6 +252,28 @@ def _by_strokes(
     return ratio
 
 
+def rise_lengths(law: Law, p: np.ndarray, limits: np.ndarray) -> float:
+    """Return the length of Dahl's law that rises as slowly from rest, up to 95 % of Fc, in parts of
+    Fc/sigma0; at least 1. p holds ln a of each element and the shape, limits the Fc of each.
+    """
+    share, a = limits / limits.sum(), np.exp(p[: law.elements])
+    u = np.geomspace(1e-3, 1e3, 2000)  # travel from rest in parts of Fc/sigma0
+    moves, whole = np.diff(u, prepend=0.0) / float(share @ a), [slice(0, len(u))]
+    if law.kinds == ("table",):
+        w = tabulated(moves, whole, float(a[0]), law.name, float(p[law.elements]))
+    elif set(law.kinds) <= {"dahl", "slip"}:
+        laws = {"dahl": dahl, "slip": slip}
+        each = [
+            laws[kind](moves, whole, float(one)) for kind, one in zip(law.kinds, a, strict=True)
+        ]
+        w = np.tensordot(share, each, axes=1)
+    else:
+        return 1.0  # Dahl's law with other limits
+    rising = (0 < w) & (w < 0.95)
+    lengths = u[rising] / -np.log1p(-w[rising])
+    return max(1.0, float(lengths.max(initial=1.0)))
+
+
 def turning_points(theta: np.ndarray, min_turn: float) -> np.ndarray:
     """Rows at which the motion turns back by more than `min_turn` rad (m)."""
     moving = np.append(0, np.flatnonzero(np.diff(theta)) + 1)

@@ -25,7 +25,11 @@ from dahl.version import __version__
 if TYPE_CHECKING:
     from rich.table import Table
 
-BOUNDS = ("Fc_low", "length_long")  # for dahl_compensator.h; null if a log gives none
+BOUNDS = (
+    "Fc_low",
+    "length_long",
+    "sigma0_high",
+)  # for dahl_compensator.h; null if a log gives none
 MAX_CHOICES = 40  # best hypotheses that JSON lists
 UNITS = {"offset": "{T}", "spring": "{k}", "viscous": "{T} s/{x}", "inertia": "{T} s2/{x}"}
 MIN_INFORMING_SLOPE = 0.1  # of sigma0; a smaller slope says little about sigma0
@@ -77,7 +81,8 @@ def numbers(result: Result) -> dict[str, Any]:
         "units": result.units,
         **{name: p.value for name, p in parameters.items()},
         "ci95": {name: [_finite(p.low), _finite(p.high)] for name, p in parameters.items()},
-        **dict(zip(BOUNDS, result.compensator_bounds or (None, None), strict=True)),
+        **dict.fromkeys(BOUNDS),
+        **dict(zip(BOUNDS, _bounds(result), strict=False)),
         "uncertainty": {name: parameters[name].uncertainty for name in NAMES},
         "identifiable": dict(zip(NAMES, result.claimed, strict=True)),
         "verdict": result.verdict,
@@ -312,6 +317,12 @@ def tables(result: Result) -> tuple[Table, Table]:
     return shown, laws
 
 
+def _bounds(result: Result) -> tuple[float, ...]:
+    """Return the bounds for a compensator; () if there is a reason against them."""
+    known = result.compensator_bounds
+    return (*known, result.sigma0.high) if known else ()
+
+
 def _rows(result: Result, kept: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield name and words of each number."""
     log, h = result.logs[0], result.hypothesis
@@ -321,8 +332,10 @@ def _rows(result: Result, kept: dict[str, Any]) -> Iterator[tuple[str, str]]:
         high = f"{p.high:.5g}" if math.isfinite(p.high) else "no end"
         yield name, f"{p.value:.5g} {unit}, 95 %: {p.low:.5g} to {high}"
     words = f"no bounds: {result.against_bounds}"
-    if bounds := result.compensator_bounds:
-        words = f"Fc_low {bounds[0]:.5g} {log.unit}, length_long {bounds[1]:.5g} {log.angle_unit}"
+    if bounds := _bounds(result):
+        units = log.unit, log.angle_unit, log.slope_unit
+        each = zip(BOUNDS, bounds, units, strict=True)
+        words = ", ".join(f"{name} {value:.5g} {unit}" for name, value, unit in each)
     yield "compensator", words
     late = f", torque late by {kept['delay_rows']:.2g} rows" if kept["delay_rows"] else ""
     yield "law", kept["model"] + (late or f", with {h.lag}" * (h.lag != "none"))

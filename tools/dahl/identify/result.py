@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dahl.identify.fit import DELAYED, Fit, Fitter, Hypothesis, Optimum, parameters_of, solve
-from dahl.identify.models import ONE_ELEMENT
+from dahl.identify.models import ONE_ELEMENT, rise_lengths
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, samples_of
 from dahl.io.log import Log, resolution_of
 
@@ -135,15 +135,17 @@ class Result:
         95 % intervals; None if there is a reason against them.
 
         If Fc changes with speed or direction, its least value counts for Fc_low, its largest for
-        length_long. Slip elements lose no energy in presliding, so length_long is three times
+        length_long. The length is that of the breakaway, which is more than Fc/sigma0 if the slope
+        falls early. Slip elements lose no energy in presliding, so length_long is three times
         theirs.
         """
         if self.against_bounds:
             return None
-        law = self.hypothesis.law
+        law, fit = self.hypothesis.law, self.chosen
         alike = [fit for fit in self.plausible.fits if fit.hypothesis.law == law]
         least, most = zip(*map(self.fitter.limit_range, [self.chosen, *alike]), strict=True)
         lengths = max(most) * (SLIP_LENGTHS if "slip" in self.hypothesis.friction.kinds else 1)
+        lengths *= rise_lengths(self.hypothesis.friction, fit.p, fit.limits)
         return min(least) * self.Fc.low, lengths / self.a.low
 
     @property
@@ -151,6 +153,8 @@ class Result:
         """Reason against bounds for a compensator; "" if there is none."""
         if not all(self.claimed):
             return "sigma0 and Fc are not both claimed"
+        if self.play > 0:
+            return "a play is between encoder and friction"
         return "the friction follows a load" if self.hypothesis.law == "loaded" else ""
 
     def _parameter(self, k: int) -> Parameter:

@@ -142,6 +142,9 @@ class DahlLaw:
             plan.theta_per_count,
             Fc_low=plan.Fc,
             length_long=0.999 * plan.Fc / plan.sigma0,  # a bound in float, just met
+            sigma0_high=SIGMA0,
+            inertia=INERTIA,
+            delay=case.delay * PERIOD_S,
             reference=is_reference,
             gain=1.0 if is_reference else GAIN_MEASURED,
             pull=PULL_HZ if is_reference and case.noise else 0.0,

@@ -58,10 +58,10 @@ def sticking_torque() -> float:
     return 2 * TYRE_GRIP / 3 * math.sqrt(load**3 / TYRE_PRESSURE) / STEERING_RATIO
 
 
-def tyre_plan() -> Plan:
-    """Return the friction of both tyres at the pinion."""
+def tyre_plan(share: float = 1.0) -> Plan:
+    """Return the friction of both tyres at the pinion, for this share of the dry torque."""
     Fc = sticking_torque()  # noqa: N806
-    return Plan(Fc / (TYRE_PRESLIDING * STEERING_RATIO), Fc, THETA_PER_COUNT)
+    return Plan(Fc / (TYRE_PRESLIDING * STEERING_RATIO), share * Fc, THETA_PER_COUNT)
 
 
 def hand_motion(t: float) -> tuple[float, float, float]:
@@ -72,26 +72,42 @@ def hand_motion(t: float) -> tuple[float, float, float]:
 
 
 class Pinion:
-    """Pinion, rack and motor behind the torsion bar, whose other end the hand turns."""
+    """Pinion, rack and motor behind the torsion bar, whose other end the hand turns. From
+    `released` s on, the hand wheel is free.
+    """
 
-    def __init__(self) -> None:
+    def __init__(self, released: float = math.inf) -> None:
         self.angle, self.speed, self.time = hand_motion(0)[0], 0.0, 0.0  # rad, rad/s, s
+        self.wheel_angle, self.wheel_speed = hand_motion(0)[:2]
+        self._released = released
 
     def twist(self) -> float:
         """Return the torque of the torsion bar in N m."""
-        return TORSION_BAR * (hand_motion(self.time)[0] - self.angle)
+        return TORSION_BAR * (self.wheel_angle - self.angle)
 
     def advance(self, torque: float) -> None:
         """Move for a period under a torque in N m that is constant in it."""
         step = PERIOD_S / SUBSTEPS
         for _ in range(SUBSTEPS):
-            total = self.twist() - PINION_DAMPING * self.speed + torque
+            twist = self.twist()
+            total = twist - PINION_DAMPING * self.speed + torque
             self.speed += total / PINION_INERTIA * step
             self.angle += self.speed * step
-            self.time += step
+            self._turn_wheel(twist, step)
+
+    def _turn_wheel(self, twist: float, step: float) -> None:
+        self.time += step
+        if self.time < self._released:
+            self.wheel_angle, self.wheel_speed = hand_motion(self.time)[:2]
+            return
+        braking = twist + COLUMN_DAMPING * self.wheel_speed
+        self.wheel_speed -= braking / HAND_WHEEL_INERTIA * step
+        self.wheel_angle += self.wheel_speed * step
 
     def hand_torque(self) -> float:
         """Return the torque in N m that the hand needs for its motion."""
+        if self.time >= self._released:
+            return 0.0
         _, speed, acceleration = hand_motion(self.time)
         return HAND_WHEEL_INERTIA * acceleration + COLUMN_DAMPING * speed + self.twist()
 
@@ -183,18 +199,30 @@ def _ticks(seconds: float) -> int:
     return round(seconds / PERIOD_S)
 
 
-def simulate(gain: float, progress: Callable[[], None] = lambda: None) -> Run:
-    """Run the closed loop with an assist of this gain, 0 .. 1. Calls progress() after each tick."""
-    plan, pinion = tyre_plan(), Pinion()
-    nodes = Node(plan, TYRES), Node(plan, ASSIST, gain=gain)
+def simulate(
+    gain: float,
+    progress: Callable[[], None] = lambda: None,
+    *,
+    grip_share: float = 1.0,
+    released: float = math.inf,
+) -> Run:
+    """Run the closed loop with an assist of this gain, 0 .. 1. Calls progress() after each tick.
+
+    The tyres have this share of their dry torque: less on ice, in the air, or if the car rolls. The
+    assist still takes it for dry. The hand lets go of the wheel at `released` s.
+    """
+    tyre, assist_plan, pinion = tyre_plan(grip_share), tyre_plan(), Pinion(released)
+    nodes = Node(tyre, TYRES), Node(assist_plan, ASSIST, gain=gain)
+    torques = tyre.Fc, assist_plan.Fc  # N m of a ratio of 1
     rows = []
     with ExitStack() as stack:
         buses = [stack.enter_context(open_bus(interface="virtual", channel=NAME)) for _ in range(3)]
         column = Column(buses[0], [Station(*pair) for pair in zip(buses[1:], nodes, strict=True)])
         for tick in range(count_ticks() + 1):
             now = tick * PERIOD_S
-            tyres, assist = (plan.Fc * ratio for ratio in column.exchange(pinion.angle, now))
-            angles = hand_motion(now)[0], pinion.angle
+            ratios = column.exchange(pinion.angle, now)
+            tyres, assist = (Fc * ratio for Fc, ratio in zip(torques, ratios, strict=True))
+            angles = pinion.wheel_angle, pinion.angle
             rows.append((now, *angles, pinion.hand_torque(), tyres, assist))
             pinion.advance(assist - tyres)
             progress()

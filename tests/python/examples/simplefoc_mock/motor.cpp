@@ -19,6 +19,9 @@ extern "C" int motor_init(int direction, float other_ampere, unsigned counts_per
     params.friction = {0.045f / 0.0055f, 0.045f, 0.0f};
     params.Fc_low = 0.045f;
     params.length_long = 0.0055f;
+    params.sigma0_high = 9.0f;
+    params.inertia = 1e-4f;
+    params.delay = 2e-3f;
     params.gain = 0.9f;
     params.limit = 0.03f;
     params.slew = 5.0f;
