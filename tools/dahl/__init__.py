@@ -4,7 +4,8 @@
 Same names, units and bits as the C library, which does all mathematics. Torques have the sign of
 the motion; for linear motion read m and N. Objects start relaxed. They can be compared, copied and
 pickled; a copy has a separate state. Use an object from one thread at a time. An argument outside
-its stated range raises dahl.Error with name, value and limit, before any move. Public names:
+its stated range raises dahl.InputError with name, value and limit, one of a wrong type TypeError,
+before any move. Public names:
 
     Plan(sigma0, Fc, theta_per_count)   parameters, prepared once
     Friction(plan)                      one bearing: step it by counts or angles, read its torque
@@ -24,7 +25,7 @@ its stated range raises dahl.Error with name, value and limit, before any move. 
     to_units(ratio_q30, Fc_units)       convert F/Fc in Q30 to integer units of torque
     Node(plan, number)                  friction node on a bus: python-can messages in and out
     node, codec                         modules: nodes on a bus, and their frames
-    Error, RunError, Timeout            all errors that the package raises
+    Error                               base of InputError, RunError, BusError and Timeout
 
 >>> import dahl
 >>> bearing = dahl.Friction(dahl.Plan(sigma0=100.0, Fc=0.5, theta_per_count=2 * 3.14159265 / 16384))
@@ -38,7 +39,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
-from dahl.errors import Error, RunError, Timeout
+from dahl.errors import BusError, Error, InputError, RunError, Timeout
 from dahl.version import __version__ as __version__
 
 TYPE_CHECKING = False  # importing typing would double the time of `dahl --help`
@@ -60,11 +61,13 @@ if TYPE_CHECKING:
 __all__ = [
     "Adaptation",
     "Asymmetric",
+    "BusError",
     "Compensator",
     "ElastoPlastic",
     "Encoder",
     "Error",
     "Friction",
+    "InputError",
     "Loaded",
     "Node",
     "Parallel",

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The error classes of the package: `except dahl.Error` catches all of them."""
+"""The error classes of the package: `except dahl.Error` catches all of them. A wrong type of an
+argument, and an argument that a call does not have, is a TypeError.
+"""
 
 from __future__ import annotations
 
@@ -9,20 +11,29 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
 
 
-class Error(ValueError):
-    """An input that the user can correct; one line names value, limit and place.
-
-    Wrong types and unknown keywords raise it too, so `except dahl.Error` is enough for all input.
+class Error(Exception):
+    """Base of all errors. Commands raise it for an input that the user can correct, and exit with
+    2.
     """
 
     def __str__(self) -> str:
         return printable(super().__str__())
 
 
+class InputError(Error, ValueError):
+    """A value that the user can correct; one line names value, limit and place."""
+
+
 class RunError(Error):
-    """A run failed for a reason outside the input, for example a lost bus or a missing program.
+    """A run failed for a reason outside the input, for example a missing program.
 
     Commands exit with 1 instead of 2.
+    """
+
+
+class BusError(RunError, ConnectionError):
+    """A bus does not open, is lost, or refuses a frame. It is also a ConnectionError and OSError,
+    like those of sockets.
     """
 
 

@@ -115,7 +115,13 @@ KINDS = {
         Kind(dahl.Work, PLANNED, step),
     )
 }
-EXCEPTIONS = {"Error", "RunError", "Timeout"}  # equal only to themselves, like all exceptions
+EXCEPTIONS = {
+    "BusError",
+    "Error",
+    "InputError",
+    "RunError",
+    "Timeout",
+}  # equal only to themselves, like all exceptions
 CLASSES = {name for name in dahl.__all__ if inspect.isclass(getattr(dahl, name))}
 
 
@@ -280,10 +286,11 @@ def test_an_argument_that_is_not_given_has_its_default(call: Any) -> None:
 
 
 def test_exceptions_are_one_line_after_pickling_too() -> None:
-    for kind_of in (dahl.Error, dahl.RunError, dahl.Timeout):
+    for kind_of in (getattr(dahl, name) for name in EXCEPTIONS):
         again = pickle.loads(pickle.dumps(kind_of("sigma0 = -1\n\x1b[2J")))
         assert (type(again), str(again)) == (kind_of, "sigma0 = -1 ?[2J")
-    assert issubclass(dahl.RunError, dahl.Error) and issubclass(dahl.Error, ValueError)
+        assert issubclass(kind_of, dahl.Error)
+        assert issubclass(kind_of, ValueError) == (kind_of is dahl.InputError)
 
 
 @pytest.mark.parametrize("module", [dahl, node, codec])

@@ -19,7 +19,7 @@ from collections.abc import Generator, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl.errors import Error, RunError, Timeout
+from dahl.errors import BusError, Error, InputError, Timeout
 
 if TYPE_CHECKING:
     import can
@@ -55,7 +55,7 @@ def keywords(options: dict[str, Any]) -> dict[str, Any]:
     first = {key: value for key, value in options.items() if key != "bus_kwargs"}
     for key, value in more.items():
         if key in first:
-            raise Error(f"--bus-kwargs {key}={value}: {FLAGS[key]} {first[key]} is given too")
+            raise InputError(f"--bus-kwargs {key}={value}: {FLAGS[key]} {first[key]} is given too")
     return first | more
 
 
@@ -85,7 +85,7 @@ def open_from(args: argparse.Namespace) -> can.BusABC:
 
 
 def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
-    """Open a python-can bus, trying again for `patience` seconds. Raises RunError in one line
+    """Open a python-can bus, trying again for `patience` seconds. Raises BusError in one line
     whatever the interface.
     """
     import can
@@ -116,8 +116,8 @@ def _quiet_python_can() -> None:
 
 def _not_open(settings: dict[str, Any], error: object) -> Error:
     if "interface" not in settings and "Unknown interface type" in str(error):
-        return Error(WHICH)
-    return RunError(f"cannot open the bus ({shown(settings)}): {error}")
+        return InputError(WHICH)
+    return BusError(f"cannot open the bus ({shown(settings)}): {error}")
 
 
 def shown(settings: dict[str, Any]) -> str:
@@ -135,7 +135,7 @@ def silent(args: argparse.Namespace, seconds: float) -> Timeout:
 
 class Reception:
     """Yield each frame, or None after QUIET_S without one, until stop, finish() or a limit. Frames
-    that arrived before that moment are still yielded. Raises dahl.RunError if the bus is lost.
+    that arrived before that moment are still yielded. Raises dahl.BusError if the bus is lost.
 
     lag_s is the delay of reading: the age of a frame, minus the age of frames that were waited
     for.
@@ -232,15 +232,15 @@ def read_ahead(frames: Iterable[can.Message | None]) -> Generator[can.Message | 
 
 
 def receive(bus: can.BusABC, seconds: float) -> can.Message | None:
-    """Return the next frame, None after `seconds`. Raises dahl.RunError if the bus is lost."""
+    """Return the next frame, None after `seconds`. Raises dahl.BusError if the bus is lost."""
     import can
 
     try:
         message = bus.recv(seconds)
     except (can.CanError, OSError) as error:
-        raise RunError(f"the bus has gone: {error}") from None
+        raise BusError(f"the bus has gone: {error}") from None
     if message is None and _hung_up(bus):
-        raise RunError("the bus has gone: its server has closed the connection")
+        raise BusError("the bus has gone: its server has closed the connection")
     return message
 
 
@@ -303,7 +303,7 @@ def choose(wanted: str | None) -> tuple[str, str]:
     """Return the bus of a demo, 'socketcan:vcan0' or 'socketcand', and the reason as a sentence."""
     if wanted:
         if not re.fullmatch(r"socketcand(:\d+)?|socketcan:[^\s:/]+", wanted):
-            raise Error(
+            raise InputError(
                 f"--bus {wanted}: socketcan:INTERFACE, socketcand or socketcand:PORT was expected"
             )
         return wanted, "as asked for"

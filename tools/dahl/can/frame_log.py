@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from dahl.can import codec
 from dahl.can.bus import candump_line
-from dahl.errors import Error, RunError
+from dahl.errors import BusError, Error
 
 if TYPE_CHECKING:
     import can
@@ -47,19 +47,19 @@ class FrameLog:
 
     def read_ahead(self, timeout: float, drop: Callable[[can.Message], bool]) -> bool:
         """Wait for one frame, and keep it for recv() unless drop() is true. Return False if no
-        frame came. Raises dahl.RunError if the bus goes away.
+        frame came. Raises dahl.BusError if the bus goes away.
         """
         try:
             message = self._read(timeout)
         except (codec.python_can().CanError, OSError) as error:
-            raise RunError(f"the bus has gone: {error}") from None
+            raise BusError(f"the bus has gone: {error}") from None
         if message is not None and not drop(message):
             self._ahead.append(message)
         return message is not None
 
     def read_rest(self) -> None:
         """Log the frames that wait on the bus."""
-        with contextlib.suppress(RunError):
+        with contextlib.suppress(BusError):
             for _ in range(MAX_REPORTED_FRAMES):
                 if not self.read_ahead(0, lambda _: False):
                     return

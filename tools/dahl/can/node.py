@@ -35,7 +35,7 @@ from dahl.binding.loaded import Loaded
 from dahl.binding.slip import SLIP_MAX, Parallel, Slip
 from dahl.can import codec
 from dahl.can.bus import receive
-from dahl.errors import Error, RunError, Timeout
+from dahl.errors import BusError, Error, InputError, RunError, Timeout
 
 if TYPE_CHECKING:
     import can
@@ -76,7 +76,6 @@ class Counts:
 COUNTS = tuple(Counts.__dataclass_fields__)
 
 
-@checks.calls_checked
 class Node(Copied):
     """A friction node (dahl_node_t): frames in, frames out.
 
@@ -124,7 +123,7 @@ class Node(Copied):
         use = _use_of(self._friction)
         if use is None:
             known = ", ".join(models.class_of(row).__name__ for row in models.table().values())
-            raise Error(f"friction = {checks.shown(self._friction)} is none of {known}")
+            raise TypeError(f"friction = {checks.shown(self._friction)} is none of {known}")
         first, name, arguments = use(self._friction)
         first._need_counts()
         self._node, self._kept = c.new("dahl_node_t *"), None
@@ -134,7 +133,7 @@ class Node(Copied):
             self._kept = c.new(f"dahl_node_{name}_t *")
             failed = getattr(c, f"dahl_node_use_{name}")(self._node, self._kept, *arguments)
         if failed:
-            raise Error(f"friction = {self._friction!r} is refused by the node")
+            raise InputError(f"friction = {self._friction!r} is refused by the node")
 
     @property
     def friction(self) -> Model:
@@ -237,7 +236,7 @@ class Node(Copied):
 def _within(name: str, value: float, least: float, most: float, unit: str) -> float:
     number = checks.finite(name, value, unit or "a part")
     if not least <= number <= most:
-        raise Error(f"{name} = {number:g} is outside {least:g} .. {most:g} {unit}".rstrip())
+        raise InputError(f"{name} = {number:g} is outside {least:g} .. {most:g} {unit}".rstrip())
     return number
 
 
@@ -272,17 +271,19 @@ def _use_bristle(one: Bristle) -> Use:
 
 def _use_loaded(one: Loaded) -> Use:
     if one.fixed_stiffness:
-        raise Error("friction = a Loaded with fixed_stiffness steps by angle; a node counts")
+        raise InputError("friction = a Loaded with fixed_stiffness steps by angle; a node counts")
     return one.plan, "loaded", (one.plan._params(),)
 
 
 def _use_parallel(mix: Parallel) -> Use:
     elements = [element for part in mix.parts for element in _elements(part)]
     if not 1 <= len(elements) <= SLIP_MAX:
-        raise Error(f"friction has {len(elements)} elements, 1 to {SLIP_MAX} were expected")
+        raise InputError(f"friction has {len(elements)} elements, 1 to {SLIP_MAX} were expected")
     sigma0, torques, thetas, slips = zip(*elements, strict=True)
     if len(set(thetas)) > 1:
-        raise Error(f"friction has theta_per_count {thetas[0]:g} and others; one encoder has one")
+        raise InputError(
+            f"friction has theta_per_count {thetas[0]:g} and others; one encoder has one"
+        )
     bits = sum(is_slip << k for k, is_slip in enumerate(slips))
     values = len(elements), bits, thetas[0], sigma0, torques
     params = c.new("dahl_node_parallel_params_t *", values)
@@ -365,7 +366,6 @@ class Listener:
             self._ended.wait(TICK_PERIOD_S)
 
 
-@checks.names_checked
 def run(
     bus: can.BusABC,
     *nodes: Node,
@@ -379,7 +379,7 @@ def run(
     link = _Link(bus, nodes)
     end = time.monotonic() + (float("inf") if seconds is None else _span("seconds", seconds))
     if not callable(ended):
-        raise Error(f"ended = {checks.shown(ended)} cannot be called")
+        raise TypeError(f"ended = {checks.shown(ended)} cannot be called")
     while not ended() and time.monotonic() < end:
         link.tick()
         message = receive(bus, TICK_PERIOD_S)
@@ -408,7 +408,7 @@ def _span(name: str, value: float) -> float:
     """Return a time in s, 0 to infinity. Raises dahl.Error."""
     number = checks.real(name, value, "a number of s, 0 or above,")
     if not number >= 0:
-        raise Error(f"{name} = {number:g} is not a number of s, 0 or above")
+        raise InputError(f"{name} = {number:g} is not a number of s, 0 or above")
     return number
 
 
@@ -424,7 +424,6 @@ def ask(
 def ask(
     bus: can.BusABC, frame: codec.Reset, node: int = 0, timeout: float = 1.0
 ) -> codec.Status: ...
-@checks.names_checked
 def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0) -> codec.Frame:
     """Send a frame to a node and return its answer: FrictionTorque to an EncoderState, ParamReply
     to a ParamWrite, the next Status to a Reset. Frames that wait on the bus are dropped first.
@@ -434,7 +433,7 @@ def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0
     """
     kind = ANSWER_KINDS.get(type(frame))
     if kind is None:
-        raise Error(f"frame = {checks.shown(frame)} is none that a node answers")
+        raise TypeError(f"frame = {checks.shown(frame)} is none that a node answers")
     _check_bus(bus, "send", "recv")
     timeout, node = _within("timeout", timeout, 0, MAX_PARAM_S, "s"), codec.number_of(node)
     until, why = time.monotonic() + timeout, ""
@@ -450,7 +449,6 @@ def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0
     raise Timeout(f"no {kind.__name__} of node {node} in {timeout:g} s, to {frame}{why}")
 
 
-@checks.names_checked
 def expect_silence(
     bus: can.BusABC,
     frame: codec.Frame | can.Message | None = None,
@@ -465,7 +463,7 @@ def expect_silence(
     seconds, node = _within("seconds", seconds, 0, MAX_PARAM_S, "s"), codec.number_of(node)
     message = codec.pack(frame, node) if isinstance(frame, codec.Frame) else frame
     if message is not None:
-        codec.RawFrame().read(message)  # raises dahl.Error if it is no can.Message
+        codec.RawFrame().read(message)  # raises TypeError if it is no can.Message
     _drop_waiting(bus, time.monotonic() + seconds)
     begin = time.monotonic()
     if message is not None:
@@ -488,7 +486,7 @@ def _send(bus: can.BusABC, message: can.Message, frame: object) -> None:
     try:
         bus.send(message)
     except (codec.python_can().CanError, OSError) as error:
-        raise RunError(f"the bus does not take {frame}: {error}") from None
+        raise BusError(f"the bus does not take {frame}: {error}") from None
 
 
 ANSWER_KINDS: dict[type[codec.Frame], type[codec.Frame]] = {
@@ -532,7 +530,7 @@ def _answers(answer: codec.Frame, frame: codec.Frame) -> bool:
 
 def _check_bus(bus: can.BusABC, *calls: str) -> None:
     if not all(callable(getattr(bus, name, None)) for name in calls):
-        raise Error(f"bus = {checks.shown(bus)} is not a bus of python-can")
+        raise TypeError(f"bus = {checks.shown(bus)} is not a bus of python-can")
 
 
 class _Link:
@@ -541,10 +539,10 @@ class _Link:
     def __init__(self, bus: can.BusABC, nodes: tuple[Node, ...]) -> None:
         _check_bus(bus, "send")
         if not nodes:
-            raise Error("no node to serve")
+            raise InputError("no node to serve")
         self._nodes = [checks.instance(f"nodes[{k}]", node, Node) for k, node in enumerate(nodes)]
         if len({node.number for node in nodes}) < len(nodes):
-            raise Error("two nodes of one number on one bus")
+            raise InputError("two nodes of one number on one bus")
         self._bus, self._lock, self.traffic = bus, threading.Lock(), Traffic()
         self._refusals = (codec.python_can().CanError, OSError)
 

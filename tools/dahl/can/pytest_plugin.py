@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import pytest
 
-from dahl.errors import Error, Timeout
+from dahl.errors import Error, InputError, Timeout
 
 if TYPE_CHECKING:
     import can
@@ -333,9 +333,13 @@ def _new(request: pytest.FixtureRequest, friction: Model, settings: Settings) ->
     """Return a node of these parameters. Raises dahl.Error for wrong ones."""
     from dahl.can.node import Node
 
-    node, in_use = Node(friction, **settings), request.node.stash.setdefault(_in_use, set())
+    try:
+        node = Node(friction, **settings)
+    except TypeError as error:
+        raise InputError(str(error)) from None
+    in_use = request.node.stash.setdefault(_in_use, set())
     if node.number in in_use:
-        raise Error(f"number = {node.number}: this test has a node of this number already")
+        raise InputError(f"number = {node.number}: this test has a node of this number already")
     in_use.add(node.number)
     return node
 

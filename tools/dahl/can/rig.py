@@ -15,7 +15,7 @@ from dahl.can import bus as buses
 from dahl.can import codec
 from dahl.can.codec import Errors, Param, ParamWrite, Result, State, Write
 from dahl.can.node import COUNTS, Counts, Node, ask
-from dahl.errors import Error, RunError, Timeout
+from dahl.errors import BusError, Error, RunError, Timeout
 
 if TYPE_CHECKING:
     import can
@@ -37,7 +37,7 @@ OUT_OF_STEP = {
 }
 
 
-class NoRig(RunError):
+class NoRig(BusError):
     """The bus of a rig does not open."""
 
 
