@@ -428,24 +428,29 @@ def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0
     """Send a frame to a node and return its answer: FrictionTorque to an EncoderState, ParamReply
     to a ParamWrite, the next Status to a Reset. Frames that wait on the bus are dropped first.
     Raises dahl.Timeout if no answer comes within `timeout` s, with the state that the node reports.
-    If that is STALE, send a Reset(What.RESTART) first. Raises dahl.RunError if the bus refuses the
-    frame.
+    If that is STALE, send a Reset(What.RESTART) first. Raises dahl.BusError if the bus is lost or
+    refuses the frame.
+
+    Threads that ask on one bus take turns; `timeout` begins with the turn. Other code that receives
+    from this bus, such as a can.Notifier, would take the answers: give it a bus of its own.
     """
     kind = ANSWER_KINDS.get(type(frame))
     if kind is None:
         raise TypeError(f"frame = {checks.shown(frame)} is none that a node answers")
     _check_bus(bus, "send", "recv")
     timeout, node = _within("timeout", timeout, 0, MAX_PARAM_S, "s"), codec.number_of(node)
-    until, why = time.monotonic() + timeout, ""
-    _drop_waiting(bus, until)
-    _send(bus, codec.pack(frame, node), frame)
-    while (left := until - time.monotonic()) > 0:
-        message = receive(bus, left)
-        answer = _answer_in(message, kind.base + node)
-        if isinstance(answer, kind) and _answers(answer, frame):
-            return answer
-        if status := _answer_in(message, codec.Status.base + node):
-            why = _why_silent(status, frame)
+    message, why = codec.pack(frame, node), ""
+    with turn_of(bus):
+        until = time.monotonic() + timeout
+        _drop_waiting(bus, until)
+        _send(bus, message, frame)
+        while (left := until - time.monotonic()) > 0:
+            received = receive(bus, left)
+            answer = _answer_in(received, kind.base + node)
+            if isinstance(answer, kind) and _answers(answer, frame):
+                return answer
+            if status := _answer_in(received, codec.Status.base + node):
+                why = _why_silent(status, frame)
     raise Timeout(f"no {kind.__name__} of node {node} in {timeout:g} s, to {frame}{why}")
 
 
@@ -464,16 +469,26 @@ def expect_silence(
     message = codec.pack(frame, node) if isinstance(frame, codec.Frame) else frame
     if message is not None:
         codec.RawFrame().read(message)  # raises TypeError if it is no can.Message
-    _drop_waiting(bus, time.monotonic() + seconds)
-    begin = time.monotonic()
-    if message is not None:
-        _send(bus, message, frame)
-    while (left := begin + seconds - time.monotonic()) > 0:
-        received = receive(bus, left)
-        for kind in (codec.FrictionTorque, codec.ParamReply):
-            if answer := _answer_in(received, kind.base + node):
-                after = f"after {time.monotonic() - begin:.3f} s"
-                raise RunError(f"node {node} must be silent, but sent {answer} {after}")
+    with turn_of(bus):
+        _drop_waiting(bus, time.monotonic() + seconds)
+        begin = time.monotonic()
+        if message is not None:
+            _send(bus, message, frame)
+        while (left := begin + seconds - time.monotonic()) > 0:
+            received = receive(bus, left)
+            for kind in (codec.FrictionTorque, codec.ParamReply):
+                if answer := _answer_in(received, kind.base + node):
+                    after = f"after {time.monotonic() - begin:.3f} s"
+                    raise RunError(f"node {node} must be silent, but sent {answer} {after}")
+
+
+def turn_of(bus: can.BusABC) -> threading.RLock:
+    """Return the lock of a bus, so that threads that ask on it take turns."""
+    held = getattr(bus, "__dict__", _WITHOUT_DICTIONARY)
+    return held.setdefault("_dahl_turn", threading.RLock())  # type: ignore[no-any-return]
+
+
+_WITHOUT_DICTIONARY: dict[str, Any] = {}  # such buses have one lock in common
 
 
 def _drop_waiting(bus: can.BusABC, until: float) -> None:

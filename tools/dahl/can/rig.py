@@ -14,7 +14,7 @@ from dahl.binding.friction import Plan
 from dahl.can import bus as buses
 from dahl.can import codec
 from dahl.can.codec import Errors, Param, ParamWrite, Result, State, Write
-from dahl.can.node import COUNTS, Counts, Node, ask
+from dahl.can.node import COUNTS, Counts, Node, ask, turn_of
 from dahl.errors import BusError, Error, RunError, Timeout
 
 if TYPE_CHECKING:
@@ -236,28 +236,30 @@ class RigNode:
         """Return a Status that covers all frames that the node has received so far. It comes at
         once, since its period is short until then.
         """
-        period = self._ask(ParamWrite(Param.STATUS)).value
-        self._own = [codec.ParamReply.base, codec.Status.base]
-        self._write([EACH_TICK])
-        self._statuses.clear()
-        try:
-            self._wait(lambda: bool(self._statuses), "Status")
-            return self._statuses[0]
-        finally:
-            self._write([replace(EACH_TICK, value=period)])
-            self._own = [codec.ParamReply.base]
+        with turn_of(self._bus):
+            period = self._ask(ParamWrite(Param.STATUS)).value
+            self._own = [codec.ParamReply.base, codec.Status.base]
+            self._write([EACH_TICK])
+            self._statuses.clear()
+            try:
+                self._wait(lambda: bool(self._statuses), "Status")
+                return self._statuses[0]
+            finally:
+                self._write([replace(EACH_TICK, value=period)])
+                self._own = [codec.ParamReply.base]
 
     def _ask(self, asked: ParamWrite) -> codec.ParamReply:
-        self._counter = (self._counter + 1) % codec.COUNTERS
-        asked = replace(asked, counter=self._counter)
-        self._replies.clear()
-        self._bus.send(codec.pack(asked, self._number))
+        with turn_of(self._bus):
+            self._counter = (self._counter + 1) % codec.COUNTERS
+            asked = replace(asked, counter=self._counter)
+            self._replies.clear()
+            self._bus.send(codec.pack(asked, self._number))
 
-        def found() -> list[codec.ParamReply]:
-            return [one for one in self._replies if one.counter == asked.counter]
+            def found() -> list[codec.ParamReply]:
+                return [one for one in self._replies if one.counter == asked.counter]
 
-        self._wait(lambda: bool(found()), f"ParamReply to {asked}")
-        return found()[0]
+            self._wait(lambda: bool(found()), f"ParamReply to {asked}")
+            return found()[0]
 
     def _wait(self, done: Callable[[], bool], what: str) -> None:
         """Read ahead until done(). Drop frames of the ids in _own, which answer this object; keep
