@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import inspect
 import io
+import logging
 import os
 import sys
 from collections.abc import Callable
@@ -147,6 +148,8 @@ def _run_command(words: list[str], is_only_command: bool) -> int:
             args.command_parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         args.words = words
         dependencies.ensure_installed(args.command, words)
+        # python-can warns of each frame that arrives in two pieces
+        logging.getLogger("can").setLevel(logging.ERROR)
         return int(args.run(args) or 0)
     except ModuleNotFoundError as error:
         if not dependencies.is_lacking(command, error.name):

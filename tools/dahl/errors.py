@@ -5,10 +5,21 @@ argument, and an argument that a call does not have, is a TypeError.
 
 from __future__ import annotations
 
+TYPE_CHECKING = False  # importing typing would double the time of `dahl --help`
+if TYPE_CHECKING:
+    from typing import Any
+
 
 def printable(text: str) -> str:
     """Return the text in one line without control characters, safe to print on a terminal."""
     return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
+
+
+def hide(excinfo: Any) -> bool:
+    """Return whether pytest hides the frames of a module from a traceback, if its
+    __tracebackhide__ is this function: an error of dahl points at the line of the test.
+    """
+    return excinfo is not None and isinstance(excinfo.value, Error)
 
 
 class Error(Exception):

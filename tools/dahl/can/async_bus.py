@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 from dahl.can import bus as buses
 from dahl.can import codec
 from dahl.can.node import ask, expect_silence, turn_of
+from dahl.errors import Error, hide
 
 if TYPE_CHECKING:
     import can
 
+__tracebackhide__ = hide
 T = TypeVar("T")
 MAX_WAIT_S = 0.01  # from the cancellation of a call until its thread stops reading
 
@@ -85,6 +87,8 @@ class AsyncBus:
             work = asyncio.get_running_loop().run_in_executor(None, link.call, function, arguments)
             try:
                 return await asyncio.shield(work)
+            except Error as error:  # without the frames of its thread
+                raise error.with_traceback(None) from None
             except asyncio.CancelledError:
                 link.cancelled.set()
                 while not work.done():  # a further cancellation changes nothing

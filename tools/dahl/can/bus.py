@@ -6,7 +6,6 @@ can replay.
 from __future__ import annotations
 
 import argparse
-import logging
 import queue
 import re
 import shutil
@@ -19,13 +18,14 @@ from collections.abc import Generator, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl.errors import BusError, Error, InputError, Timeout
+from dahl.errors import BusError, Error, InputError, Timeout, hide
 
 if TYPE_CHECKING:
     import can
 
     from dahl.interrupt import Stop
 
+__tracebackhide__ = hide
 VCAN = "vcan0"
 WHICH = "which bus? Name it with -i and -c, or in python-can's own settings"
 FLAGS = {  # options of a bus, by their names in python-can
@@ -75,7 +75,6 @@ def open_from(args: argparse.Namespace) -> can.BusABC:
     """Open the bus that the arguments name. Raises dahl.Error as open_bus() does."""
     import can.cli
 
-    _quiet_python_can()
     options = keywords(named(args))
     server = {key: options[key] for key in ("host", "port") if key in options}
     try:
@@ -90,7 +89,6 @@ def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
     """
     import can
 
-    _quiet_python_can()
     until = time.monotonic() + patience
     while True:
         try:
@@ -106,12 +104,6 @@ def tuned_for(settings: dict[str, Any]) -> dict[str, Any]:
     kernel would hold short frames back, and discard them if the bus is closed with unread frames.
     """
     return {"tcp_tune": True} if settings.get("interface") == "socketcand" else {}
-
-
-def _quiet_python_can() -> None:
-    logging.getLogger("can").setLevel(
-        logging.ERROR
-    )  # python-can warns of each frame that arrives in two pieces
 
 
 def _not_open(settings: dict[str, Any], error: object) -> Error:

@@ -40,11 +40,12 @@ from dahl.can.frames import (
     What,
     Write,
 )
-from dahl.errors import Error, InputError, RunError
+from dahl.errors import Error, InputError, RunError, hide
 
 if TYPE_CHECKING:
     import can
 
+__tracebackhide__ = hide
 __all__ = [
     "KINDS",
     "NODES",

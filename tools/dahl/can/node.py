@@ -35,11 +35,12 @@ from dahl.binding.loaded import Loaded
 from dahl.binding.slip import SLIP_MAX, Parallel, Slip
 from dahl.can import codec
 from dahl.can.bus import receive
-from dahl.errors import BusError, Error, InputError, RunError, Timeout
+from dahl.errors import BusError, Error, InputError, RunError, Timeout, hide
 
 if TYPE_CHECKING:
     import can
 
+__tracebackhide__ = hide
 __all__ = ["Counts", "Listener", "Node", "Traffic", "ask", "expect_silence", "run", "serve"]
 
 TICK_PERIOD_S = 0.005  # at most, between two calls of tick()
