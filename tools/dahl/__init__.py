@@ -24,6 +24,7 @@ before any move. Public names:
     counts_between(before, now, modulus)   shortest way from one encoder reading to the next
     to_units(ratio_q30, Fc_units)       convert F/Fc in Q30 to integer units of torque
     Node(plan, number)                  friction node on a bus: python-can messages in and out
+    Client(bus, number)                 other end of a node: moves in counts, torque in N m
     node, codec                         modules: nodes on a bus, and their frames
     Error                               base of InputError, RunError, BusError and Timeout
 
@@ -56,12 +57,14 @@ if TYPE_CHECKING:
     from dahl.binding.velocity import VelocityTable
     from dahl.binding.work import Work
     from dahl.can import codec, node
+    from dahl.can.client import Client
     from dahl.can.node import Node
 
 __all__ = [
     "Adaptation",
     "Asymmetric",
     "BusError",
+    "Client",
     "Compensator",
     "ElastoPlastic",
     "Encoder",
@@ -99,6 +102,7 @@ MODULES = {  # of the public classes and functions
     "binding.throughput": ("Throughput", "ThroughputParallel", "ThroughputSlip"),
     "binding.velocity": ("VelocityTable",),
     "binding.work": ("Work",),
+    "can.client": ("Client",),
     "can.node": ("Node",),
 }
 MODULE = {name: module for module, names in MODULES.items() for name in names}

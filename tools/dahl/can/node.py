@@ -376,7 +376,7 @@ def run(
     """Serve nodes on a bus until `ended()` is true, which is checked every few ms, or for
     `seconds`. Return the counts of frames. Raises dahl.RunError if the bus fails.
     """
-    _check_bus(bus, "send", "recv")
+    check_bus(bus, "send", "recv")
     link = _Link(bus, nodes)
     end = time.monotonic() + (float("inf") if seconds is None else _span("seconds", seconds))
     if not callable(ended):
@@ -403,6 +403,11 @@ async def serve(bus: can.BusABC, *nodes: Node) -> None:
         ended.set()
         await asyncio.wait([served])
         thread.shutdown(wait=False)
+
+
+def check_timeout(timeout: float) -> float:
+    """Return a time in s, 0 .. 60. Raises dahl.Error."""
+    return _within("timeout", timeout, 0, MAX_PARAM_S, "s")
 
 
 def _span(name: str, value: float) -> float:
@@ -438,8 +443,8 @@ def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0
     kind = ANSWER_KINDS.get(type(frame))
     if kind is None:
         raise TypeError(f"frame = {checks.shown(frame)} is none that a node answers")
-    _check_bus(bus, "send", "recv")
-    timeout, node = _within("timeout", timeout, 0, MAX_PARAM_S, "s"), codec.number_of(node)
+    check_bus(bus, "send", "recv")
+    timeout, node = check_timeout(timeout), codec.number_of(node)
     message, why = codec.pack(frame, node), ""
     with turn_of(bus):
         until = time.monotonic() + timeout
@@ -465,7 +470,7 @@ def expect_silence(
     CRC, is sent as it is; None sends no frame. Frames that wait on the bus are dropped first.
     Raises dahl.RunError if the node sends a FrictionTorque or ParamReply within `seconds`.
     """
-    _check_bus(bus, "send", "recv")
+    check_bus(bus, "send", "recv")
     seconds, node = _within("seconds", seconds, 0, MAX_PARAM_S, "s"), codec.number_of(node)
     message = codec.pack(frame, node) if isinstance(frame, codec.Frame) else frame
     if message is not None:
@@ -496,6 +501,11 @@ def _drop_waiting(bus: can.BusABC, until: float) -> None:
     """Drop the frames that wait on the bus, until this time at the latest."""
     while receive(bus, 0) is not None and time.monotonic() < until:
         pass
+
+
+def send(bus: can.BusABC, frame: codec.Frame, node: int) -> None:
+    """Send a frame to a node. Raises dahl.BusError if the bus refuses it."""
+    _send(bus, codec.pack(frame, node), frame)
 
 
 def _send(bus: can.BusABC, message: can.Message, frame: object) -> None:
@@ -544,7 +554,8 @@ def _answers(answer: codec.Frame, frame: codec.Frame) -> bool:
     return True
 
 
-def _check_bus(bus: can.BusABC, *calls: str) -> None:
+def check_bus(bus: can.BusABC, *calls: str) -> None:
+    """Raise TypeError if a bus lacks one of these methods."""
     if not all(callable(getattr(bus, name, None)) for name in calls):
         raise TypeError(f"bus = {checks.shown(bus)} is not a bus of python-can")
 
@@ -553,7 +564,7 @@ class _Link:
     """Nodes and the bus that they answer on, from any thread."""
 
     def __init__(self, bus: can.BusABC, nodes: tuple[Node, ...]) -> None:
-        _check_bus(bus, "send")
+        check_bus(bus, "send")
         if not nodes:
             raise InputError("no node to serve")
         self._nodes = [checks.instance(f"nodes[{k}]", node, Node) for k, node in enumerate(nodes)]
