@@ -184,6 +184,7 @@ def parameters(options: list[str], number: int) -> list[int]:
 
 ON_A_RIG = """
 import copy, dahl, pytest, time
+from concurrent.futures import ThreadPoolExecutor
 from dahl import codec, node
 from dahl.codec import EncoderState
 
@@ -213,6 +214,13 @@ def test_a_count_is_known_if_it_is_0_or_alone_in_a_sum_of_status(dahl_bus, dahl_
         dahl_node.counts.okay
     assert dahl_node == dahl_node and dahl_node in [dahl_node] and dahl_node.counts != 5
 
+def test_threads_may_ask_while_properties_are_read(dahl_bus, dahl_node):
+    def read(k):
+        return dahl_node.friction.Fc if k % 2 else node.ask(dahl_bus, FC, timeout=60).si
+    FC = codec.ParamWrite(codec.Param.FC, counter=7)
+    with ThreadPoolExecutor(4) as threads:
+        assert set(threads.map(read, range(80))) == {0.5}
+
 @pytest.mark.dahl(status_period=0)
 def test_a_status_that_a_property_did_not_cause_is_received(dahl_bus, dahl_node):
     assert dahl_node.errors == 0
@@ -226,7 +234,7 @@ def test_a_status_that_a_property_did_not_cause_is_received(dahl_bus, dahl_node)
 def test_an_unknown_value_of_a_rig_is_an_error(outcome, tmp_path, dahl_loop):
     with rig(tmp_path) as (options, _):
         done = outcome(ON_A_RIG, *options)
-    assert (done.code, done.last[:8]) == (0, "2 passed"), done.said
+    assert (done.code, done.last[:8]) == (0, "3 passed"), done.said
 
 
 def test_a_rig_of_another_model_keeps_it(outcome, tmp_path, dahl_loop):

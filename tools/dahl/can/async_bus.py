@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import threading
 import time
 from collections import deque
@@ -71,11 +72,12 @@ class AsyncBus:
         message = codec.pack(frame, node) if isinstance(frame, codec.Frame) else frame
         await self._call(lambda bus: bus.send(message))
 
-    async def recv(self, timeout: float = 1.0) -> can.Message | None:
-        """Return the next message, None after `timeout` s."""
+    async def recv(self, timeout: float | None = 1.0) -> can.Message | None:
+        """Return the next message, None after `timeout` s; a timeout of None is endless."""
         return await self._call(self._receive, timeout)
 
-    def _receive(self, bus: can.BusABC, timeout: float) -> can.Message | None:
+    def _receive(self, bus: can.BusABC, timeout: float | None) -> can.Message | None:
+        timeout = math.inf if timeout is None else timeout
         return self._unread.popleft() if self._unread else buses.receive(bus, timeout)
 
     async def _call(self, function: Callable[..., T], *arguments: Any) -> T:
