@@ -172,6 +172,16 @@ def test_parameters_are_read_and_written_in_their_units():
             client.write(param, value)
 
 
+def test_a_move_beyond_max_step_is_not_answered_and_the_next_one_is():
+    one = dahl.Node(PLAN, max_step=50, timeout=10)
+    client = dahl.Client(Wire(one), timeout=0.05)
+    before = client.move(20).ratio
+    with pytest.raises(dahl.Timeout):
+        client.move(10**6)
+    assert client.move(0).ratio == before  # the node does not know that move
+    assert client.count == 10**6 + 20 and one.counts.jump > 0
+
+
 WRONG = [
     (lambda bus: dahl.Client(5), TypeError, "bus = 5"),
     (lambda bus: dahl.Client(bus, "0"), TypeError, "number = '0'"),

@@ -33,7 +33,8 @@ class FrameLog:
 
     def __init__(self, bus: can.BusABC) -> None:
         self.listeners: list[Callable[[can.Message], None]] = []
-        self._send, self._recv, self._lock = bus.send, bus.recv, threading.Lock()
+        self.bus, self._send, self._recv = bus, bus.send, bus.recv
+        self._lock = threading.Lock()
         self._lines: deque[str] = deque(maxlen=MAX_REPORTED_FRAMES)
         self._ahead: deque[can.Message] = deque()
         self._clear()

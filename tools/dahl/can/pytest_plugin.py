@@ -278,9 +278,10 @@ def _log_of(request: pytest.FixtureRequest, bus: can.BusABC) -> FrameLog:
     from dahl.can import frame_log
 
     stash = request.config.stash[_item].stash
-    if _frames not in stash:
-        stash[_frames] = frame_log.of(bus)
-    return stash[_frames]
+    frames = stash.get(_frames, None)
+    if frames is None or frames.bus is not bus:
+        stash[_frames] = frames = frame_log.of(bus)
+    return frames
 
 
 def _is_rig(request: pytest.FixtureRequest) -> bool:
