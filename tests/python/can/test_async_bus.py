@@ -163,6 +163,25 @@ def test_a_cancelled_call_ends_soon_and_leaves_no_thread_on_the_bus(bus):
     asyncio.run(work())
 
 
+def test_a_lost_bus_is_a_connection_error_of_each_call():
+    class Gone:
+        def send(self, message: can.Message) -> None:
+            raise can.CanOperationError("cable out")
+
+        def recv(self, timeout: float) -> None:
+            raise can.CanOperationError("cable out")
+
+    async def work() -> None:
+        calls = AsyncBus(Gone())
+        frame = codec.EncoderState(5)
+        waiting = calls.ask(frame), calls.send(frame), calls.recv(), calls.expect_silence(frame)
+        for call in waiting:
+            with pytest.raises(dahl.BusError, match="cable out"):
+                await call
+
+    asyncio.run(work())
+
+
 def test_two_loops_and_threads_that_ask_on_one_bus_take_turns(bus):
     """The second half asks through an AsyncBus of its own."""
     begin = threading.Barrier(4)

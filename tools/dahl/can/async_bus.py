@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from dahl.can import bus as buses
 from dahl.can import codec
-from dahl.can.node import ask, expect_silence, turn_of
+from dahl.can.node import ask, expect_silence, send, turn_of
 from dahl.errors import Error, hide
 
 if TYPE_CHECKING:
@@ -69,8 +69,7 @@ class AsyncBus:
 
     async def send(self, frame: codec.Frame | can.Message, node: int = 0) -> None:
         """Send a frame to a node, or a message as it is."""
-        message = codec.pack(frame, node) if isinstance(frame, codec.Frame) else frame
-        await self._call(lambda bus: bus.send(message))
+        await self._call(send, frame, node)
 
     async def recv(self, timeout: float | None = 1.0) -> can.Message | None:
         """Return the next message, None after `timeout` s; a timeout of None is endless."""

@@ -503,9 +503,10 @@ def _drop_waiting(bus: can.BusABC, until: float) -> None:
         pass
 
 
-def send(bus: can.BusABC, frame: codec.Frame, node: int) -> None:
-    """Send a frame to a node. Raises dahl.BusError if the bus refuses it."""
-    _send(bus, codec.pack(frame, node), frame)
+def send(bus: can.BusABC, frame: codec.Frame | can.Message, node: int) -> None:
+    """Send a frame to a node, or a message as it is. Raises dahl.BusError if the bus refuses it."""
+    message = codec.pack(frame, node) if isinstance(frame, codec.Frame) else frame
+    _send(bus, message, frame)
 
 
 def _send(bus: can.BusABC, message: can.Message, frame: object) -> None:
