@@ -19,6 +19,7 @@ import pytest
 from conftest import ROOT
 from dahl.binding import models
 from dahl.can import pytest_plugin
+from dahl.can.rig import NoRig, open_rig
 from dahl.codec import Param, ParamWrite
 from loop_tools import client, serving
 
@@ -439,6 +440,18 @@ def test_the_logger_of_python_can_keeps_its_level(outcome):
         logger.setLevel(level)
         done = outcome("def test_node(dahl_node): pass\n")
         assert (done.code, logger.level) == (0, level), done.said
+
+
+def test_attempts_to_connect_to_a_rig_are_not_logged(caplog):
+    """python-can makes thousands; other records of its logger are kept."""
+    caplog.set_level(logging.WARNING, "can")
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        settings = {"interface": "socketcand", "channel": "vcan0", "host": "127.0.0.1"}
+        with pytest.raises(NoRig):
+            open_rig(settings | {"port": unused.getsockname()[1]}, 0.3)
+    logging.getLogger("can.interfaces.socketcand.socketcand").warning("Invalid Frame: <>")
+    assert [record.message for record in caplog.records] == ["Invalid Frame: <>"]
 
 
 def test_the_lock_of_a_rig_follows_its_address(tmp_path, monkeypatch):

@@ -6,6 +6,7 @@ can replay.
 from __future__ import annotations
 
 import argparse
+import logging
 import queue
 import re
 import shutil
@@ -89,6 +90,7 @@ def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
     """
     import can
 
+    logging.getLogger("can.interfaces.socketcand.socketcand").addFilter(_is_news)
     until = time.monotonic() + patience
     while True:
         try:
@@ -97,6 +99,14 @@ def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
             if time.monotonic() >= until:
                 raise _not_open(settings, error) from None
         time.sleep(0.05)
+
+
+def _is_news(record: logging.LogRecord) -> bool:
+    """Return whether a warning of python-can names more than an attempt to connect, of which it
+    makes thousands, or a frame that arrives in two pieces.
+    """
+    text = str(record.msg)
+    return not text.startswith(("Failed to connect to server", "Got incomplete message"))
 
 
 def tuned_for(settings: dict[str, Any]) -> dict[str, Any]:
