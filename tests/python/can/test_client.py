@@ -28,6 +28,7 @@ FRICTIONS = [
     dahl.Parallel(dahl.Friction(PLAN), dahl.Slip([20], [1], 3.8e-4)),
 ]
 FULL_TORQUE = [0.7, 0.75, 0.7, 1.7]  # N m that a ratio of 1 stands for
+ROUNDING_Q30 = [0, 0, 0, 3]  # the node sums the elements of a Parallel within 1e-9
 FC_STEP = 2**-20  # of parameter FC, N m
 MOVES = st.integers(-900, 900) | st.sampled_from([0, 2**31 - 1, -(2**31), 2**30])
 
@@ -77,7 +78,8 @@ def test_each_answer_is_that_of_the_model_and_the_torque_is_in_newton_meters(mov
     assert client.torque == 0 and wire.sent == []
     for move in moves:
         answer = client.move(move)
-        assert answer.torque_q30 == alone.step_counts_q30(move)
+        error_q30 = answer.torque_q30 - alone.step_counts_q30(move)
+        assert abs(error_q30) <= ROUNDING_Q30[which]
         torque = answer.ratio * FULL_TORQUE[which]
         assert client.torque == pytest.approx(torque, abs=FC_STEP)
     assert (client.count - sum(moves)) % 2**32 == 0 and -(2**31) <= client.count < 2**31
