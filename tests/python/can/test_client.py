@@ -5,15 +5,16 @@ from __future__ import annotations
 
 import contextlib
 import copy
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import can
 import dahl
 import pytest
 from can_socket import BUS_OFF
 from dahl import codec, node
+from dahl.can import client as client_module
 from dahl.codec import EncoderState, Param, State
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -34,7 +35,9 @@ MOVES = st.integers(-900, 900) | st.sampled_from([0, 2**31 - 1, -(2**31), 2**30]
 
 
 class Wire:
-    """A bus that sends each frame to a node at once and loses those that `loses` names."""
+    """A bus that sends each frame to a node at once, and loses those that `loses` names. Waiting
+    for a frame that does not come takes no time but that of its own clock `now`.
+    """
 
     def __init__(self, *nodes: dahl.Node) -> None:
         self.nodes, self.sent, self.waits, self.now = nodes, [], [], 0.0
@@ -59,10 +62,26 @@ class Wire:
             self.waits.append(message)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        return self.waits.pop(0) if self.waits else time.sleep(min(timeout, 0.001))
+        if self.waits:
+            return self.waits.pop(0)
+        self.now += timeout
+        return None
 
     def counters(self) -> list[int]:
         return [frame.counter for frame in self.sent if isinstance(frame, EncoderState)]
+
+
+@pytest.fixture
+def wired(monkeypatch: pytest.MonkeyPatch) -> Callable[[dahl.Node], Wire]:
+    """Return a function that makes a Wire, whose clock is then that of all clients."""
+
+    def make(one: dahl.Node) -> Wire:
+        wire = Wire(one)
+        for module in (node, client_module):
+            monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: wire.now))
+        return wire
+
+    return make
 
 
 def model_of(friction: object) -> object:
@@ -74,7 +93,7 @@ def model_of(friction: object) -> object:
 def test_each_answer_is_that_of_the_model_and_the_torque_is_in_newton_meters(moves, which):
     alone = copy.deepcopy(FRICTIONS[which])
     wire = Wire(dahl.Node(model_of(FRICTIONS[which]), 5))
-    client = dahl.Client(wire, 5)
+    client = dahl.Client(wire, 5, timeout=60)
     assert client.torque == 0 and wire.sent == []
     for move in moves:
         answer = client.move(move)
@@ -86,17 +105,17 @@ def test_each_answer_is_that_of_the_model_and_the_torque_is_in_newton_meters(mov
     assert wire.counters() == [k % 16 for k in range(len(wire.counters()))]
 
 
-def test_a_new_client_of_a_node_that_has_moved_is_no_move():
-    wire = Wire(dahl.Node(PLAN))
+def test_a_new_client_of_a_node_that_has_moved_is_no_move(wired):
+    wire = wired(dahl.Node(PLAN))
     dahl.Client(wire).move(5000)
     assert dahl.Client(wire).move(0).ratio == 0
 
 
 @pytest.mark.parametrize("lost", ["count", "answer"])
-def test_the_counts_go_on_after_a_timeout(lost):
+def test_the_counts_go_on_after_a_timeout(wired, lost):
     """The count is absolute: a lost frame costs no motion."""
-    wire, alone = Wire(dahl.Node(PLAN)), dahl.Friction(PLAN)
-    client = dahl.Client(wire, timeout=0.05)
+    wire, alone = wired(dahl.Node(PLAN, timeout=10)), dahl.Friction(PLAN)
+    client = dahl.Client(wire)
     client.move(100)
     kind = EncoderState if lost == "count" else codec.FrictionTorque
     wire.loses = lambda frame: isinstance(frame, kind)
@@ -111,17 +130,16 @@ def test_the_counts_go_on_after_a_timeout(lost):
 
 
 @pytest.mark.parametrize("knows", ["by Status", "by write()", "not"])
-def test_after_a_pause_the_node_answers_again_and_the_move_is_not_lost(knows):
+def test_after_a_pause_the_node_answers_again_and_the_move_is_not_lost(wired, knows):
     one = dahl.Node(PLAN, timeout=0.02 if knows == "by Status" else 10)
-    wire, alone = Wire(one), dahl.Friction(PLAN)
-    client = dahl.Client(wire, timeout=0.05)
+    wire, alone = wired(one), dahl.Friction(PLAN)
+    client = dahl.Client(wire)
     client.move(100)
     if knows == "by write()":
         assert client.write(Param.TIMEOUT, 0.02) == 0.02
     if knows == "not":  # another client changes it
         node.ask(wire, codec.ParamWrite.of_si(Param.TIMEOUT, 0.02))
     for _ in range(3):
-        time.sleep(0.03)
         wire.now += 0.03  # STALE
         with pytest.raises(dahl.Timeout) if knows == "not" else contextlib.nullcontext():
             client.move(0)
@@ -132,10 +150,10 @@ def test_after_a_pause_the_node_answers_again_and_the_move_is_not_lost(knows):
     assert one.counts.stale == 3
 
 
-def test_restart_ends_a_silence_that_three_good_frames_do_not_end():
+def test_restart_ends_a_silence_that_three_good_frames_do_not_end(wired):
     one = dahl.Node(PLAN, timeout=10)
-    wire = Wire(one)
-    client = dahl.Client(wire, timeout=0.05)
+    wire = wired(one)
+    client = dahl.Client(wire)
     client.move(100)
     off = can.Message(arbitration_id=BUS_OFF | 4, is_error_frame=True, dlc=8, data=bytes(8))
     for _ in range(4):
@@ -148,8 +166,8 @@ def test_restart_ends_a_silence_that_three_good_frames_do_not_end():
     assert client.move(5).torque_q30 == dahl.Friction(PLAN).step_counts_q30(5)
 
 
-def test_parameters_are_read_and_written_in_their_units():
-    wire = Wire(dahl.Node(PLAN, gain=0.5, timeout=2, max_step=7))
+def test_parameters_are_read_and_written_in_their_units(wired):
+    wire = wired(dahl.Node(PLAN, gain=0.5, timeout=2, max_step=7))
     client = dahl.Client(wire)
     values = {Param.SIGMA0: 100, Param.FC: 0.7, Param.THETA: 3.8e-4, Param.GAIN: 0.5}
     values |= {Param.TIMEOUT: 2, Param.STEP: 7, Param.MODEL: 0, Param.LOAD: 1, Param.STATUS: 0.1}
@@ -174,9 +192,9 @@ def test_parameters_are_read_and_written_in_their_units():
             client.write(param, value)
 
 
-def test_a_move_beyond_max_step_is_not_answered_and_the_next_one_is():
+def test_a_move_beyond_max_step_is_not_answered_and_the_next_one_is(wired):
     one = dahl.Node(PLAN, max_step=50, timeout=10)
-    client = dahl.Client(Wire(one), timeout=0.05)
+    client = dahl.Client(wired(one))
     before = client.move(20).ratio
     with pytest.raises(dahl.Timeout):
         client.move(10**6)
@@ -207,8 +225,8 @@ def test_a_wrong_argument_is_refused_and_nothing_is_sent(call, kind, words):
 
 
 @pytest.mark.parametrize("error", [can.CanOperationError("cable out"), OSError("cable out")])
-def test_a_lost_bus_is_a_connection_error(error):
-    wire = Wire(dahl.Node(PLAN))
+def test_a_lost_bus_is_a_connection_error(wired, error):
+    wire = wired(dahl.Node(PLAN))
     client = dahl.Client(wire)
     client.move(5)
     wire.error = error
