@@ -86,18 +86,18 @@ async def cancel(call: asyncio.Task, way: int, seconds: float) -> None:
 def test_a_cancelled_call_takes_no_answer_of_a_later_call(bus):
     chance, calls = random.Random(2), AsyncBus(bus)
 
-    async def work() -> int:
-        ended_early = 0
-        for number in range(CANCELLATIONS):
+    async def work() -> None:
+        cancelled, number = 0, 0
+        while cancelled < CANCELLATIONS / 2:
             call = asyncio.create_task(calls.ask(write(2 * number), timeout=60))
             await cancel(call, number % 4, chance.uniform(0, LONGEST_ANSWER_S))
-            ended_early += call.cancelled()
+            cancelled += call.cancelled()
             assert call.cancelled() or is_answer(call.result(), 2 * number)
             later = await calls.ask(write(2 * number + 1), timeout=60)
             assert is_answer(later, 2 * number + 1)
-        return ended_early
+            number += 1
 
-    assert asyncio.run(work()) > CANCELLATIONS / 8
+    asyncio.run(work())
 
 
 def test_calls_that_wait_for_their_turn_are_cancelled_too(bus):
