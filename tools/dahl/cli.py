@@ -12,6 +12,7 @@ import argparse
 import difflib
 import inspect
 import io
+import logging
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -174,6 +175,8 @@ def _run_command(words: list[str], is_only_command: bool) -> int:
             args.command_parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         args.words = words
         dependencies.ensure_installed(args.command, words)
+        # python-can warns of each frame that arrives in two pieces
+        logging.getLogger("can").setLevel(logging.ERROR)
         return int(args.run(args) or 0)
     except ModuleNotFoundError as error:
         if not dependencies.is_lacking(command, error.name):

@@ -11,10 +11,9 @@ from dahl.binding.checks import ONE_Q30
 from dahl.binding.copies import Copied
 from dahl.binding.friction import Plan
 from dahl.binding.library import c
-from dahl.errors import Error
+from dahl.errors import InputError
 
 
-@checks.calls_checked
 class Loaded(Copied):
     """A bearing whose Fc follows a load, given with each tick: normal force, torque through a gear,
     preload, temperature. By default sigma0 follows it too (dahl_loaded_state_t): F falls with the
@@ -127,7 +126,7 @@ class Loaded(Copied):
         if self._fixed_stiffness != fixed:
             there = "step(), run()" if self._fixed_stiffness else "step_counts(), run_counts()"
             rule = f"fixed_stiffness = {self._fixed_stiffness}"
-            raise Error(f"Loaded.{call}: {rule} moves by {there}")
+            raise InputError(f"Loaded.{call}: {rule} moves by {there}")
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Loaded):
@@ -148,5 +147,5 @@ class Loaded(Copied):
 def _load_q30(load: float) -> int:
     number = checks.real("load", load, "0 <= load < 2")
     if not 0 <= number < 2:
-        raise Error(f"load = {number!r} is outside 0 <= load < 2")
+        raise InputError(f"load = {number!r} is outside 0 <= load < 2")
     return min(round(number * ONE_Q30), 2 * ONE_Q30 - 1)

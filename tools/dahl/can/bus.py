@@ -18,7 +18,7 @@ from collections.abc import Generator, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl.errors import Error, RunError, Timeout
+from dahl.errors import BusError, Error, InputError, Timeout, hide
 from dahl.io import candump
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from dahl.interrupt import Stop
 
+__tracebackhide__ = hide
 VCAN, candump_line = candump.VCAN, candump.candump_line  # public names
 WHICH = "which bus? Name it with -i and -c, or in python-can's own settings"
 FLAGS = {  # options of a bus, by their names in python-can
@@ -64,7 +65,7 @@ def keywords(options: dict[str, Any]) -> dict[str, Any]:
     first = {key: value for key, value in options.items() if key != "bus_kwargs"}
     for key, value in more.items():
         if key in first:
-            raise Error(f"--bus-kwargs {key}={value}: {FLAGS[key]} {first[key]} is given too")
+            raise InputError(f"--bus-kwargs {key}={value}: {FLAGS[key]} {first[key]} is given too")
     return first | more
 
 
@@ -84,7 +85,6 @@ def open_from(args: argparse.Namespace) -> can.BusABC:
     """Open the bus that the arguments name. Raises dahl.Error as open_bus() does."""
     import can.cli
 
-    _quiet_python_can()
     options = keywords(named(args))
     server = {key: options[key] for key in ("host", "port") if key in options}
     try:
@@ -94,12 +94,12 @@ def open_from(args: argparse.Namespace) -> can.BusABC:
 
 
 def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
-    """Open a python-can bus, trying again for `patience` seconds. Raises RunError in one line
+    """Open a python-can bus, trying again for `patience` seconds. Raises BusError in one line
     whatever the interface.
     """
     import can
 
-    _quiet_python_can()
+    logging.getLogger("can.interfaces.socketcand.socketcand").addFilter(_is_news)
     until = time.monotonic() + patience
     while True:
         try:
@@ -110,6 +110,14 @@ def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
         time.sleep(0.05)
 
 
+def _is_news(record: logging.LogRecord) -> bool:
+    """Return whether a warning of python-can names more than an attempt to connect, of which it
+    makes thousands, or a frame that arrives in two pieces.
+    """
+    text = str(record.msg)
+    return not text.startswith(("Failed to connect to server", "Got incomplete message"))
+
+
 def tuned_for(settings: dict[str, Any]) -> dict[str, Any]:
     """Settings that an interface needs: a socketcand client must send each frame at once. Its
     kernel would hold short frames back, and discard them if the bus is closed with unread frames.
@@ -117,19 +125,13 @@ def tuned_for(settings: dict[str, Any]) -> dict[str, Any]:
     return {"tcp_tune": True} if settings.get("interface") == "socketcand" else {}
 
 
-def _quiet_python_can() -> None:
-    logging.getLogger("can").setLevel(
-        logging.ERROR
-    )  # python-can warns of each frame that arrives in two pieces
-
-
 def _not_open(settings: dict[str, Any], error: object) -> Error:
     if "interface" not in settings and "Unknown interface type" in str(error):
-        return Error(WHICH)
+        return InputError(WHICH)
     hint = SOCKETCAN_HINTS.get(getattr(error, "errno", None) or 0, "")
     if settings.get("interface", "socketcan") != "socketcan" or not hint:
-        return RunError(f"cannot open the bus ({shown(settings)}): {error}")
-    return RunError(f"cannot open the bus ({shown(settings)}): {error} ({hint})")
+        return BusError(f"cannot open the bus ({shown(settings)}): {error}")
+    return BusError(f"cannot open the bus ({shown(settings)}): {error} ({hint})")
 
 
 def shown(settings: dict[str, Any]) -> str:
@@ -147,7 +149,7 @@ def silent(args: argparse.Namespace, seconds: float) -> Timeout:
 
 class Reception:
     """Yield each frame, or None after QUIET_S without one, until stop, finish() or a limit. Frames
-    that arrived before that moment are still yielded. Raises dahl.RunError if the bus is lost.
+    that arrived before that moment are still yielded. Raises dahl.BusError if the bus is lost.
 
     lag_s is the delay of reading: the age of a frame, minus the age of frames that were waited
     for. If the bus is lost, the error names the longest one: a server drops a slow client.
@@ -173,8 +175,8 @@ class Reception:
             has_ended = time.monotonic() >= self._end
             try:
                 message = self._next(0.0 if has_ended else QUIET_S)
-            except RunError as error:
-                raise RunError(f"{error}{self._lag_text()}") from None
+            except BusError as error:
+                raise BusError(f"{error}{self._lag_text()}") from None
             if has_ended and (message is None or self._is_after_end()):
                 return
             count += message is not None
@@ -253,7 +255,7 @@ def read_ahead(frames: Iterable[can.Message | None]) -> Generator[can.Message | 
 
 
 def receive(bus: can.BusABC, seconds: float) -> can.Message | None:
-    """Return the next frame, None after `seconds`. Raises dahl.RunError if the bus is lost.
+    """Return the next frame, None after `seconds`. Raises dahl.BusError if the bus is lost.
     socketcand does not mark CAN FD, so a frame of more than 8 bytes is marked here.
     """
     import can
@@ -261,9 +263,9 @@ def receive(bus: can.BusABC, seconds: float) -> can.Message | None:
     try:
         message = bus.recv(seconds)
     except (can.CanError, OSError) as error:
-        raise RunError(f"the bus has gone: {error}") from None
+        raise BusError(f"the bus has gone: {error}") from None
     if message is None and _hung_up(bus):
-        raise RunError("the bus has gone: its server has closed the connection")
+        raise BusError("the bus has gone: its server has closed the connection")
     if message is not None and len(message.data) > MAX_CLASSIC_BYTES:
         message.is_fd = True
     return message
@@ -316,7 +318,7 @@ def choose(wanted: str | None) -> tuple[str, str]:
     """Return the bus of a demo, 'socketcan:vcan0' or 'socketcand', and the reason as a sentence."""
     if wanted:
         if not re.fullmatch(r"socketcand(:\d+)?|socketcan:[^\s:/]+", wanted):
-            raise Error(
+            raise InputError(
                 f"--bus {wanted}: socketcan:INTERFACE, socketcand or socketcand:PORT was expected"
             )
         return wanted, "as asked for"
