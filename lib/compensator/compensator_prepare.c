@@ -14,7 +14,7 @@
 #define LIMIT_MAX INT32_MAX
 
 /** The OR of several codes is the most severe one. */
-static DAHL_COLD int32_t check(float value, int may_be_zero)
+static DAHL_COLD int32_t check_value(float value, int may_be_zero)
 {
     const uint32_t bits = dahl_bits_of(value);
     if (dahl_is_zero(value)) {
@@ -32,9 +32,9 @@ static DAHL_COLD int32_t check_values(const dahl_compensator_params_t *params)
     const int is_reference = params->law == DAHL_COMPENSATOR_REFERENCE;
     int32_t err = dahl_check_params_by_counts(&params->friction);
     err |= is_reference || params->law == DAHL_COMPENSATOR_MEASURED ? DAHL_COMPENSATOR_OK : DAHL_COMPENSATOR_PARAM;
-    err |= check(params->Fc_low, is_reference) | check(params->length_long, is_reference);
-    err |= check(params->gain, 1) | check(params->limit, 0) | check(params->slew, 0) | check(params->period, 0);
-    err |= check(params->rise, 1) | check(params->fall, 1) | check(params->fade_speed, 1) | check(params->pull, 1);
+    err |= check_value(params->Fc_low, is_reference) | check_value(params->length_long, is_reference);
+    err |= check_value(params->gain, 1) | check_value(params->limit, 0) | check_value(params->slew, 0) | check_value(params->period, 0);
+    err |= check_value(params->rise, 1) | check_value(params->fall, 1) | check_value(params->fade_speed, 1) | check_value(params->pull, 1);
     return err | (params->jump > 0 ? DAHL_COMPENSATOR_OK : DAHL_COMPENSATOR_PARAM);
 }
 
@@ -120,7 +120,7 @@ static uint8_t pull_shift(const dahl_compensator_params_t *params, dahl_real_t p
     return (uint8_t)(shift < 1 ? 1 : shift > PULL_SHIFT_MAX ? PULL_SHIFT_MAX : shift);
 }
 
-static DAHL_COLD void write_plan(dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params)
+static DAHL_COLD void write_compensator_plan(dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params)
 {
     const dahl_real_t Fc = dahl_real_of_param(params->friction.Fc), period = dahl_real_of_param(params->period);
     plan->law = (uint8_t)params->law;
@@ -143,7 +143,7 @@ DAHL_COLD dahl_compensator_err_t dahl_compensator_prepare(dahl_compensator_plan_
 {
     dahl_compensator_err_t err = check_params(params);
     if (err == DAHL_COMPENSATOR_OK) {
-        write_plan(plan, params);
+        write_compensator_plan(plan, params);
     }
     return err;
 }

@@ -5,7 +5,7 @@
 #include "../arith/fixed.h"
 
 /** The OR of several codes is the most severe one. */
-static DAHL_OUT_OF_LINE DAHL_COLD int32_t check(uint32_t bits)
+static DAHL_OUT_OF_LINE DAHL_COLD int32_t check_param(uint32_t bits)
 {
     const uint32_t least = dahl_bits_of(DAHL_TORQUE_MIN), most = dahl_bits_of(DAHL_TORQUE_MAX);
     if (bits == 0 || bits >= DAHL_BITS_INF) { /* zero, infinite, NaN, or negative */
@@ -29,7 +29,7 @@ DAHL_COLD dahl_err_t dahl_check_params(const dahl_params_t *params)
     uint32_t sigma0 = dahl_bits_of(params->sigma0), Fc = dahl_bits_of(params->Fc);
     uint32_t theta = dahl_bits_of(params->theta_per_count);
     int has_counts = dahl_has_counts(params);
-    int32_t err = check(sigma0) | check(Fc) | (has_counts ? check(theta) : DAHL_OK);
+    int32_t err = check_param(sigma0) | check_param(Fc) | (has_counts ? check_param(theta) : DAHL_OK);
     if (err == DAHL_OK && has_counts && !is_travel_in_range(dahl_real_of(sigma0), dahl_real_of(theta), dahl_real_of(Fc))) {
         err = DAHL_ERR_RANGE;
     }

@@ -26,7 +26,7 @@ static int64_t times_share(int64_t w, uint64_t share)
     return w_q31 * high + w_q31 * low / ONE_Q31;
 }
 
-static int32_t step_q30(dahl_node_model_t *model, int32_t dcounts)
+static int32_t step_parallel_q30(dahl_node_model_t *model, int32_t dcounts)
 {
     dahl_node_parallel_t *storage = parallel_of(model);
     int64_t sum = 0;
@@ -40,7 +40,7 @@ static int32_t step_q30(dahl_node_model_t *model, int32_t dcounts)
     return (int32_t)rounded_quotient(sum, 2 * ONE_Q31);
 }
 
-static void relax(dahl_node_model_t *model)
+static void relax_parallel(dahl_node_model_t *model)
 {
     dahl_node_parallel_t *storage = parallel_of(model);
     storage->slip_state = (dahl_slip_state_t){{0}};
@@ -127,7 +127,7 @@ static dahl_err_t prepare_slip(dahl_node_parallel_t *storage, const dahl_node_pa
     return slip.elements == 0 ? DAHL_OK : dahl_slip_prepare(&storage->slip, &slip);
 }
 
-static dahl_err_t check(const dahl_node_parallel_params_t *params)
+static dahl_err_t check_parallel(const dahl_node_parallel_params_t *params)
 {
     if (params->elements == 0 || params->elements > DAHL_SLIP_MAX) {
         return params->elements == 0 ? DAHL_ERR_PARAM : DAHL_ERR_RANGE;
@@ -137,9 +137,9 @@ static dahl_err_t check(const dahl_node_parallel_params_t *params)
 
 dahl_err_t dahl_node_use_parallel(dahl_node_t *node, dahl_node_parallel_t *storage, const dahl_node_parallel_params_t *params)
 {
-    dahl_node_parallel_t draft = {.model = {step_q30, relax, DAHL_FRAMES_MODEL_PARALLEL + params->elements, 0}};
+    dahl_node_parallel_t draft = {.model = {step_parallel_q30, relax_parallel, DAHL_FRAMES_MODEL_PARALLEL + params->elements, 0}};
     dahl_params_t sums = {.theta_per_count = params->theta_per_count};
-    dahl_err_t err = check(params);
+    dahl_err_t err = check_parallel(params);
     err = err == DAHL_OK ? prepare_bearings(&draft, params) : err;
     err = err == DAHL_OK ? prepare_slip(&draft, params) : err;
     if (err == DAHL_OK) {

@@ -60,6 +60,26 @@ def test_an_unused_result_of_prepare_warns(compiler: str, tmp_path: Path) -> Non
         assert len(re.findall(r"warning: .*(?:unused.result|nodiscard)", done.stderr)) == wanted
 
 
+# --- all files in one --------------------------------------------------------------------------
+
+# Of lib but for the batches with vector flags, and of port for programs of a host.
+PORTS = [*(ROOT / "port").glob("s*/*.c"), ROOT / "port/loopback/loopback.c", ROOT / "port/frame_bits.c"]
+FILES = [path for path in LIB.rglob("*.c") if not re.match("exact|fast(?!_params)", path.stem)]
+HOST = "-std=c99 -D_GNU_SOURCE= -Wall -Wextra -Werror -Wshadow"
+UNITS = {f"{compiler} {HOST}": [*FILES, *PORTS] for compiler in ("gcc", "clang")}
+UNITS["arm-none-eabi-gcc -mcpu=cortex-m3 -mthumb -std=c99 -Werror"] = FILES
+
+
+@pytest.mark.parametrize("is_reversed", [False, True])
+@pytest.mark.parametrize("command", with_compilers(*UNITS))
+def test_all_files_compile_as_one(command: str, is_reversed: bool, tmp_path: Path) -> None:
+    """In both orders: no static name, macro or type of a file depends on another file."""
+    unit = as_one(tmp_path, sorted(UNITS[command], reverse=is_reversed))
+    includes = [f"-I{ROOT}/port", "-fsyntax-only"]
+    done = compiled([*command.split(), *includes], unit, tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
 # --- a core that lacks something -----------------------------------------------------------------
 
 AFTER_LIMITS = "#include <limits.h>\n#include <stdint.h>\n"

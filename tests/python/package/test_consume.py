@@ -192,6 +192,18 @@ def test_the_wrapper_for_cpp_has_the_bits_of_c(
     assert "_GLOBAL__sub_I" not in made  # code before main(), by gcc
 
 
+@pytest.mark.parametrize("compiler", with_compilers("gcc", "clang"))
+def test_a_unity_build_has_unique_names(compiler: str, tmp_path: Path) -> None:
+    """All components, each as one translation unit (but for files with flags of their own)."""
+    need(compiler, "a unity build")
+    parts = ("NODE", "FLOAT", "BATCH", "SHARED", "PORT")
+    options = [f"-DDAHL_BUILD_{name}=ON" for name in parts]
+    options += ["-DCMAKE_UNITY_BUILD=ON", "-DCMAKE_UNITY_BUILD_BATCH_SIZE=0"]
+    run("cmake", "-S", ROOT, "-B", tmp_path, "-G", "Ninja", f"-DCMAKE_C_COMPILER={compiler}", *options)
+    run("cmake", "--build", tmp_path)
+    assert len(list(tmp_path.glob("**/unity_0_c.c.o"))) >= 6
+
+
 def headers(prefix: Path) -> set[str]:
     return {path.relative_to(prefix / "include").as_posix() for path in prefix.rglob("*.h")}
 
