@@ -60,6 +60,7 @@ class Controller:
     capacity = 3  # answers that wait for a stuck bus
     has_clock = True  # false: the controller does not answer
     headers: tuple[Path, ...] = ()  # of the mock
+    flags: tuple[str, ...] = ()  # of the compiler
     pointers = seams = ""  # C between the example and this model; its function pointers
 
     def __init__(self, folder: Path, library: Path) -> None:
@@ -83,7 +84,7 @@ class Controller:
     def compiled(self, folder: Path, library: Path) -> Path:
         (seams := folder / "seams.c").write_text("#include <stdint.h>\n" + self.seams)
         example = EXAMPLES / self.folder
-        flags = ["-DHOST_REGISTERS", f"-I{example}", *MOCKS, f"-I{ROOT}/lib/include"]
+        flags = ["-DHOST_REGISTERS", *self.flags, f"-I{example}", *MOCKS, f"-I{ROOT}/lib/include"]
         files = [seams, *(example / name for name in self.sources), library]
         shared_object(folder, *flags, *files, f"-Wl,-rpath,{library.parent}")
         return folder / "made.so"
@@ -644,19 +645,24 @@ class Zephyr(Driver):
 
     folder = "zephyr_node/src"
     off_code, full_code = -101, -11  # -ENETUNREACH, -EAGAIN
-    headers, seams = (ZEPHYR_MOCK / "zephyr/kernel.h",), defining("zephyr/kernel.h")
+    headers = tuple(ZEPHYR_MOCK / f"zephyr/{name}.h" for name in ("kernel", "can_state_3_7"))
+    seams = defining("zephyr/kernel.h")
 
     def reset(self) -> None:
         self.filter: Rule | None = None
         self.is_started = False
+        self.watch_state()
         self.connect(device_is_ready=lambda _device: self.has_clock)
         self.connect(k_uptime_ticks=lambda: self.now_us, k_ticks_to_us_floor64=lambda ticks: ticks)
-        self.connect(can_set_state_change_callback=self.set_callback, k_msgq_get=self.give)
+        self.connect(k_msgq_get=self.give)
         self.connect(can_add_rx_filter_msgq=self.add_filter, can_start=self.start)
         self.connect(can_send=self.send_frame)
 
     def init(self) -> int:
         return -self.lib.can_node_init(self.ffi.NULL)
+
+    def watch_state(self) -> None:
+        self.connect(can_set_state_change_callback=self.set_callback)
 
     def set_callback(self, _device, callback, _data) -> None:
         self.on_state = callback
@@ -696,7 +702,32 @@ class Zephyr(Driver):
         self.report(0)
 
     def report(self, state: int) -> None:
-        self.on_state(self.ffi.NULL, state, {"tx_err_cnt": 255 if state else 0}, self.ffi.NULL)
+        errors = {"tx_err_cnt": 255 if state else 0}
+        self.on_state(self.ffi.NULL, state, errors, self.ffi.NULL)
 
 
-CONTROLLERS = {one.__name__: one for one in (BxCan, FdCan, Mcp2515, Twai, Zephyr)}
+class Zephyr45(Zephyr):
+    """Zephyr 4.5, which keeps a list of callbacks of the program."""
+
+    flags = ("-DMOCK_ZEPHYR_4_5",)
+    headers = tuple(ZEPHYR_MOCK / f"zephyr/{name}.h" for name in ("kernel", "can_state_4_5"))
+
+    def watch_state(self) -> None:
+        self.callbacks: list[object] = []
+        self.connect(can_init_state_change_callback=self.init_callback)
+        self.connect(can_add_state_change_callback=self.add_callback)
+
+    def init_callback(self, callback, handler) -> None:
+        callback.handler = handler
+
+    def add_callback(self, _device, callback) -> int:
+        self.callbacks.append(callback)
+        return 0
+
+    def report(self, state: int) -> None:
+        errors = {"tx_err_cnt": 255 if state else 0}
+        for one in self.callbacks:
+            one.handler(self.ffi.NULL, one, state, errors)
+
+
+CONTROLLERS = {one.__name__: one for one in (BxCan, FdCan, Mcp2515, Twai, Zephyr, Zephyr45)}

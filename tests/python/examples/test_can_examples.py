@@ -223,7 +223,7 @@ DRIVER = {"device_is_ready": (False, 19), "can_add_rx_filter_msgq": (-28, 28), "
 
 
 @pytest.mark.parametrize("call", DRIVER)
-@pytest.mark.parametrize("off", ["Zephyr"], indirect=True)
+@pytest.mark.parametrize("off", ["Zephyr", "Zephyr45"], indirect=True)
 def test_zephyr_returns_the_code_of_its_driver(off: Controller, call: str) -> None:
     result, code = DRIVER[call]
     off.connect(**{call: lambda *_: result})
@@ -246,6 +246,12 @@ SAMPLE = """
     { return can == &mock_zephyr_canbus ? atoi(getenv("CODE")) : 1; }
     void can_node_serve(void) { exit(7); }
     """
+
+
+@pytest.mark.parametrize("off", ["Zephyr45"], indirect=True)
+def test_zephyr_returns_the_code_of_a_callback_that_is_not_added(off: Controller) -> None:
+    off.connect(can_add_state_change_callback=lambda *_: -17)
+    assert off.init() == 17
 
 
 @pytest.mark.parametrize("code", [0, -5])
