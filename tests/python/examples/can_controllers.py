@@ -577,9 +577,10 @@ def defining(*headers: str) -> str:
 
 
 class Twai(Driver):
-    """The driver of ESP-IDF v5: states, queues and alerts."""
+    """The driver of ESP-IDF 5.0 to 5.4: states, queues and alerts."""
 
     folder, capacity = "can_esp32_twai/main", 5
+    sources = ("can_node.c", "bus_5_0.c", "bus_5_5.c")
     off_code, full_code = 0x103, 0x107  # ESP_ERR_INVALID_STATE, ESP_ERR_TIMEOUT
     headers = (TWAI_MOCK / "driver/twai.h", TWAI_MOCK / "esp_timer.h")
     seams = defining("driver/twai.h", "esp_timer.h")
@@ -638,6 +639,164 @@ class Twai(Driver):
 
     def quanta(self) -> tuple[float, int, int]:
         return self.rate * 20, 16, 4  # sampled where TWAI_TIMING_CONFIG_500KBITS samples
+
+
+class Twai55(Driver):
+    """The driver of ESP-IDF 5.5: events in interrupts, and frames by pointers until they are sent.
+
+    `pending` are the frames of the controller (one) and of the queue of the driver, which survives
+    a bus-off.
+    """
+
+    folder, capacity = "can_esp32_twai/main", 6  # a queue of five, and the controller
+    sources, flags = Twai.sources, ("-DMOCK_IDF_5_5",)
+    names = ("esp_twai.h", "freertos/FreeRTOS.h", "esp_timer.h")
+    headers, seams = tuple(TWAI_MOCK / name for name in names), defining(*names)
+    off_code, full_code = 0x103, 0x107  # ESP_ERR_INVALID_STATE, ESP_ERR_TIMEOUT
+
+    def reset(self) -> None:
+        self.queue: list[bytes] = []
+        self.size = self.notified = 0
+        self.state, self.is_received = "", False
+        self.connect(esp_timer_get_time=lambda: self.now_us, xQueueCreate=self.create_queue)
+        self.connect(xTaskGetCurrentTaskHandle=lambda: self.ffi.cast("void *", 2))
+        self.connect(xQueueSendFromISR=self.put, xQueueReceive=self.get)
+        self.connect(vTaskNotifyGiveFromISR=self.notify, ulTaskNotifyTake=self.take_notification)
+        self.connect(twai_new_node_onchip=self.install, twai_node_enable=self.enable)
+        self.connect(twai_node_register_event_callbacks=self.set_events)
+        self.connect(twai_node_config_mask_filter=self.set_filter)
+        self.connect(twai_node_transmit=self.send_pointer, twai_node_recover=self.start_recovery)
+        self.connect(twai_node_receive_from_isr=self.give)
+
+    def create_queue(self, places: int, size: int) -> object:
+        self.places, self.size = places, size
+        return self.ffi.cast("void *", 1)
+
+    def put(self, _queue, item, _woken) -> int:
+        if len(self.queue) == self.places:
+            return 0
+        self.queue.append(bytes(self.ffi.buffer(item, self.size)))
+        return 1
+
+    def get(self, _queue, out, wait: int) -> int:
+        if wait or not self.queue:
+            return 0
+        self.ffi.memmove(out, self.queue.pop(0), self.size)
+        return 1
+
+    def notify(self, _task, _woken) -> None:
+        self.notified += 1
+
+    def take_notification(self, is_clearing: int, _ticks: int) -> int:
+        before = self.notified
+        self.notified = 0 if is_clearing else max(0, before - 1)
+        return before
+
+    def install(self, config, node) -> int:
+        pins = config.io_cfg
+        assert pins.quanta_clk_out == pins.bus_off_indicator == -1 and config.fail_retry_cnt == -1
+        timing, self.depth = config.bit_timing, config.tx_queue_depth
+        self.timing = timing.bitrate, timing.sp_permill
+        self.state = "stopped" if self.has_clock else ""
+        return 0 if self.has_clock else 0x101  # ESP_ERR_NO_MEM
+
+    def set_events(self, _node, callbacks, _data) -> int:
+        self.events = self.ffi.new("twai_event_callbacks_t *", callbacks[0])
+        return 0 if self.state == "stopped" else self.off_code
+
+    def set_filter(self, _node, number: int, rule) -> int:
+        assert number == 0 and rule.no_fd and not rule.no_classic
+        self.filter = rule.id << 18, rule.mask << 18, bool(rule.is_ext), None
+        return 0 if self.state == "stopped" else self.off_code
+
+    def enable(self, _node) -> int:
+        self.state = "running"
+        return 0
+
+    def send_pointer(self, _node, frame, wait: int) -> int:
+        if self.is_off:
+            return self.off_code
+        if len(self.pending) > self.depth:
+            return self.full_code
+        if wait:
+            self.faults.append("the task waits")
+        self.pending.append((0, frame))
+        return 0
+
+    def give(self, _node, out) -> int:
+        if not self.is_received:
+            return self.off_code
+        first = self.fifo.pop(0)
+        out.header.id, out.header.dlc = first.arbitration_id, first.dlc
+        out.header.ide, out.header.rtr = first.is_extended_id, first.is_remote_frame
+        self.ffi.memmove(out.buffer, bytes(first.data), min(len(first.data), out.buffer_len))
+        return 0
+
+    def interrupt(self) -> None:
+        while self.fifo:
+            self.is_received = True
+            self.events.on_rx_done(self.ffi.NULL, self.ffi.NULL, self.ffi.NULL)
+            self.is_received = False
+        self.run()
+
+    def settle(self) -> None:
+        """Nothing: the driver acts between the turns of the task."""
+
+    def let_go(self, room: float = math.inf) -> None:
+        self.room = room
+        self.run()
+
+    def tick(self) -> None:
+        self.lib.can_node_serve()
+        self.run()
+
+    def run(self) -> None:
+        """Let the bus carry frames, and the task run as often as it is woken."""
+        self.transmit()
+        while self.notified:
+            self.lib.can_node_serve()
+            self.transmit()
+
+    def transmit(self) -> None:
+        """Read the frame of the controller now, not when it was given to the driver."""
+        if self.pending and not self.is_off and self.room > 0:
+            self.room -= 1
+            _, frame = self.pending.pop(0)
+            header, data = frame.header, bytes(self.ffi.buffer(frame.buffer, frame.buffer_len))
+            if header.ide or header.rtr or header.fdf or header.dlc != len(data):
+                self.faults.append("the frame is no standard data frame")
+            self.sent.append(standard(header.id, header.dlc, data))
+            event = self.ffi.new("twai_tx_done_event_data_t *", {"is_tx_success": True})
+            self.events.on_tx_done(self.ffi.NULL, event, self.ffi.NULL)
+
+    def rule(self) -> Rule:
+        assert self.state == "running"
+        return self.filter
+
+    def report(self, old: str, new: str) -> None:
+        states = [getattr(self.lib, f"TWAI_ERROR_{state}") for state in (old, new)]
+        event = self.ffi.new("twai_state_change_event_data_t *", states)
+        self.events.on_state_change(self.ffi.NULL, event, self.ffi.NULL)
+
+    def go_off(self) -> None:
+        """The controller drops its frame; the driver keeps its queue."""
+        self.is_off, self.pending = True, self.pending[1:]
+        self.report("PASSIVE", "BUS_OFF")
+        self.lib.can_node_serve()
+
+    def start_recovery(self, _node) -> int:
+        self.state = "recovering"
+        return 0
+
+    def recover(self) -> None:
+        if self.state == "recovering":
+            self.is_off, self.state = False, "running"
+            self.report("BUS_OFF", "ACTIVE")
+            self.run()
+
+    def quanta(self) -> tuple[float, int, int]:
+        rate, sample_point = self.timing
+        return rate * 20, sample_point // 50, 20 - sample_point // 50
 
 
 class Zephyr(Driver):
@@ -730,4 +889,5 @@ class Zephyr45(Zephyr):
             one.handler(self.ffi.NULL, one, state, errors)
 
 
-CONTROLLERS = {one.__name__: one for one in (BxCan, FdCan, Mcp2515, Twai, Zephyr, Zephyr45)}
+MODELS = (BxCan, FdCan, Mcp2515, Twai, Twai55, Zephyr, Zephyr45)
+CONTROLLERS = {one.__name__: one for one in MODELS}

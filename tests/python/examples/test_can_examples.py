@@ -206,7 +206,7 @@ def test_one_interrupt_serves_all_frames(controller: Controller) -> None:
     pair.check()
 
 
-@pytest.mark.parametrize("off", ["BxCan", "FdCan", "Mcp2515", "Twai"], indirect=True)
+@pytest.mark.parametrize("off", ["BxCan", "FdCan", "Mcp2515", "Twai", "Twai55"], indirect=True)
 def test_the_bit_rate_is_500_kbit_per_s(controller: Controller) -> None:
     rate, sample_point = controller.bit_timing()
     assert rate == 500e3 and 0.8 <= sample_point <= 0.9
@@ -282,11 +282,14 @@ CORES = {
 
 
 @pytest.mark.checks
+@pytest.mark.parametrize("newer", [(), ("-DMOCK_IDF_5_5", "-DMOCK_ZEPHYR_4_5")], ids=["", "newer"])
 @pytest.mark.parametrize("name", CORES)
-def test_the_example_compiles_for_its_core(name: str, root: Path, tmp_path: Path) -> None:
-    """TWAI and Zephyr with the mock of their headers, the first for an ESP32-C3."""
+def test_the_example_compiles_for_its_core(
+    name: str, newer: tuple[str, ...], root: Path, tmp_path: Path
+) -> None:
+    """TWAI and Zephyr with the mocks of their headers, the first for an ESP32-C3."""
     compiler, *target = CORES[name].split()
     need(compiler, f"examples/{name} compiles for its core")
-    words = [compiler, *target, *STRICT, f"-I{root}/lib/include", *MOCKS]
+    words = [compiler, *target, *STRICT, *newer, f"-I{root}/lib/include", *MOCKS]
     for source in EXAMPLES.glob(f"{name}/**/*.c"):
         run(*words, "-c", source, "-o", tmp_path / "made.o")
