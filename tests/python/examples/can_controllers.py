@@ -175,10 +175,11 @@ class Controller:
 # --- registers in memory --------------------------------------------------------------------------
 
 
-def registers(*offsets: int) -> list[property]:
+def registers(*offsets: int, memory: str = "memory") -> list[property]:
     def register(place: int) -> property:
         return property(
-            lambda one: one.memory[place], lambda one, value: one.memory.__setitem__(place, value)
+            lambda one: getattr(one, memory)[place],
+            lambda one, value: getattr(one, memory).__setitem__(place, value),
         )
 
     return [register(offset // 4) for offset in offsets]
@@ -204,7 +205,7 @@ class InMemory(Controller):
     lines: dict[int, str]  # handlers by the number of their interrupt
 
     def reset(self) -> None:
-        self.memory, self.nvic = self.ffi.new("uint32_t[256]"), self.ffi.new("uint32_t *")
+        self.memory, self.nvic = self.ffi.new("uint32_t[256]"), self.ffi.new("uint32_t[3]")
         self.ram = self.ffi.new("uint32_t[]", 0x350 // 4)
         self.connect(call_clock_us=self.clock, call_nvic_iser0=lambda: self.nvic)
         self.connect(call_mask_interrupts=self.mask, call_unmask_interrupts=self.unmask)
@@ -222,7 +223,7 @@ class InMemory(Controller):
         """Run the handlers of the enabled interrupts until nothing requests one."""
         for _ in range(MAX_INTERRUPTS):
             calls = {n: name for n, name in self.lines.items() if self.is_due(n)}
-            if not any(self.nvic[0] >> number & 1 for number in calls):
+            if not any(self.nvic[number // 32] >> number % 32 & 1 for number in calls):
                 return
             for name in calls.values():
                 getattr(self.lib, name)()
@@ -231,23 +232,45 @@ class InMemory(Controller):
 
 
 class BxCan(InMemory):
-    """RM0090, bxCAN: three mailboxes, FIFO 0 with three frames, filter bank 0."""
+    """RM0090, bxCAN: three mailboxes, FIFO 0 with three frames, one filter bank."""
 
     folder, lines = "can_stm32_bxcan", {20: "CAN1_RX0_IRQHandler", 22: "CAN1_SCE_IRQHandler"}
-    seams, pointers = connected(can1="void *", **COMMON)
+    clock_hz, bank = 42e6, 0
+    seams, pointers = connected(can1="void *", can2="void *", **COMMON)
     MCR, MSR, TSR, RF0R = registers(0x00, 0x04, 0x08, 0x0C)
     IER, ESR, BTR = registers(0x14, 0x18, 0x1C)
-    FMR, FM1R, FS1R, FFA1R, FA1R = registers(0x200, 0x204, 0x20C, 0x214, 0x21C)
-    F0R1, F0R2 = registers(0x240, 0x244)
+    FILTERS = FMR, FM1R, FS1R, FFA1R, FA1R = registers(
+        *(0x200, 0x204, 0x20C, 0x214, 0x21C), memory="filters"
+    )
+    BANKS = 0x240 // 4  # of two words
     TX, RX = 0x180 // 4, 0x1B0 // 4  # mailboxes of four words
 
     def reset(self) -> None:
         super().reset()
-        self.connect(call_can1=self.access)
+        self.filters = self.memory  # those of CAN1
+        self.connect(call_can1=self.access, call_can2=self.access_second)
         self.MCR, self.FMR, self.is_error = 0x00010002, 0x2A1C0E01, False
+        self.locked = self.filter_words()
         self.show()
 
+    def access_second(self) -> object:
+        self.faults.append("CAN2 is used")
+        return self.memory
+
+    def filter_words(self) -> list[int]:
+        """Return FM1R, FS1R, FFA1R and the banks, which are locked at times."""
+        return [self.FM1R, self.FS1R, self.FFA1R, *self.filters[self.BANKS : self.BANKS + 56]]
+
+    def lock_filters(self) -> None:
+        """Note a write without FINIT, or to an active bank: it may be ignored."""
+        for place, (before, now) in enumerate(zip(self.locked, self.filter_words(), strict=True)):
+            is_active = place >= 3 and self.FA1R >> (place - 3) // 2 & 1
+            if before != now and (is_active or not self.FMR & 1):
+                self.faults.append(f"filter word {place} is written while it is locked")
+        self.locked = self.filter_words()
+
     def obey(self) -> None:
+        self.lock_filters()
         if not self.RF0R & UNTOUCHED and self.RF0R & 1 << 5:
             self.fifo = self.fifo[1:]
         if not self.MSR & UNTOUCHED and self.MSR & 1 << 2:
@@ -282,13 +305,15 @@ class BxCan(InMemory):
             self.memory[self.RX : self.RX + 4] = [identifier, length, *to_words(first)]
 
     def rule(self) -> Rule:
-        is_on = self.FA1R & 1 and not self.FMR & 1 and not self.MCR & 3
-        assert is_on and self.FS1R & 1 and not (self.FM1R | self.FFA1R) & 1
-        kinds = [bool(self.F0R1 & bit) if self.F0R2 & bit else None for bit in (4, 2)]
-        return self.F0R1 >> 3, self.F0R2 >> 3, *kinds
+        is_on = self.FA1R >> self.bank & 1 and not self.FMR & 1 and not self.MCR & 3
+        assert is_on and self.FS1R >> self.bank & 1
+        assert not (self.FM1R | self.FFA1R) >> self.bank & 1
+        first, second = self.filters[self.BANKS + 2 * self.bank : self.BANKS + 2 * self.bank + 2]
+        kinds = [bool(first & bit) if second & bit else None for bit in (4, 2)]
+        return first >> 3, second >> 3, *kinds
 
     def is_due(self, interrupt: int) -> bool:
-        if interrupt == 20:
+        if interrupt == min(self.lines):
             return bool(self.fifo and self.IER & 1 << 1)
         return self.is_error and self.IER & 0x8400 == 0x8400
 
@@ -302,7 +327,42 @@ class BxCan(InMemory):
         self.settle()
 
     def quanta(self) -> tuple[float, int, int]:
-        return 42e6 / (1 + (self.BTR & 1023)), 2 + (self.BTR >> 16 & 15), 1 + (self.BTR >> 20 & 7)
+        quantum_hz = self.clock_hz / (1 + (self.BTR & 1023))
+        return quantum_hz, 2 + (self.BTR >> 16 & 15), 1 + (self.BTR >> 20 & 7)
+
+
+class BxCan2(BxCan):
+    """CAN2 of an STM32F1 after a warm start: CAN1 has the filters, and works with banks 0 and 5."""
+
+    flags = ("-DCAN_NODE_UNIT=2", "-DAPB1_MHZ=36")
+    clock_hz, bank = 36e6, 14
+    lines = {64: "CAN2_RX0_IRQHandler", 66: "CAN2_SCE_IRQHandler"}
+
+    def reset(self) -> None:
+        super().reset()
+        self.filters = self.ffi.new("uint32_t[256]")
+        self.connect(call_can1=self.access_filters, call_can2=self.access)
+        self.FMR, self.FA1R = 0x2A1C0E00, 1 << 0 | 1 << 5 | 1 << 14
+        self.FM1R, self.FS1R, self.FFA1R = 0x4001, 0x21, 0x4020
+        for place in range(56):
+            self.filters[self.BANKS + place] = 0x1000 + place
+        self.locked = self.filter_words()
+        self.of_others = self.others()
+
+    def access_filters(self) -> object:
+        self.settle()
+        return self.filters
+
+    def others(self) -> list[int]:
+        """Return all that belongs to other banks, and the place of the first bank of CAN2."""
+        masks = [self.FM1R, self.FS1R, self.FFA1R, self.FA1R]
+        banks = list(self.filters[self.BANKS : self.BANKS + 56])
+        del banks[28:30]
+        return [self.FMR, *(one & ~(1 << 14) for one in masks), *banks]
+
+    def rule(self) -> Rule:
+        assert self.others() == self.of_others
+        return super().rule()
 
 
 class FdCan(InMemory):
@@ -889,5 +949,5 @@ class Zephyr45(Zephyr):
             one.handler(self.ffi.NULL, one, state, errors)
 
 
-MODELS = (BxCan, FdCan, Mcp2515, Twai, Twai55, Zephyr, Zephyr45)
+MODELS = (BxCan, BxCan2, FdCan, Mcp2515, Twai, Twai55, Zephyr, Zephyr45)
 CONTROLLERS = {one.__name__: one for one in MODELS}
