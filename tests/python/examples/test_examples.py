@@ -121,13 +121,16 @@ def add_own_sources(project: Path, *names: str) -> tuple[str, ...]:
     for number, name in enumerate(names):
         (project / name).parent.mkdir(exist_ok=True)
         (project / name).write_text(
-            f"#include <dahl_compensator.h>\nint32_t own_{number}(void);\nint32_t own_{number}(void)\n"
+            "#include <dahl_compensator.h>\n"
+            f"int32_t own_{number}(void);\nint32_t own_{number}(void)\n"
             "{ static const dahl_compensator_plan_t plan; static dahl_compensator_t state;\n"
             "  return dahl_compensator_move(&plan, &state, 1, 1); }\n"
         )
         main = f"#include <stdint.h>\nint32_t own_{number}(void);\n{main}"
         calls += f"own_{number}(); "
-    (project / "main.c").write_text(main.replace("start_systick(CORE", f"{calls}start_systick(CORE"))
+    (project / "main.c").write_text(
+        main.replace("start_systick(CORE", f"{calls}start_systick(CORE")
+    )
     return names
 
 

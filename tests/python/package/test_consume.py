@@ -199,7 +199,8 @@ def test_a_unity_build_has_unique_names(compiler: str, tmp_path: Path) -> None:
     parts = ("NODE", "FLOAT", "BATCH", "SHARED", "PORT")
     options = [f"-DDAHL_BUILD_{name}=ON" for name in parts]
     options += ["-DCMAKE_UNITY_BUILD=ON", "-DCMAKE_UNITY_BUILD_BATCH_SIZE=0"]
-    run("cmake", "-S", ROOT, "-B", tmp_path, "-G", "Ninja", f"-DCMAKE_C_COMPILER={compiler}", *options)
+    options += ["-G", "Ninja", f"-DCMAKE_C_COMPILER={compiler}"]
+    run("cmake", "-S", ROOT, "-B", tmp_path, *options)
     run("cmake", "--build", tmp_path)
     assert len(list(tmp_path.glob("**/unity_0_c.c.o"))) >= 6
 
