@@ -14,13 +14,10 @@ static DAHL_OUT_OF_LINE DAHL_COLD int32_t check_param(uint32_t bits)
     return least <= bits && bits < most ? DAHL_OK : DAHL_ERR_RANGE;
 }
 
-/** 2^-30 <= sigma0 theta/Fc < 2^20, decided exactly. Comparing the upper half of the product with the mantissa of
- * Fc, and with half of it, gives the exponent of the quotient. */
+/** 2^-30 <= sigma0 theta/Fc < 2^20, decided exactly. */
 static int is_travel_in_range(dahl_real_t sigma0, dahl_real_t theta, dahl_real_t Fc)
 {
-    uint32_t high = dahl_mulhi(sigma0.mantissa, theta.mantissa);
-    int32_t exponent = sigma0.exponent + theta.exponent - Fc.exponent + 30;
-    exponent += (high >= Fc.mantissa >> 1) + (high >= Fc.mantissa);
+    int32_t exponent = dahl_travel_exponent(sigma0, theta, Fc);
     return -30 <= exponent && exponent < 20;
 }
 
