@@ -212,9 +212,9 @@ typedef enum {
 } dahl_compensator_plausible_t;
 
 /**
- * Check accepted parameters for the usual mistakes with units: a period in us or ms, a fade_speed in
- * rpm or deg/s. Call it where a person enters numbers; it is a remark, and no error. For the
- * friction, call dahl_params_plausible(), too.
+ * Check parameters for the usual mistakes with units: a period in us or ms, a fade_speed in rpm or
+ * deg/s. Call it where a person enters numbers. It is a remark, and no error. For the friction, call
+ * dahl_params_plausible(), too.
  *
  * @param params parameters
  * @return the first remark of dahl_compensator_plausible_t; #DAHL_COMPENSATOR_PLAUSIBLE also if

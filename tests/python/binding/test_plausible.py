@@ -129,8 +129,8 @@ def test_the_remarks_are_those_of_exact_fractions(sigma0: float, Fc: float, thet
 
 
 def is_encoder_in_degrees(theta: float) -> bool:
-    """Return whether 360/theta has at most 11 bits, or 1 bit for fine counts, within the rounding of
-    theta to a float: 2^8 units of 32 bits, and one truncated unit.
+    """Return whether 360/theta has at most 11 bits, or 1 bit for fine counts, within the rounding
+    of theta to a float: 2^8 units of 32 bits, and one truncated unit.
     """
     counts, bits = 360 / Fraction(theta), 11 if theta >= 2**-7 else 1
     unit = Fraction(2) ** (math.floor(math.log2(counts)) - 31)

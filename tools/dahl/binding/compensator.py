@@ -108,7 +108,7 @@ class Compensator(Copied):
         if code != c.DAHL_COMPENSATOR_OK:
             raise Error(self._refusal(code))
 
-    def _params(self) -> Any:
+    def _params(self) -> object:
         values = dict(self._values)
         friction = {name: values.pop(name) for name in FRICTION}
         law = c.DAHL_COMPENSATOR_REFERENCE if self._reference else c.DAHL_COMPENSATOR_MEASURED

@@ -13,8 +13,8 @@ REMARKS = {  # of dahl_plausible_t
     " per turn in place of rad per count?",
     c.DAHL_DEGREES_PER_COUNT: "theta_per_count = {theta:.9g} would be {turn:g} counts per turn in"
     " degrees; it must be in rad",
-    c.DAHL_SHORT_PRESLIDING: "a count of {theta:g} rad is {travel:.3g} presliding lengths Fc/sigma0;"
-    " degrees in place of rad?",
+    c.DAHL_SHORT_PRESLIDING: "a count of {theta:g} rad is {travel:.3g} presliding lengths"
+    " Fc/sigma0; degrees in place of rad?",
     c.DAHL_LONG_PRESLIDING: "the presliding length Fc/sigma0 = {length:g} rad is {turns:.3g} turns;"
     " sigma0 in N m/deg, or exchanged with Fc?",
 }
