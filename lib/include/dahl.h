@@ -67,8 +67,18 @@
  * current ones: it writes each word once, with the same value.
  *
  * @par States
- * Every call first clamps the state to the range of its element and plan. Any bits are therefore a
- * safe state, and no call returns a torque beyond the limits of its element.
+ * Every call first clamps the state to the range of its element and plan. With a prepared plan, any
+ * bits are therefore a safe state, and no call returns a torque beyond the limits of its element.
+ *
+ * @par Plans
+ * Only states may have any bits. A plan must have the bytes that its prepare function wrote, or all
+ * zeros. With other bits, such as those of erased flash, the behaviour is undefined, and a torque may
+ * have any size. No call checks a plan.
+ * - A `const` plan of `dahl plan` is part of the program, and as good as its image.
+ * - If parameters are stored in EEPROM or flash, store dahl_params_t with a CRC. At start-up, check
+ *   the CRC, then call dahl_prepare().
+ * - To check a plan that was stored, prepare another plan of zeros from the same parameters and
+ *   compare the bytes with memcmp(). Equal parameters give equal bytes.
  *
  * @par Power cycle
  * Store dahl_torque() with a checksum and restore it with dahl_set_torque(). Do not store the bytes

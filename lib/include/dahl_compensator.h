@@ -77,7 +77,8 @@
  * @par Properties
  * As in dahl.h: integers only, equal bits everywhere, no heap, no global variable, no libm, no
  * division by a variable in a tick. A plan of all zeros gives no torque. A compensator of all zeros
- * is relaxed and fades in. Any bits are a safe state: the torque stays within the limit.
+ * is relaxed and fades in. With a prepared plan, any bits are a safe state: the torque stays within
+ * the limit. dahl.h says how to store a plan.
  *
  * @par Cost
  * In addition to the tick of the element, worst case: 96 instructions for move and torque, 111 on

@@ -180,13 +180,13 @@ def test_the_wrapper_for_cpp_has_the_bits_of_c(
     compiler: str, standard: str, prefix: Path, tmp_path: Path
 ) -> None:
     need(compiler, "dahl.hpp compiles without a warning")
-    (library,) = prefix.rglob("libdahl.a")
+    libraries = [*prefix.rglob("libdahl_node.a"), *prefix.rglob("libdahl.a")]
     flags = ["-Wall", "-Wextra", "-pedantic", "-Werror", "-Wconversion", "-Wshadow", "-O2"]
     flags += ["-fno-exceptions", "-fno-rtti", f"-std=c++{standard}", f"-I{prefix}/include"]
     if compiler == "clang++":
         flags.append("-Wglobal-constructors")
     program = tmp_path / "wrapper"
-    run(compiler, *flags, CONSUMER / "wrapper.cpp", library, "-o", program)
+    run(compiler, *flags, CONSUMER / "wrapper.cpp", *libraries, "-o", program)
     assert run(program) == "same bits\n"
     made = run("nm", program)
     assert "_GLOBAL__sub_I" not in made  # code before main(), by gcc
