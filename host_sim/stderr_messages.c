@@ -16,7 +16,7 @@ static void replace_controls(char *text)
     }
 }
 
-static void print(const char *kind, const char *format, va_list arguments)
+__attribute__((format(printf, 2, 0))) static void print(const char *kind, const char *format, va_list arguments)
 {
     char text[2048];
     vsnprintf(text, sizeof text, format, arguments);

@@ -24,15 +24,27 @@ static int has_leading_bits(uint32_t quotient, int bits)
 
 /** Return true if 360/theta is a power of two, or a number that decimal encoders have: with at most 11 significant bits.
  * In rad, 360/theta has a fraction; in m, it has more bits, unless a count is longer than those of a linear axis. */
-static int is_in_degrees(float theta)
+static int is_in_degrees(uint32_t theta)
 {
-    const uint32_t counts = counts_per_turn(dahl_real_of(dahl_bits_of(theta)));
-    return has_leading_bits(counts, dahl_bits_of(theta) < dahl_bits_of(COARSE_COUNT) ? 1 : 11);
+    return has_leading_bits(counts_per_turn(dahl_real_of(theta)), theta < dahl_bits_of(COARSE_COUNT) ? 1 : 11);
 }
 
 static int is_presliding_long(dahl_real_t sigma0, dahl_real_t Fc)
 {
     return Fc.exponent - sigma0.exponent - (Fc.mantissa < sigma0.mantissa) >= LONG_EXPONENT;
+}
+
+/** Return the remark on the encoder. */
+static dahl_plausible_t check_count(const dahl_params_t *params, dahl_real_t sigma0, dahl_real_t Fc)
+{
+    const uint32_t theta = dahl_bits_of(params->theta_per_count);
+    if (theta > dahl_bits_of(COARSEST_COUNT)) {
+        return DAHL_COUNTS_PER_TURN;
+    }
+    if (is_in_degrees(theta)) {
+        return DAHL_DEGREES_PER_COUNT;
+    }
+    return dahl_travel_exponent(sigma0, dahl_real_of(theta), Fc) >= SHORT_EXPONENT ? DAHL_SHORT_PRESLIDING : DAHL_PLAUSIBLE;
 }
 
 DAHL_COLD dahl_plausible_t dahl_params_plausible(const dahl_params_t *params)
@@ -41,16 +53,6 @@ DAHL_COLD dahl_plausible_t dahl_params_plausible(const dahl_params_t *params)
         return DAHL_PLAUSIBLE;
     }
     const dahl_real_t sigma0 = dahl_real_of(dahl_bits_of(params->sigma0)), Fc = dahl_real_of(dahl_bits_of(params->Fc));
-    if (dahl_has_counts(params)) {
-        if (dahl_bits_of(params->theta_per_count) > dahl_bits_of(COARSEST_COUNT)) {
-            return DAHL_COUNTS_PER_TURN;
-        }
-        if (is_in_degrees(params->theta_per_count)) {
-            return DAHL_DEGREES_PER_COUNT;
-        }
-        if (dahl_travel_exponent(sigma0, dahl_real_of(dahl_bits_of(params->theta_per_count)), Fc) >= SHORT_EXPONENT) {
-            return DAHL_SHORT_PRESLIDING;
-        }
-    }
-    return is_presliding_long(sigma0, Fc) ? DAHL_LONG_PRESLIDING : DAHL_PLAUSIBLE;
+    const dahl_plausible_t remark = dahl_has_counts(params) ? check_count(params, sigma0, Fc) : DAHL_PLAUSIBLE;
+    return remark == DAHL_PLAUSIBLE && is_presliding_long(sigma0, Fc) ? DAHL_LONG_PRESLIDING : remark;
 }
