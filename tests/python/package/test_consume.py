@@ -205,6 +205,26 @@ def test_a_unity_build_has_unique_names(compiler: str, tmp_path: Path) -> None:
     assert len(list(tmp_path.glob("**/unity_0_c.c.o"))) >= 6
 
 
+@pytest.mark.checks
+def test_a_unity_build_for_a_core_has_its_assembly(tmp_path: Path) -> None:
+    """The linker takes the first definition of a tick in the archive."""
+    need("arm-none-eabi-gcc", "a unity build for a core")
+    core = ["arm-none-eabi-gcc", "-mcpu=cortex-m3", "-mthumb"]
+    options = ["-G", "Ninja", "-DCMAKE_UNITY_BUILD=ON", "-DCMAKE_UNITY_BUILD_BATCH_SIZE=0"]
+    options += ["-DCMAKE_SYSTEM_NAME=Generic", "-DCMAKE_TRY_COMPILE_TARGET_TYPE=STATIC_LIBRARY"]
+    options += [f"-DCMAKE_C_COMPILER={core[0]}", f"-DCMAKE_C_FLAGS={' '.join(core[1:])}"]
+    run("cmake", "-S", ROOT, "-B", tmp_path, *options)
+    run("cmake", "--build", tmp_path)
+    ticks = ("dahl_step_counts", "dahl_step_counts_q30", "dahl_step", "dahl_work_step_counts_q30")
+    calls = "".join(f"void {tick}(void); {tick}(); " for tick in ticks)
+    (tmp_path / "main.c").write_text(f"int main(void) {{ {calls} return 0; }}\n")
+    files = [tmp_path / "main.c", tmp_path / "lib/libdahl.a", "-o", tmp_path / "program"]
+    run(*core, "--specs=nosys.specs", "-Wl,--no-warnings", *files)
+    names = run("arm-none-eabi-nm", tmp_path / "program")
+    kinds = {name: kind for kind, name in re.findall(r" (\w) (dahl_\w+)", names)}
+    assert {kinds[tick] for tick in ticks} == {"T"}  # of assembly; the C is weak, W
+
+
 def headers(prefix: Path) -> set[str]:
     return {path.relative_to(prefix / "include").as_posix() for path in prefix.rglob("*.h")}
 
