@@ -456,6 +456,11 @@ static bool check_travel(const reader_t *r, double sigma0, double Fc)
     return false;
 }
 
+static double sigma0_of(const scene_friction_t *f, uint32_t k)
+{
+    return f->sigma0_of.value[k < f->sigma0_of.count ? k : 0];
+}
+
 static bool check_friction(reader_t *r)
 {
     const scene_friction_t *f = &r->scene->friction;
@@ -463,7 +468,7 @@ static bool check_friction(reader_t *r)
         return false;
     }
     for (uint32_t k = 0; k < f->Fc_of.count; k++) {
-        if (!check_travel(r, f->sigma0_of.value[k < f->sigma0_of.count ? k : 0], f->Fc_of.value[k])) {
+        if (!check_travel(r, sigma0_of(f, k), f->Fc_of.value[k])) {
             return false;
         }
     }
@@ -654,6 +659,35 @@ static void set_defaults(scene_t *scene)
     }
 }
 
+static bool note_element(const reader_t *r, double sigma0, double Fc)
+{
+    static const char *const remarks[] = {
+        [DAHL_COUNTS_PER_TURN] = "more than a quarter turn; counts per turn in place of rad?",
+        [DAHL_DEGREES_PER_COUNT] = "a whole number of counts per turn in degrees; it must be in rad",
+        [DAHL_SHORT_PRESLIDING] = "16 presliding lengths Fc/sigma0 or more; degrees in place of rad?",
+        [DAHL_LONG_PRESLIDING] = "Fc/sigma0 is 20 turns or more; sigma0 in N m/deg, or exchanged with Fc?",
+    };
+    const scene_friction_t *f = &r->scene->friction;
+    const dahl_params_t params = {(float)sigma0, (float)Fc, (float)f->theta_per_count};
+    const dahl_plausible_t remark = dahl_params_plausible(&params);
+    if (remark == DAHL_PLAUSIBLE) {
+        return false;
+    }
+    const bool is_long = remark == DAHL_LONG_PRESLIDING;
+    const char *key = is_long ? "sigma0" : "theta_per_count";
+    log_note("%s:%d: [friction] %s = %.9g: %s", PLACE(r, r->key_line[find_key("friction", key)]), key,
+             is_long ? sigma0 : f->theta_per_count, remarks[remark]);
+    return true;
+}
+
+/* Print the first probable mistake with a unit. The run goes on. */
+static void note_units(const reader_t *r)
+{
+    const scene_friction_t *f = &r->scene->friction;
+    for (uint32_t k = 0; k < f->Fc_of.count && !note_element(r, sigma0_of(f, k), f->Fc_of.value[k]); k++) {
+    }
+}
+
 bool scene_read(scene_t *scene, const char *path, const char *const *sets, int count)
 {
     reader_t reader = {.scene = scene, .path = path};
@@ -665,5 +699,8 @@ bool scene_read(scene_t *scene, const char *path, const char *const *sets, int c
     }
     bool is_good = parse(&reader) && apply_sets(&reader, sets, count) && check(&reader);
     fclose(reader.file);
+    if (is_good) {
+        note_units(&reader);
+    }
     return is_good;
 }

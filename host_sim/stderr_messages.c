@@ -16,20 +16,33 @@ static void replace_controls(char *text)
     }
 }
 
-int log_error(const char *format, ...)
+__attribute__((format(printf, 2, 0))) static void print(const char *kind, const char *format, va_list arguments)
 {
     char text[2048];
-    va_list arguments;
-    va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
     replace_controls(text);
     utf8_repair(text);
-    fprintf(stderr, "error: %s\n", text);
+    fprintf(stderr, "%s: %s\n", kind, text);
+}
+
+int log_error(const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    print("error", format, arguments);
+    va_end(arguments);
     return -1;
+}
+
+void log_note(const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    print("note", format, arguments);
+    va_end(arguments);
 }
 
 void log_warning(const char *text)
 {
-    fprintf(stderr, "note: %s\n", text);
+    log_note("%s", text);
 }

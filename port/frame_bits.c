@@ -27,7 +27,7 @@ static void put_bit(bits_t *bits, uint32_t bit)
     }
 }
 
-static void put(bits_t *bits, uint32_t value, uint32_t width)
+static void put_bits(bits_t *bits, uint32_t value, uint32_t width)
 {
     while (width-- > 0) {
         put_bit(bits, (value >> width) & 1u);
@@ -37,17 +37,17 @@ static void put(bits_t *bits, uint32_t value, uint32_t width)
 static void put_header(bits_t *bits, const dahl_can_frame_t *frame)
 {
     uint32_t remote = (frame->flags & DAHL_CAN_FRAME_REMOTE) != 0 ? 1u : 0u;
-    put(bits, 0, 1);
+    put_bits(bits, 0, 1);
     if ((frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0) {
-        put(bits, frame->id >> 18, 11);
-        put(bits, 3, 2);
-        put(bits, frame->id & 0x3FFFFu, 18);
-        put(bits, remote << 2, 3);
+        put_bits(bits, frame->id >> 18, 11);
+        put_bits(bits, 3, 2);
+        put_bits(bits, frame->id & 0x3FFFFu, 18);
+        put_bits(bits, remote << 2, 3);
     } else {
-        put(bits, frame->id, 11);
-        put(bits, remote << 2, 3);
+        put_bits(bits, frame->id, 11);
+        put_bits(bits, remote << 2, 3);
     }
-    put(bits, frame->length, 4);
+    put_bits(bits, frame->length, 4);
 }
 
 uint32_t can_frame_bits(const dahl_can_frame_t *frame)
@@ -55,8 +55,8 @@ uint32_t can_frame_bits(const dahl_can_frame_t *frame)
     bits_t bits = {0};
     put_header(&bits, frame);
     for (uint32_t i = 0; i < frame->length && (frame->flags & DAHL_CAN_FRAME_REMOTE) == 0; i++) {
-        put(&bits, frame->data[i], 8);
+        put_bits(&bits, frame->data[i], 8);
     }
-    put(&bits, bits.crc, 15);
+    put_bits(&bits, bits.crc, 15);
     return bits.count + TAIL_BITS;
 }

@@ -28,14 +28,17 @@ typedef struct {
 
 #ifdef HOST_REGISTERS
 bxcan_t *can1(void);
+bxcan_t *can2(void);
 uint32_t *nvic_iser0(void);
 void mask_interrupts(void);
 void unmask_interrupts(void);
 #define CAN1 can1()
-#define NVIC_ISER0 (*nvic_iser0())
+#define CAN2 can2()
+#define NVIC_ISER nvic_iser0()
 #else
 #define CAN1 ((bxcan_t *)0x40006400u)
-#define NVIC_ISER0 (*(volatile uint32_t *)0xE000E100u)
+#define CAN2 ((bxcan_t *)0x40006800u)
+#define NVIC_ISER ((volatile uint32_t *)0xE000E100u)
 #define mask_interrupts() __asm volatile("cpsid i" ::: "memory")
 #define unmask_interrupts() __asm volatile("cpsie i" ::: "memory")
 #endif
@@ -61,7 +64,21 @@ void unmask_interrupts(void);
 #define CAN_IR_EXID_SHIFT 3u
 #define CAN_DTR_DLC 15u
 #define CAN_FMR_FINIT (1u << 0)
-#define CAN1_RX0_IRQ 20u
-#define CAN1_SCE_IRQ 22u
+
+#if CAN_NODE_UNIT == 1
+#define CAN CAN1
+#define CAN_BANK 0
+#define CAN_RX0_IRQ 20
+#define CAN_SCE_IRQ 22
+#define CAN_RX0_IRQHandler CAN1_RX0_IRQHandler
+#define CAN_SCE_IRQHandler CAN1_SCE_IRQHandler
+#else
+#define CAN CAN2
+#define CAN_BANK 14 /* the first of CAN2, unless CAN2SB of FMR was changed since reset */
+#define CAN_RX0_IRQ 64
+#define CAN_SCE_IRQ 66
+#define CAN_RX0_IRQHandler CAN2_RX0_IRQHandler
+#define CAN_SCE_IRQHandler CAN2_SCE_IRQHandler
+#endif
 
 #endif

@@ -15,12 +15,15 @@ static dahl_plan_t plan;
 static dahl_state_t bearing;
 static dahl_encoder_t encoder;
 
-/* Returns 0, or an error code of dahl.h. */
+/* Returns 0, a code of dahl_prepare(), or 1: the encoder. */
 static int friction_init(void)
 {
     dahl_params_t params = {.sigma0 = 100.0f, .Fc = 0.5f, .theta_per_count = 6.2831853f / 10000};
-    dahl_err_t err = dahl_prepare(&plan, &params);
-    return err != DAHL_OK ? err : dahl_encoder_init(&encoder, 65536, +1, 100); /* at most 100 counts a tick */
+    int code = dahl_prepare(&plan, &params);
+    if (code == DAHL_OK && dahl_encoder_init(&encoder, 65536, +1, 100) != DAHL_OK) { /* at most 100 counts a tick */
+        code = 1;
+    }
+    return code;
 }
 
 /* N m. */

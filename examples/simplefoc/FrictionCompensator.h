@@ -26,8 +26,8 @@ class FrictionCompensator {
     }
 
     // Start with the measured law. theta_per_count is set here; set the other parameters, also inertia and delay: the time
-    // from the sensor to the torque, with half a period of params.period for the loop that calls it. Returns 0, or an error
-    // code of dahl.h or dahl_compensator.h.
+    // from the sensor to the torque, with half a period of params.period for the loop that calls it. Returns 0, a code of
+    // dahl_prepare() or dahl_compensator_prepare(), or 1: counts_per_turn.
     int init(dahl_compensator_params_t params)
     {
         params.law = DAHL_COMPENSATOR_MEASURED;
@@ -36,8 +36,8 @@ class FrictionCompensator {
         period_us_ = static_cast<uint32_t>(params.period * 1e6f + 0.5f);
         last_us_ = static_cast<uint32_t>(_micros());
         int code = dahl_prepare(&friction_, &params.friction);
-        if (code == DAHL_OK) {
-            code = dahl_encoder_init(&encoder_, counts_per_turn_, +1, 0);
+        if (code == DAHL_OK && dahl_encoder_init(&encoder_, counts_per_turn_, +1, 0) != DAHL_OK) {
+            code = 1;
         }
         return code != DAHL_OK ? code : dahl_compensator_prepare(&plan_, &params);
     }

@@ -47,7 +47,9 @@ volatile float compensation;
 int current_loop_init(void)
 {
     int code = dahl_prepare(&friction, &params.friction);
-    code = code != DAHL_OK ? code : dahl_encoder_init(&encoder, 65536, +1, 0);
+    if (code == DAHL_OK && dahl_encoder_init(&encoder, 65536, +1, 0) != DAHL_OK) {
+        code = CURRENT_LOOP_ENCODER;
+    }
     code = code != DAHL_OK ? code : dahl_compensator_prepare(&plan, &params);
     TIM3->SMCR = TIM_SMCR_ENCODER_MODE_3;
     TIM3->CCMR1 = TIM_CCMR1_INPUTS;

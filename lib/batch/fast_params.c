@@ -15,7 +15,7 @@ static int is_torque(double x)
     return x >= (double)DAHL_TORQUE_MIN && x < (double)DAHL_TORQUE_MAX;
 }
 
-static dahl_wide_t wide_of(double x)
+static dahl_wide_t wide_of_double(double x)
 {
     dahl_double_t as;
     as.value = x;
@@ -25,9 +25,9 @@ static dahl_wide_t wide_of(double x)
 
 /** Return true if DAHL_TRAVEL_MIN <= sigma0 theta/Fc < DAHL_TRAVEL_MAX, decided exactly as in check_params.c. The
  * lowest bits of the mantissa of a double are 0. */
-static int is_travel_in_range(double sigma0, double theta, double Fc)
+static int is_double_travel_in_range(double sigma0, double theta, double Fc)
 {
-    dahl_wide_t s = wide_of(sigma0), t = wide_of(theta), f = wide_of(Fc);
+    dahl_wide_t s = wide_of_double(sigma0), t = wide_of_double(theta), f = wide_of_double(Fc);
     uint64_t high = dahl_mulhi64(s.mantissa, t.mantissa);
     int32_t exponent = s.exponent + t.exponent - f.exponent + 62;
     exponent += (high >= f.mantissa >> 1) + (high >= f.mantissa);
@@ -49,7 +49,7 @@ dahl_err_t dahl_throughput_check(const dahl_throughput_params_t *params, bool by
         return DAHL_ERR_PARAM;
     }
     if (!is_torque(params->sigma0) || !is_torque(params->Fc) || !is_torque(theta)
-        || (by_counts && !is_travel_in_range(params->sigma0, theta, params->Fc))) {
+        || (by_counts && !is_double_travel_in_range(params->sigma0, theta, params->Fc))) {
         return DAHL_ERR_RANGE;
     }
     double a = params->sigma0 / params->Fc * theta;

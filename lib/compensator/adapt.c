@@ -15,14 +15,14 @@
 #define SPEED_LOW_Q20 31457 /* 0.03 rad/s */
 #define SPEED_HIGH_Q20 ONE_Q20
 #define SPEED_MAX_Q20 (INT32_C(1) << 29)
-#define SPEED_MEAN_S 0.064f /* 2^shift ticks of 32 to 64 ms: a corner at 2.5 to 5 Hz */
+#define SLIDING_MEAN_S 0.064f /* 2^shift ticks of 32 to 64 ms: a corner at 2.5 to 5 Hz */
 #define SETTLE_S 0.06f
 #define BIN_S 1.0f /* 2^bin_shift samples last 0.5 to 1 s */
 #define WINDOW_S 30.0f
 #define ACCELERATION_PART 0.1f /* of Fc */
 #define PERIOD_MAX_S 0.02f
 #define BIN_SHIFT_MAX 15 /* 2^15 samples of 4 Fc in Q13 stay below 2^31 */
-#define SPEED_SHIFT_MAX 12
+#define SLIDING_SHIFT_MAX 12
 #define INERTIA_MAX_Q16 (UINT32_C(1) << 22)
 #define GAP_MAX_Q20 (UINT32_C(1) << 30)
 #define MOTOR_MAX_Q24 (INT32_C(1) << 26) /* 4 Fc */
@@ -31,7 +31,7 @@
 #define ONE_Q13 (INT32_C(1) << 13)
 
 /** Return 0 if all values are in range. */
-static DAHL_COLD dahl_compensator_err_t check(const dahl_compensator_params_t *params, float inertia)
+static DAHL_COLD dahl_compensator_err_t check_adaptation(const dahl_compensator_params_t *params, float inertia)
 {
     const dahl_params_t values = {inertia, params->period, 0.0f}; /* the ranges are those of sigma0 and Fc */
     int32_t err = dahl_check_params_by_counts(&params->friction) | dahl_check_params(&values);
@@ -56,7 +56,7 @@ static dahl_real_t time_of(dahl_real_t period, uint8_t shift)
     return time;
 }
 
-static DAHL_COLD void write_plan(dahl_adaptation_plan_t *plan, const dahl_compensator_params_t *params, float inertia)
+static DAHL_COLD void write_adaptation_plan(dahl_adaptation_plan_t *plan, const dahl_compensator_params_t *params, float inertia)
 {
     const dahl_real_t one = {DAHL_TOP_BIT, -31}, period = dahl_real_of_param(params->period);
     const dahl_real_t per_Fc = dahl_real_divide(dahl_real_of_param(inertia), dahl_real_of_param(params->friction.Fc));
@@ -64,7 +64,7 @@ static DAHL_COLD void write_plan(dahl_adaptation_plan_t *plan, const dahl_compen
     plan->speed_counts = dahl_real_speed_counts(plan->speed_unit);
     plan->settle_ticks = ticks_of(SETTLE_S, period);
     plan->window_ticks = ticks_of(WINDOW_S, period);
-    plan->speed_shift = dahl_real_doublings(SPEED_MEAN_S, period, SPEED_SHIFT_MAX);
+    plan->speed_shift = dahl_real_doublings(SLIDING_MEAN_S, period, SLIDING_SHIFT_MAX);
     plan->bin_shift = dahl_real_doublings(BIN_S, period, BIN_SHIFT_MAX);
     plan->inertia_q16 =
         dahl_real_to_fixed(dahl_real_divide(per_Fc, time_of(period, plan->bin_shift)), 16, INERTIA_MAX_Q16);
@@ -75,15 +75,15 @@ static DAHL_COLD void write_plan(dahl_adaptation_plan_t *plan, const dahl_compen
 DAHL_COLD dahl_compensator_err_t dahl_adaptation_prepare(dahl_adaptation_plan_t *plan, const dahl_compensator_params_t *params,
                                                          float inertia)
 {
-    dahl_compensator_err_t err = check(params, inertia);
+    dahl_compensator_err_t err = check_adaptation(params, inertia);
     if (err == DAHL_COMPENSATOR_OK) {
-        write_plan(plan, params, inertia);
+        write_adaptation_plan(plan, params, inertia);
     }
     return err;
 }
 
 /** Update both means of the speed and return the change of the first. */
-static int32_t update_speed(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *adaptation, int32_t move)
+static int32_t update_both_speeds(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *adaptation, int32_t move)
 {
     int32_t counts = dahl_limit(move, (int32_t)plan->speed_counts);
     int32_t before = dahl_limit(adaptation->speed_q20, SPEED_MAX_Q20), slow = dahl_limit(adaptation->slow_q20, SPEED_MAX_Q20);
@@ -142,7 +142,7 @@ static void add_sample(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *ad
 void dahl_adaptation_step(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *adaptation,
                           const dahl_compensator_t *compensator, int32_t motor_q24)
 {
-    int32_t change_q20 = update_speed(plan, adaptation, compensator->move);
+    int32_t change_q20 = update_both_speeds(plan, adaptation, compensator->move);
     if (adaptation->age_ticks++ >= plan->window_ticks) { /* always, with a plan of zeros */
         empty_bins(adaptation);
     }

@@ -16,7 +16,7 @@
 #define ELASTIC_LENGTHS_LOG2 2 /* 4 length_long */
 
 /** Return a code of dahl_err_t. The OR of several is the most severe one. */
-static DAHL_COLD int32_t check(float value, int may_be_zero)
+static DAHL_COLD int32_t check_value(float value, int may_be_zero)
 {
     const uint32_t bits = dahl_bits_of(value);
     if (dahl_is_zero(value)) {
@@ -36,7 +36,7 @@ static int is_measured(const dahl_compensator_params_t *params)
 /** Only the measured law needs the axis. */
 static DAHL_COLD int32_t check_axis(const dahl_compensator_params_t *params)
 {
-    return check(params->sigma0_high, 0) | check(params->load, 1) | check(params->inertia, 0) | check(params->delay, 0);
+    return check_value(params->sigma0_high, 0) | check_value(params->load, 1) | check_value(params->inertia, 0) | check_value(params->delay, 0);
 }
 
 static DAHL_COLD dahl_compensator_err_t check_values(const dahl_compensator_params_t *params)
@@ -44,10 +44,10 @@ static DAHL_COLD dahl_compensator_err_t check_values(const dahl_compensator_para
     const int is_reference = params->law == DAHL_COMPENSATOR_REFERENCE;
     int32_t err = dahl_check_params_by_counts(&params->friction);
     err |= is_reference || is_measured(params) ? DAHL_OK : DAHL_ERR_PARAM;
-    err |= check(params->Fc_low, is_reference) | check(params->length_long, is_reference);
+    err |= check_value(params->Fc_low, is_reference) | check_value(params->length_long, is_reference);
     err |= is_measured(params) ? check_axis(params) : DAHL_OK;
-    err |= check(params->gain, 1) | check(params->limit, 0) | check(params->slew, 0) | check(params->period, 0);
-    err |= check(params->rise, 1) | check(params->fall, 1) | check(params->fade_speed, 1) | check(params->pull, 1);
+    err |= check_value(params->gain, 1) | check_value(params->limit, 0) | check_value(params->slew, 0) | check_value(params->period, 0);
+    err |= check_value(params->rise, 1) | check_value(params->fall, 1) | check_value(params->fade_speed, 1) | check_value(params->pull, 1);
     err |= params->jump > 0 ? DAHL_OK : DAHL_ERR_PARAM;
     return dahl_compensator_code_of(err);
 }
@@ -189,7 +189,7 @@ static uint8_t pull_shift(const dahl_compensator_params_t *params, dahl_real_t p
     return (uint8_t)(shift < 1 ? 1 : shift > PULL_SHIFT_MAX ? PULL_SHIFT_MAX : shift);
 }
 
-static DAHL_COLD void write_plan(dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params)
+static DAHL_COLD void write_compensator_plan(dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params)
 {
     const dahl_real_t Fc = dahl_real_of_param(params->friction.Fc), period = dahl_real_of_param(params->period);
     const dahl_real_t fade = dahl_real_of_param(params->fade_speed);
@@ -217,7 +217,7 @@ DAHL_COLD dahl_compensator_err_t dahl_compensator_prepare(dahl_compensator_plan_
 {
     dahl_compensator_err_t err = check_params(params);
     if (err == DAHL_COMPENSATOR_OK) {
-        write_plan(plan, params);
+        write_compensator_plan(plan, params);
     }
     return err;
 }

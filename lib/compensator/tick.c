@@ -48,7 +48,7 @@ static int32_t apply_play(const dahl_compensator_plan_t *plan, dahl_compensator_
 
 /** Round the change of the mean towards 0, so that opposite motions have opposite speeds. Prepare bounds the product: a
  * longer move is a jump. */
-static void update_speed(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t move)
+static void update_mean_speed(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t move)
 {
     uint32_t speed = (uint32_t)compensator->speed_q20, gap = (uint32_t)move * plan->speed_unit - speed;
     uint32_t is_negative = (uint32_t)((int32_t)gap >> 31); /* 0, or all bits */
@@ -57,7 +57,7 @@ static void update_speed(const dahl_compensator_plan_t *plan, dahl_compensator_t
 }
 
 /** Prepare bounds the jump to 2^30. The unsigned sum wraps for a longer move of either sign. */
-static int is_jump(int32_t dcounts, uint32_t jump)
+static int is_rejected_move(int32_t dcounts, uint32_t jump)
 {
     return (uint32_t)dcounts + jump > 2 * jump;
 }
@@ -67,14 +67,14 @@ static int is_jump(int32_t dcounts, uint32_t jump)
 int32_t dahl_compensator_move(const dahl_compensator_plan_t *plan, dahl_compensator_t *compensator, int32_t dcounts,
                               int is_good)
 {
-    if (!is_good || is_jump(dcounts, plan->jump)) {
+    if (!is_good || is_rejected_move(dcounts, plan->jump)) {
         return reject_reading(plan, compensator);
     }
     int32_t move = apply_play(plan, compensator, dcounts);
     if (compensator->needs_start != 0) {
         return start_move(plan, compensator);
     }
-    update_speed(plan, compensator, move);
+    update_mean_speed(plan, compensator, move);
     compensator->fade_q30 = dahl_least(compensator->fade_q30 + plan->rise_q30, ONE_Q30);
     compensator->bad_ticks = 0;
     compensator->move = move;

@@ -26,14 +26,14 @@ dahl_err_t dahl_float_prepare(dahl_float_plan_t *plan, const dahl_params_t *para
 #define TRAVEL_ONE 0x1p57f
 #define TRAVEL_END ((uint64_t)1 << 62)
 
-static uint64_t travel_of(float u)
+static uint64_t travel_q57(float u)
 {
     return u < 32.0f ? (uint64_t)(u * TRAVEL_ONE) : TRAVEL_END;
 }
 
 /** Clamp any bits to a valid state: |F/Fc| <= 1 at the reversal (NaN becomes 0), direction -1, 0 or 1, travel up to
  * TRAVEL_END. */
-static void clamp(dahl_float_state_t *state)
+static void clamp_state(dahl_float_state_t *state)
 {
     float w = state->w_reversal;
     state->w_reversal = fabsf(w) <= 1.0f ? w : w > 1.0f ? 1.0f : w < -1.0f ? -1.0f : 0.0f;
@@ -61,7 +61,7 @@ float dahl_float_step_counts(const dahl_float_plan_t *plan, dahl_float_state_t *
 {
     uint32_t n = dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts;
     int32_t direction = dcounts > 0 ? 1 : dcounts < 0 ? -1 : 0;
-    clamp(state);
+    clamp_state(state);
     if (direction != 0) {
         if (state->direction != direction || state->counts > UINT32_MAX - n) {
             start_from_here(plan, state, direction);
@@ -74,12 +74,12 @@ float dahl_float_step_counts(const dahl_float_plan_t *plan, dahl_float_state_t *
 float dahl_float_step(const dahl_float_plan_t *plan, dahl_float_state_t *state, float dtheta)
 {
     int32_t direction = dtheta > 0.0f ? 1 : dtheta < 0.0f ? -1 : 0; /* 0 for NaN */
-    clamp(state);
+    clamp_state(state);
     if (direction != 0) {
         if (state->direction != direction) {
             start_from_here(plan, state, direction);
         }
-        uint64_t travel = state->travel + travel_of(plan->a * fabsf(dtheta));
+        uint64_t travel = state->travel + travel_q57(plan->a * fabsf(dtheta));
         state->travel = travel < TRAVEL_END ? travel : TRAVEL_END;
     }
     return plan->Fc * w_now(plan, state);

@@ -44,6 +44,13 @@
  * @endverbatim
  * The torque depends only on the path of theta, not on time. The presliding length is 1/a.
  *
+ * @par Units: three usual mistakes
+ * - theta_per_count is rad per count, 2 pi over the counts per turn: not the counts per turn,
+ * - and not degrees per count.
+ * - sigma0 is N m per rad: 1 N m/deg is 57.3 N m/rad.
+ *
+ * dahl_prepare() accepts such values. dahl_params_plausible() finds most of them.
+ *
  * @par Limit: a reversal within one sample is invisible
  * Feed each edge, or sample faster than the shaft can reverse by one count. A lost sample causes no
  * error unless it hid a reversal. docs/model.md gives the error.
@@ -62,8 +69,18 @@
  * current ones: it writes each word once, with the same value.
  *
  * @par States
- * Every call first clamps the state to the range of its element and plan. Any bits are therefore a
- * safe state, and no call returns a torque beyond the limits of its element.
+ * Every call first clamps the state to the range of its element and plan. With a prepared plan, any
+ * bits are therefore a safe state, and no call returns a torque beyond the limits of its element.
+ *
+ * @par Plans
+ * Only states may have any bits. A plan must have the bytes that its prepare function wrote, or all
+ * zeros. With other bits, such as those of erased flash, the behaviour is undefined, and a torque may
+ * have any size. No call checks a plan.
+ * - A `const` plan of `dahl plan` is part of the program, and as good as its image.
+ * - If parameters are stored in EEPROM or flash, store dahl_params_t with a CRC. At start-up, check
+ *   the CRC, then call dahl_prepare().
+ * - To check a plan that was stored, prepare another plan of zeros from the same parameters and
+ *   compare the bytes with memcmp(). Equal parameters give equal bytes.
  *
  * @par Power cycle
  * Store dahl_torque() with a checksum and restore it with dahl_set_torque(). Do not store the bytes
@@ -175,6 +192,33 @@ typedef struct {
  * @return #DAHL_OK, or why a parameter is rejected
  */
 DAHL_NODISCARD dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params);
+
+/** Result of dahl_params_plausible(): a unit that is probably wrong. */
+typedef enum {
+    DAHL_PLAUSIBLE = 0,         /**< no remark */
+    DAHL_COUNTS_PER_TURN = 1,   /**< theta_per_count is above 1.6 rad, more than a quarter turn:
+                                     counts per turn? */
+    DAHL_DEGREES_PER_COUNT = 2, /**< 360/theta_per_count is the counts per turn of an encoder:
+                                     degrees? */
+    DAHL_SHORT_PRESLIDING = 3,  /**< one count is 16 presliding lengths Fc/sigma0 or more, so that
+                                     each count ends at +-Fc: degrees per count? */
+    DAHL_LONG_PRESLIDING = 4    /**< Fc/sigma0 is 128 rad (20 turns) or more: sigma0 in N m/deg, or
+                                     sigma0 and Fc exchanged? */
+} dahl_plausible_t;
+
+/**
+ * Check parameters for the usual mistakes with units. Call it where a person enters numbers. It is
+ * a remark, and no error: dahl_prepare() may accept the parameters.
+ *
+ * @param params parameters
+ * @return the first remark of dahl_plausible_t; #DAHL_PLAUSIBLE also for #DAHL_ERR_PARAM
+ * @note It has no remark on rotary axes from 4 to 2^26 counts per turn, with or without a gear, and
+ *   on linear axes in m. It cannot find turns per count, degrees per count with more than 46080
+ *   counts per turn that are no power of two, nor sigma0 in N m/deg if Fc/sigma0 stays below 128
+ *   rad: a motor behind a gear has such values, too.
+ * @note A program that does not call it does not link it. It is not for a tick.
+ */
+dahl_plausible_t dahl_params_plausible(const dahl_params_t *params);
 
 /**
  * Move by encoder counts and return the torque (Eqs. 7, 18, 27).

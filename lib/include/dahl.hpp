@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
 /**
  * @file dahl.hpp
- * @brief C++11 classes for dahl.h and dahl_encoder.h.
+ * @brief C++11 classes for dahl.h, dahl_encoder.h, dahl_compensator.h and dahl_node.h.
  *
  * Use this header to call the C library from C++. It is header only; link the C library. No
  * constructor runs at start-up. There is no destructor, exception, heap or virtual call. A static
  * bearing lies in .bss or .data as its C structure does, and each call compiles to the C call.
- * dahl.h documents the calls, their error bounds and costs, and why any bits are a safe state.
+ * dahl.h documents the calls, their error bounds and costs, and why any bits are a safe
+ * state, but not a safe plan.
  *
  * @verbatim
  * USE
@@ -17,6 +18,8 @@
  *   if (encoder.init(65536) != DAHL_OK) stop();
  *   each tick:  F = bearing.step_counts(encoder.move(reading));
  * @endverbatim
+ *
+ * dahl::Node needs the component node: include dahl_node.h before this header.
  */
 #ifndef DAHL_HPP
 #define DAHL_HPP
@@ -26,6 +29,7 @@
 #include <stdint.h>
 
 #include "dahl.h"
+#include "dahl_compensator.h"
 #include "dahl_encoder.h"
 
 /// The C library as classes.
@@ -99,6 +103,8 @@ public:
     bool state_ok() const { return dahl_state_ok(&state_) != 0; }
 
 private:
+    friend class Compensator; // pull()
+
     const dahl_plan_t *plan_;
     dahl_state_t state_;
 };
@@ -127,6 +133,61 @@ private:
     dahl_encoder_t encoder_;
 };
 
+/// Prepared parameters of compensators. Before prepare(), torques are 0.
+class CompensatorPlan {
+public:
+    /// A plan of all zeros.
+    constexpr CompensatorPlan() : plan_() {}
+
+    /// dahl_compensator_prepare(). If it fails, the plan is unchanged.
+    DAHL_NODISCARD dahl_compensator_err_t prepare(const dahl_compensator_params_t &params)
+    {
+        return dahl_compensator_prepare(&plan_, &params);
+    }
+
+    /// The C plan.
+    constexpr const dahl_compensator_plan_t &c() const { return plan_; }
+
+private:
+    dahl_compensator_plan_t plan_;
+};
+
+/**
+ * Compensator of one axis (dahl_compensator.h): a reference to a plan, which must outlive it, and a
+ * state. Call move() before the tick of the element, and torque() after it:
+ * @verbatim
+ *   w = bearing.step_counts_q30(compensator.move(encoder.move(reading), is_good));
+ *   command += compensator.torque(w);   // in Q30 of Fc
+ * @endverbatim
+ */
+class Compensator {
+public:
+    /// A relaxed compensator, faded out.
+    explicit constexpr Compensator(const CompensatorPlan &plan) : plan_(&plan.c()), state_() {}
+    /// The same on a C plan.
+    explicit constexpr Compensator(const dahl_compensator_plan_t &plan) : plan_(&plan), state_() {}
+
+    /// dahl_compensator_move()
+    int32_t move(int32_t dcounts, bool is_good)
+    {
+        return dahl_compensator_move(plan_, &state_, dcounts, is_good);
+    }
+    /// dahl_compensator_torque()
+    int32_t torque(int32_t ratio_q30) { return dahl_compensator_torque(plan_, &state_, ratio_q30); }
+    /// dahl_compensator_pull(): draw `bearing`, which the reference steps, to `measured`.
+    void pull(Bearing &bearing, const Bearing &measured) const
+    {
+        dahl_compensator_pull(plan_, &bearing.state_, &measured.state_);
+    }
+
+    /// The C state, with all telemetry.
+    constexpr const dahl_compensator_t &state() const { return state_; }
+
+private:
+    const dahl_compensator_plan_t *plan_;
+    dahl_compensator_t state_;
+};
+
 /// dahl_to_units()
 inline int32_t to_units(int32_t ratio_q30, uint32_t Fc_units)
 {
@@ -138,6 +199,49 @@ inline int32_t counts_between(uint32_t before, uint32_t now, uint32_t modulus = 
 {
     return dahl_counts_between(before, now, modulus);
 }
+
+} // namespace dahl
+
+#endif
+
+#if defined(DAHL_NODE_H) && !defined(DAHL_HPP_NODE)
+#define DAHL_HPP_NODE
+
+namespace dahl {
+
+/// Friction node on a CAN bus (dahl_node.h). Call init() first. Calls must not overlap.
+class Node {
+public:
+    /// A node that is not initialized.
+    constexpr Node() : node_() {}
+
+    /// dahl_node_init()
+    DAHL_NODISCARD dahl_err_t init(const dahl_params_t &params, uint8_t number = 0)
+    {
+        return dahl_node_init(&node_, &params, number);
+    }
+
+    /// dahl_node_receive()
+    bool receive(const dahl_can_frame_t &in, uint32_t now_us, dahl_can_frame_t &out)
+    {
+        return dahl_node_receive(&node_, &in, now_us, &out);
+    }
+    /// dahl_node_tick()
+    bool tick(uint32_t now_us, dahl_can_frame_t &out)
+    {
+        return dahl_node_tick(&node_, now_us, &out);
+    }
+    /// dahl_node_bus_off()
+    void bus_off(uint32_t now_us) { dahl_node_bus_off(&node_, now_us); }
+
+    /// The C node: settings, counts, and dahl_node_use_slip() and other models.
+    dahl_node_t &c() { return node_; }
+    /// The C node.
+    constexpr const dahl_node_t &c() const { return node_; }
+
+private:
+    dahl_node_t node_;
+};
 
 } // namespace dahl
 

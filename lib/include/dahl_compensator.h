@@ -102,7 +102,8 @@
  * @par Properties
  * As in dahl.h: integers only, equal bits everywhere, no heap, no global variable, no libm, no
  * division by a variable in a tick. A plan of all zeros gives no torque. A compensator of all zeros
- * is relaxed and fades in. Any bits are a safe state: the torque stays within the limit.
+ * is relaxed and fades in. With a prepared plan, any bits are a safe state: the torque stays within
+ * the limit. dahl.h says how to store a plan.
  */
 #ifndef DAHL_COMPENSATOR_H
 #define DAHL_COMPENSATOR_H
@@ -249,6 +250,30 @@ typedef struct {
  */
 DAHL_NODISCARD dahl_compensator_err_t dahl_compensator_prepare(
     dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params);
+
+/** Result of dahl_compensator_params_plausible(): a unit that is probably wrong. */
+typedef enum {
+    DAHL_COMPENSATOR_PLAUSIBLE = 0,   /**< no remark */
+    DAHL_COMPENSATOR_LONG_PERIOD = 1, /**< the period is above 0.04 s, or longer than rise or fall:
+                                           ms, us or Hz? */
+    DAHL_COMPENSATOR_FAST_FADE = 2    /**< at fade_speed, a tick moves by more than jump, so that
+                                           its reading is rejected: deg/s or rpm? */
+} dahl_compensator_plausible_t;
+
+/**
+ * Check parameters for the usual mistakes with units: a period in us or ms, a fade_speed in rpm or
+ * deg/s. Call it where a person enters numbers. It is a remark, and no error. For the friction, call
+ * dahl_params_plausible(), too.
+ *
+ * @param params parameters
+ * @return the first remark of dahl_compensator_plausible_t; #DAHL_COMPENSATOR_PLAUSIBLE also if
+ *   dahl_compensator_prepare() rejects them
+ * @note It cannot find a fade_speed in rpm or deg/s that stays below the speed of `jump`, nor a
+ *   period in ms that stays below 0.04, rise and fall.
+ * @note A program that does not call it does not link it. It is not for a tick.
+ */
+dahl_compensator_plausible_t dahl_compensator_params_plausible(
+    const dahl_compensator_params_t *params);
 
 /**
  * Read the encoder: reject bad readings, fade, measure the speed, apply the play. Call it first in

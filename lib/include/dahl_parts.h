@@ -27,8 +27,9 @@
  *   the same state, before it is rounded to a float.
  *
  * @par States
- * As in dahl.h, every call first clamps the state, so any bits are safe. If an element continues
- * with the dahl_state_t of another, it keeps w, not F.
+ * As in dahl.h, every call first clamps the state, so any bits of a state are safe. A plan must be
+ * prepared or all zeros. If an element continues with the dahl_state_t of another, it keeps w, not
+ * F.
  *
  * @par Power cycle
  * dahl_torque() and dahl_set_torque() also save and restore an elasto-plastic element (with

@@ -11,7 +11,7 @@
 #include "dahl.h"
 #include "kernel.h"
 
-static dahl_wide_t quotient(uint32_t n, int32_t n_exponent, uint32_t d, int32_t d_exponent)
+static dahl_wide_t quotient_of_scaled(uint32_t n, int32_t n_exponent, uint32_t d, int32_t d_exponent)
 {
     return dahl_normalise(dahl_quotient_q63(n, d), n_exponent - d_exponent - 63);
 }
@@ -42,8 +42,8 @@ void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state
         state->w = 0;
         return;
     }
-    dahl_wide_t keep_F = quotient(from->Fc_mantissa, from->Fc_exponent, to->Fc_mantissa, to->Fc_exponent);
-    dahl_wide_t keep_deflection = quotient(to->a_mantissa, dahl_a_exponent(to), from->a_mantissa, dahl_a_exponent(from));
+    dahl_wide_t keep_F = quotient_of_scaled(from->Fc_mantissa, from->Fc_exponent, to->Fc_mantissa, to->Fc_exponent);
+    dahl_wide_t keep_deflection = quotient_of_scaled(to->a_mantissa, dahl_a_exponent(to), from->a_mantissa, dahl_a_exponent(from));
     size = scale(size < DAHL_ONE_Q62 ? size : DAHL_ONE_Q62, minimum(keep_F, keep_deflection));
     state->w = (int64_t)(state->w < 0 ? 0u - size : size);
 }

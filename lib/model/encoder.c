@@ -57,7 +57,7 @@ void dahl_encoder_home(dahl_encoder_t *encoder, uint32_t reading)
     }
 }
 
-static int is_jump(const dahl_encoder_t *encoder, int32_t move)
+static int is_encoder_jump(const dahl_encoder_t *encoder, int32_t move)
 {
     uint32_t distance = move < 0 ? 0u - (uint32_t)move : (uint32_t)move;
     return distance > encoder->largest_step && encoder->largest_step != 0;
@@ -85,5 +85,5 @@ int32_t dahl_encoder_rare_move(dahl_encoder_t *encoder, uint32_t reading)
         before = reading;
     }
     int32_t move = dahl_shortest_move(before, now, encoder->modulus);
-    return is_jump(encoder, move) ? drop_jump(encoder) : move;
+    return is_encoder_jump(encoder, move) ? drop_jump(encoder) : move;
 }

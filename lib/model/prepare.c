@@ -5,7 +5,7 @@
 #include "kernel.h"
 #include "prepare_table.h"
 
-static DAHL_COLD void write_plan(dahl_plan_t *plan, const dahl_params_t *params)
+static DAHL_COLD void write_dahl_plan(dahl_plan_t *plan, const dahl_params_t *params)
 {
     const int entries = (int)(sizeof plan->g / sizeof plan->g[0]);
     const dahl_real_t sigma0 = dahl_real_of_float(params->sigma0), Fc = dahl_real_of_float(params->Fc);
@@ -27,7 +27,7 @@ DAHL_COLD dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params
 {
     dahl_err_t err = dahl_check_params(params);
     if (err == DAHL_OK) {
-        write_plan(plan, params);
+        write_dahl_plan(plan, params);
     }
     return err;
 }

@@ -3,7 +3,7 @@
  * infinity, and return 0 for a plan of all zeros. */
 #include "kernel.h"
 
-static uint64_t move(const dahl_plan_t *plan, uint64_t w, uint32_t bits)
+static uint64_t move_rare(const dahl_plan_t *plan, uint64_t w, uint32_t bits)
 {
     uint32_t magnitude = bits & DAHL_BITS_MAGNITUDE, is_backward = bits & DAHL_BITS_SIGN;
     if (plan->a_mantissa == 0 || magnitude < DAHL_BITS_NORMAL || magnitude > DAHL_BITS_INF) {
@@ -18,6 +18,6 @@ static uint64_t move(const dahl_plan_t *plan, uint64_t w, uint32_t bits)
 
 DAHL_COLD float dahl_step_rare(const dahl_plan_t *plan, dahl_state_t *state, uint32_t bits)
 {
-    state->w = (int64_t)move(plan, dahl_clamp((uint64_t)state->w), bits);
+    state->w = (int64_t)move_rare(plan, dahl_clamp((uint64_t)state->w), bits);
     return dahl_torque(plan, state);
 }

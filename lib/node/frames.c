@@ -63,7 +63,7 @@ static void begin(dahl_can_frame_t *frame, uint32_t id, uint8_t node)
     *frame = (dahl_can_frame_t){.id = id | (node & 0x0Fu), .length = 8};
 }
 
-static dahl_frames_check_t check(const dahl_can_frame_t *frame, uint8_t kind)
+static dahl_frames_check_t check_frame(const dahl_can_frame_t *frame, uint8_t kind)
 {
     if (frame->length != 8 || (frame->flags & DAHL_CAN_FRAME_FOREIGN) != 0) {
         return DAHL_FRAMES_BAD_FORMAT;
@@ -82,7 +82,7 @@ void dahl_frames_pack_encoder(dahl_can_frame_t *frame, uint8_t node, const dahl_
 
 dahl_frames_check_t dahl_frames_unpack_encoder(const dahl_can_frame_t *frame, dahl_encoder_state_t *out)
 {
-    dahl_frames_check_t result = check(frame, DAHL_FRAMES_KIND_ENCODER);
+    dahl_frames_check_t result = check_frame(frame, DAHL_FRAMES_KIND_ENCODER);
     if (result == DAHL_FRAMES_GOOD) {
         out->counter = frame->data[1] & 0x0F;
         out->valid = (frame->data[1] & 0x10) != 0;
@@ -102,7 +102,7 @@ void dahl_frames_pack_torque(dahl_can_frame_t *frame, uint8_t node, const dahl_f
 
 dahl_frames_check_t dahl_frames_unpack_torque(const dahl_can_frame_t *frame, dahl_friction_torque_t *out)
 {
-    dahl_frames_check_t result = check(frame, DAHL_FRAMES_KIND_TORQUE);
+    dahl_frames_check_t result = check_frame(frame, DAHL_FRAMES_KIND_TORQUE);
     if (result == DAHL_FRAMES_GOOD) {
         out->counter = frame->data[1] & 0x0F;
         out->state = frame->data[1] >> 4;
@@ -127,7 +127,7 @@ void dahl_frames_pack_status(dahl_can_frame_t *frame, uint8_t node, const dahl_n
 
 dahl_frames_check_t dahl_frames_unpack_status(const dahl_can_frame_t *frame, dahl_node_status_t *out)
 {
-    dahl_frames_check_t result = check(frame, DAHL_FRAMES_KIND_STATUS);
+    dahl_frames_check_t result = check_frame(frame, DAHL_FRAMES_KIND_STATUS);
     if (result == DAHL_FRAMES_GOOD) {
         out->counter = frame->data[1] & 0x0F;
         out->state = frame->data[1] >> 4;
@@ -153,7 +153,7 @@ void dahl_frames_pack_param_write(dahl_can_frame_t *frame, uint8_t node, const d
 
 dahl_frames_check_t dahl_frames_unpack_param_write(const dahl_can_frame_t *frame, dahl_param_write_t *out)
 {
-    dahl_frames_check_t result = check(frame, DAHL_FRAMES_KIND_PARAM_WRITE);
+    dahl_frames_check_t result = check_frame(frame, DAHL_FRAMES_KIND_PARAM_WRITE);
     if (result == DAHL_FRAMES_GOOD) {
         out->counter = frame->data[1] & 0x0F;
         out->write = (frame->data[1] >> 4) & 3;
@@ -174,7 +174,7 @@ void dahl_frames_pack_param_reply(dahl_can_frame_t *frame, uint8_t node, const d
 
 dahl_frames_check_t dahl_frames_unpack_param_reply(const dahl_can_frame_t *frame, dahl_param_reply_t *out)
 {
-    dahl_frames_check_t result = check(frame, DAHL_FRAMES_KIND_PARAM_REPLY);
+    dahl_frames_check_t result = check_frame(frame, DAHL_FRAMES_KIND_PARAM_REPLY);
     if (result == DAHL_FRAMES_GOOD) {
         out->counter = frame->data[1] & 0x0F;
         out->result = frame->data[1] >> 4;
@@ -193,7 +193,7 @@ void dahl_frames_pack_reset(dahl_can_frame_t *frame, uint8_t node, const dahl_no
 
 dahl_frames_check_t dahl_frames_unpack_reset(const dahl_can_frame_t *frame, dahl_node_reset_t *out)
 {
-    dahl_frames_check_t result = check(frame, DAHL_FRAMES_KIND_RESET);
+    dahl_frames_check_t result = check_frame(frame, DAHL_FRAMES_KIND_RESET);
     if (result == DAHL_FRAMES_GOOD) {
         out->counter = frame->data[1] & 0x0F;
         out->what = frame->data[1] >> 4;

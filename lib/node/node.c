@@ -2,7 +2,7 @@
 /**
  * Friction node: frames in, frames out. The interface is dahl_node.h.
  *
- * dahl_node_receive() selects a handler by frame id. For an EncoderState, accept() selects one of four
+ * dahl_node_receive() selects a handler by frame id. For an EncoderState, accept_encoder() selects one of four
  * handlers. fault_table.h lists each case and its outcome.
  * @verbatim
  *   no starting point                     handle_start()
@@ -130,7 +130,7 @@ static int32_t output(const dahl_node_t *node, int32_t torque_q30)
     return dahl_limit(torque_q30 < 0 ? -part : part, (int32_t)(dahl_least(node->limit, DAHL_NODE_ONE) << 14));
 }
 
-static bool answer(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, int32_t torque_q30,
+static bool answer_encoder(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, int32_t torque_q30,
                    dahl_can_frame_t *out)
 {
     ramp(node, node->primed ? elapsed_us(node, now_us) : 0);
@@ -162,7 +162,7 @@ static int32_t step_model(dahl_node_t *node, int32_t dcounts)
 
 static bool prime(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, dahl_can_frame_t *out)
 {
-    return answer(node, encoder, now_us, step_model(node, 0), out);
+    return answer_encoder(node, encoder, now_us, step_model(node, 0), out);
 }
 
 static int32_t travel(const dahl_node_t *node, const dahl_encoder_state_t *encoder)
@@ -170,10 +170,10 @@ static int32_t travel(const dahl_node_t *node, const dahl_encoder_state_t *encod
     return dahl_counts_between(node->count, (uint32_t)encoder->count, 0);
 }
 
-static bool move(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, dahl_can_frame_t *out)
+static bool answer_move(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, dahl_can_frame_t *out)
 {
     node->counts.ok++;
-    return answer(node, encoder, now_us, step_model(node, travel(node, encoder)), out);
+    return answer_encoder(node, encoder, now_us, step_model(node, travel(node, encoder)), out);
 }
 
 /** Return true if the shaft can have moved this far: max_step counts for each of `frames` frames of 1 ms, or for
@@ -209,7 +209,7 @@ static bool handle_out_of_sequence(dahl_node_t *node, const dahl_encoder_state_t
     enter(node, DAHL_FRAMES_WRONG_SEQUENCE);
     if (is_confirmed && node->max_step > 0 && is_plausible(node, encoder, 1, now_us)) {
         enter(node, DAHL_FRAMES_LOST);
-        return move(node, encoder, now_us, out);
+        return answer_move(node, encoder, now_us, out);
     }
     node->counts.wrong_sequence++;
     if (!is_confirmed) {
@@ -256,7 +256,7 @@ static bool handle_in_sequence(dahl_node_t *node, const dahl_encoder_state_t *en
     if (node->max_step > 0 && !is_plausible(node, encoder, step, now_us)) {
         return reject_jump(node, encoder, now_us, out);
     }
-    return move(node, encoder, now_us, out);
+    return answer_move(node, encoder, now_us, out);
 }
 
 /** Return true if the timeout after a bus-off runs, or if DAHL_NODE_OFF_MAX bus-offs have latched the node. */
@@ -291,7 +291,7 @@ static bool handle_start(dahl_node_t *node, const dahl_encoder_state_t *encoder,
     return prime(node, encoder, now_us, out);
 }
 
-static bool accept(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, dahl_can_frame_t *out)
+static bool accept_encoder(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, dahl_can_frame_t *out)
 {
     uint8_t step = (uint8_t)(encoder->counter - node->counter) & 0x0F;
     if (!node->primed) {
@@ -370,7 +370,7 @@ static bool on_encoder(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t n
         return false;
     }
     check_age(node, now_us);
-    return accept(node, &encoder, now_us, out);
+    return accept_encoder(node, &encoder, now_us, out);
 }
 
 /* --- parameters --------------------------------------------------------------------------------------------------- */

@@ -7,12 +7,12 @@ static dahl_node_elastoplastic_t *elastoplastic_of(dahl_node_model_t *model)
     return (dahl_node_elastoplastic_t *)(void *)model;
 }
 
-static int32_t step_q30(dahl_node_model_t *model, int32_t dcounts)
+static int32_t step_elastoplastic_q30(dahl_node_model_t *model, int32_t dcounts)
 {
     return dahl_elastoplastic_step_counts_q30(&elastoplastic_of(model)->plan, &elastoplastic_of(model)->state, dcounts);
 }
 
-static void relax(dahl_node_model_t *model)
+static void relax_elastoplastic(dahl_node_model_t *model)
 {
     elastoplastic_of(model)->state = (dahl_state_t){0};
 }
@@ -22,7 +22,7 @@ dahl_err_t dahl_node_use_elastoplastic(dahl_node_t *node, dahl_node_elastoplasti
 {
     dahl_err_t err = dahl_elastoplastic_prepare(&storage->plan, params, breakaway);
     if (err == DAHL_OK) {
-        storage->model = (dahl_node_model_t){step_q30, relax, DAHL_FRAMES_MODEL_ELASTOPLASTIC, 0};
+        storage->model = (dahl_node_model_t){step_elastoplastic_q30, relax_elastoplastic, DAHL_FRAMES_MODEL_ELASTOPLASTIC, 0};
         storage->state = (dahl_state_t){0};
         dahl_node_use(node, &storage->model, params);
     }

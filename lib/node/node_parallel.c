@@ -27,7 +27,7 @@ static int64_t times_share(int64_t w, uint64_t share)
     return w_q31 * high + w_q31 * low / ONE_Q31;
 }
 
-static int32_t step_q30(dahl_node_model_t *model, int32_t dcounts)
+static int32_t step_parallel_q30(dahl_node_model_t *model, int32_t dcounts)
 {
     dahl_node_parallel_t *storage = parallel_of(model);
     int64_t sum = 0;
@@ -41,7 +41,7 @@ static int32_t step_q30(dahl_node_model_t *model, int32_t dcounts)
     return (int32_t)rounded_quotient(sum, 2 * ONE_Q31);
 }
 
-static void relax(dahl_node_model_t *model)
+static void relax_parallel(dahl_node_model_t *model)
 {
     dahl_node_parallel_t *storage = parallel_of(model);
     storage->slip_state = (dahl_slip_state_t){{0}};

@@ -53,7 +53,7 @@ static DAHL_COLD uint64_t step_forward_by(const dahl_q64_t *table, uint64_t end,
 }
 
 /** Return w. If it is out of range, return the end on its side. A plan of all zeros has no ends. */
-static DAHL_COLD uint64_t clamp(const dahl_asymmetric_plan_t *plan, uint64_t w)
+static DAHL_COLD uint64_t clamp_asymmetric(const dahl_asymmetric_plan_t *plan, uint64_t w)
 {
     if (plan->Fc_mantissa == 0) {
         return dahl_clamp(w);
@@ -66,7 +66,7 @@ static DAHL_COLD uint64_t clamp(const dahl_asymmetric_plan_t *plan, uint64_t w)
 
 static DAHL_COLD DAHL_OUT_OF_LINE uint64_t asymmetric_large(const dahl_asymmetric_plan_t *plan, uint64_t w, int32_t dcounts)
 {
-    w = clamp(plan, w);
+    w = clamp_asymmetric(plan, w);
     return dcounts < 0 ? 0u - step_forward_by(plan->backward, plan->end_backward, 0u - w, 0u - (uint32_t)dcounts)
                        : step_forward_by(plan->forward, plan->end_forward, w, (uint32_t)dcounts);
 }

@@ -54,7 +54,7 @@ static dahl_scaled_t travel_at_load(const dahl_plan_t *plan, uint32_t magnitude,
     return dahl_scaled_of(dahl_mul(v.mantissa, reciprocal(load << zeros)), (int32_t)zeros - v.shift - 65);
 }
 
-static uint64_t move(const dahl_plan_t *plan, uint64_t w, uint32_t bits, uint32_t load)
+static uint64_t move_clamped(const dahl_plan_t *plan, uint64_t w, uint32_t bits, uint32_t load)
 {
     uint32_t magnitude = bits & DAHL_BITS_MAGNITUDE, backward = bits & DAHL_BITS_SIGN;
     if (magnitude == DAHL_BITS_INF) {
@@ -74,7 +74,7 @@ float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dthe
     if (plan->a_mantissa == 0) { /* a plan of all zeros */
         return 0.0f;
     }
-    uint64_t w = move(plan, clamp_to_load((uint64_t)state->w, load), dahl_bits_of(dtheta), load);
+    uint64_t w = move_clamped(plan, clamp_to_load((uint64_t)state->w, load), dahl_bits_of(dtheta), load);
     state->w = (int64_t)w;
     return dahl_torque_of(plan, w);
 }

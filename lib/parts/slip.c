@@ -111,7 +111,7 @@ static DAHL_COLD void distribute_remainders(draft_t *draft, uint32_t elements)
 
 /** Write each word once, as in prepare.c. Rounding the sum of Fc up to 32 bits centres the truncation in
  * torque.h. */
-static DAHL_COLD void write_plan(dahl_slip_plan_t *plan, const draft_t *draft, uint32_t elements)
+static DAHL_COLD void write_slip_plan(dahl_slip_plan_t *plan, const draft_t *draft, uint32_t elements)
 {
     dahl_wide_t sum = dahl_normalise(draft->sum, draft->exponent);
     uint32_t high = (uint32_t)(sum.mantissa >> 32) + ((uint32_t)sum.mantissa != 0);
@@ -137,7 +137,7 @@ static DAHL_COLD dahl_params_t params_of(const dahl_slip_params_t *params, uint3
     return one;
 }
 
-static DAHL_COLD int32_t check(const dahl_slip_params_t *params, uint32_t elements)
+static DAHL_COLD int32_t check_slip(const dahl_slip_params_t *params, uint32_t elements)
 {
     int32_t err = DAHL_OK;
     for (uint32_t k = 0; k < elements; k++) {
@@ -157,7 +157,7 @@ static DAHL_COLD void build_plan(dahl_slip_plan_t *plan, const dahl_slip_params_
         set_weight(&draft, k);
     }
     distribute_remainders(&draft, elements);
-    write_plan(plan, &draft, elements);
+    write_slip_plan(plan, &draft, elements);
 }
 
 DAHL_COLD dahl_err_t dahl_slip_prepare(dahl_slip_plan_t *plan, const dahl_slip_params_t *params)
@@ -166,7 +166,7 @@ DAHL_COLD dahl_err_t dahl_slip_prepare(dahl_slip_plan_t *plan, const dahl_slip_p
     if (elements == 0 || elements > DAHL_SLIP_MAX) {
         return elements == 0 ? DAHL_ERR_PARAM : DAHL_ERR_RANGE;
     }
-    int32_t err = check(params, elements);
+    int32_t err = check_slip(params, elements);
     if (err == DAHL_OK) {
         build_plan(plan, params, elements);
     }
@@ -206,7 +206,7 @@ static inline DAHL_ALWAYS_INLINE uint64_t move_elements(const dahl_slip_plan_t *
     return deficit;
 }
 
-static inline DAHL_ALWAYS_INLINE uint64_t move(const dahl_slip_plan_t *plan, dahl_slip_state_t *state, int32_t dcounts)
+static inline DAHL_ALWAYS_INLINE uint64_t move_slip(const dahl_slip_plan_t *plan, dahl_slip_state_t *state, int32_t dcounts)
 {
     if (dcounts > 0) {
         return plan->full - move_elements(plan, state->x, (uint32_t)dcounts, 1u);
@@ -222,15 +222,15 @@ static dahl_real_t sum_of_Fc(const dahl_slip_plan_t *plan)
 
 float dahl_slip_step_counts(const dahl_slip_plan_t *plan, dahl_slip_state_t *state, int32_t dcounts)
 {
-    return dahl_torque_from(sum_of_Fc(plan), move(plan, state, dcounts));
+    return dahl_torque_from(sum_of_Fc(plan), move_slip(plan, state, dcounts));
 }
 
 int32_t dahl_slip_step_counts_q30(const dahl_slip_plan_t *plan, dahl_slip_state_t *state, int32_t dcounts)
 {
-    return (int32_t)dahl_q30(move(plan, state, dcounts));
+    return (int32_t)dahl_q30(move_slip(plan, state, dcounts));
 }
 
 int64_t dahl_slip_part_move(const void *plan, void *state, int32_t dcounts)
 {
-    return (int64_t)move((const dahl_slip_plan_t *)plan, (dahl_slip_state_t *)state, dcounts);
+    return (int64_t)move_slip((const dahl_slip_plan_t *)plan, (dahl_slip_state_t *)state, dcounts);
 }

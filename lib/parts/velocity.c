@@ -8,7 +8,7 @@
 #define SEGMENT_BITS_MAX 24
 
 /** Return DAHL_OK for a valid torque; +-0 is valid. */
-static int32_t check(uint32_t bits)
+static int32_t check_coefficient(uint32_t bits)
 {
     uint32_t magnitude = bits & DAHL_BITS_MAGNITUDE;
     if (magnitude >= DAHL_BITS_INF) {
@@ -32,7 +32,7 @@ static int32_t ratio_q30(uint32_t bits, dahl_real_t largest)
     return (bits & DAHL_BITS_SIGN) != 0 ? -ratio : ratio;
 }
 
-static void write_plan(dahl_velocity_plan_t *plan, const dahl_velocity_params_t *params, uint32_t largest)
+static void write_velocity_plan(dahl_velocity_plan_t *plan, const dahl_velocity_params_t *params, uint32_t largest)
 {
     dahl_real_t scale = largest == 0 ? dahl_real_of(dahl_bits_of(1.0f)) : dahl_real_of(largest);
     plan->segment_bits = params->segment_bits;
@@ -50,11 +50,11 @@ dahl_err_t dahl_velocity_prepare(dahl_velocity_plan_t *plan, const dahl_velocity
     uint32_t largest = 0;
     for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
         uint32_t bits = dahl_bits_of(params->torque[k]), magnitude = bits & DAHL_BITS_MAGNITUDE;
-        err |= check(bits);
+        err |= check_coefficient(bits);
         largest = magnitude > largest ? magnitude : largest;
     }
     if (err == DAHL_OK) {
-        write_plan(plan, params, largest);
+        write_velocity_plan(plan, params, largest);
     }
     return (dahl_err_t)err;
 }

@@ -34,14 +34,14 @@ static dahl_wide_t multiply(dahl_wide_t x, dahl_wide_t y)
     return product.mantissa == 0 ? product : dahl_normalise(product.mantissa, product.exponent);
 }
 
-static dahl_wide_t wide_of(float x)
+static dahl_wide_t wide_of_float(float x)
 {
     dahl_real_t real = dahl_real_of(dahl_bits_of(x));
     dahl_wide_t wide = {(uint64_t)real.mantissa << 32, real.exponent - 32};
     return wide;
 }
 
-static dahl_wide_t quotient(float x, float y)
+static dahl_wide_t quotient_of_floats(float x, float y)
 {
     dahl_real_t n = dahl_real_of(dahl_bits_of(x)), d = dahl_real_of(dahl_bits_of(y));
     return dahl_normalise(dahl_quotient_q63(n.mantissa, d.mantissa), n.exponent - d.exponent - 63);
@@ -76,10 +76,10 @@ static uint32_t float_bits(dahl_wide_t x)
 
 float dahl_work(const dahl_params_t *params, const dahl_work_t *work)
 {
-    dahl_wide_t way = leading_bits(work->way, 3), Fc = wide_of(params->Fc);
+    dahl_wide_t way = leading_bits(work->way, 3), Fc = wide_of_float(params->Fc);
     way.exponent -= 62;
-    dahl_wide_t coulomb_work = multiply(multiply(Fc, wide_of(params->theta_per_count)), leading_bits(work->counts, 2));
-    dahl_wide_t bristle_work = multiply(multiply(Fc, quotient(params->Fc, params->sigma0)), way);
+    dahl_wide_t coulomb_work = multiply(multiply(Fc, wide_of_float(params->theta_per_count)), leading_bits(work->counts, 2));
+    dahl_wide_t bristle_work = multiply(multiply(Fc, quotient_of_floats(params->Fc, params->sigma0)), way);
     int is_negative = is_less(coulomb_work, bristle_work);
     uint32_t bits = float_bits(is_negative ? difference(bristle_work, coulomb_work) : difference(coulomb_work, bristle_work));
     return dahl_float_of(is_negative && bits != 0 ? bits | DAHL_BITS_SIGN : bits);

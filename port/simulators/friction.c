@@ -4,9 +4,9 @@
 
 #include <string.h>
 
-#define ONE_Q30 0x1p30
+#define TWO_30 0x1p30        /* of a ratio in Q30 */
 #define FINE_TRAVEL 0x1p-20f /* [presliding lengths] of one count */
-#define COUNTS_MAX 0x1p36    /* 64 presliding lengths or more: every element is at its end */
+#define MOVE_MAX 0x1p36      /* 64 presliding lengths or more: every element is at its end */
 #define TWO_52 0x1p52        /* a double from here on is an integer */
 
 #define ROW(name, NAME, Class, number, sigma0s, Fcs, ...) {#name, sigma0s, Fcs},
@@ -26,7 +26,7 @@ uint32_t friction_count_states(const friction_t *f)
     return f->model == FRICTION_PARALLEL ? f->params.elements : 1;
 }
 
-static bool is_slip(const friction_t *f, uint32_t k)
+static bool is_slip_part(const friction_t *f, uint32_t k)
 {
     return (f->slips >> k & 1u) != 0;
 }
@@ -36,7 +36,7 @@ static void join_parts(const friction_t *f, friction_state_t *state, dahl_part_t
     for (uint32_t k = 0; k < f->params.elements; k++) {
         const dahl_part_t dahl = DAHL_PART(&f->plan[k].dahl, &state[k].bristle.bristle);
         const dahl_part_t slip = DAHL_SLIP_PART(&f->plan[k].slip, &state[k].slip);
-        parts[k] = is_slip(f, k) ? slip : dahl;
+        parts[k] = is_slip_part(f, k) ? slip : dahl;
     }
 }
 
@@ -49,7 +49,7 @@ static dahl_err_t prepare_parallel(friction_t *f)
         const dahl_params_t dahl = {sigma0, Fc, theta};
         const dahl_slip_params_t slip = {1, theta, {sigma0}, {Fc}};
         friction_plan_t *plan = &f->plan[k];
-        const dahl_err_t err = is_slip(f, k) ? dahl_slip_prepare(&plan->slip, &slip) : dahl_prepare(&plan->dahl, &dahl);
+        const dahl_err_t err = is_slip_part(f, k) ? dahl_slip_prepare(&plan->slip, &slip) : dahl_prepare(&plan->dahl, &dahl);
         if (err != DAHL_OK) {
             return err;
         }
@@ -167,7 +167,7 @@ static int32_t step_counts_q30(const friction_t *f, friction_state_t *state, int
 }
 
 /* NaN becomes -limit. */
-static double clamp(double x, double limit)
+static double clamp_to(double x, double limit)
 {
     return x > limit ? limit : x > -limit ? x : -limit;
 }
@@ -175,9 +175,9 @@ static double clamp(double x, double limit)
 /* Move by the counts that an int32_t cannot hold, and return the remaining counts. */
 static int32_t move_excess(const friction_t *f, friction_state_t *state, double counts, uint32_t load_q30)
 {
-    double left = clamp(counts, COUNTS_MAX);
+    double left = clamp_to(counts, MOVE_MAX);
     while (left > INT32_MAX || left < -INT32_MAX) {
-        const double part = clamp(left, INT32_MAX);
+        const double part = clamp_to(left, INT32_MAX);
         (void)step_counts(f, state, (int32_t)part, load_q30);
         left -= part;
     }
@@ -186,7 +186,7 @@ static int32_t move_excess(const friction_t *f, friction_state_t *state, double 
 
 float friction_move(const friction_t *f, friction_state_t *state, double distance, double load)
 {
-    const double load_q30 = nearest(load * ONE_Q30);
+    const double load_q30 = nearest(load * TWO_30);
     if (f->is_stiffness_fixed) {
         return dahl_clamped_step(&f->plan->dahl, &state->bristle.bristle, (float)distance, (uint32_t)load_q30);
     }
@@ -198,6 +198,6 @@ float friction_move(const friction_t *f, friction_state_t *state, double distanc
 
 int32_t friction_move_q30(const friction_t *f, friction_state_t *state, double counts, double load)
 {
-    const double load_q30 = nearest(load * ONE_Q30);
+    const double load_q30 = nearest(load * TWO_30);
     return step_counts_q30(f, state, move_excess(f, state, counts, (uint32_t)load_q30), (uint32_t)load_q30);
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "serial_bus.h"
 
-static serial_bus_t *self_of(dahl_can_bus_t *bus)
+static serial_bus_t *serial_of(dahl_can_bus_t *bus)
 {
     return (serial_bus_t *)(void *)bus;
 }
@@ -13,9 +13,9 @@ static void write_text(const serial_bus_t *self, const char *text)
     }
 }
 
-static dahl_can_result_t send(dahl_can_bus_t *bus, const dahl_can_frame_t *frame)
+static dahl_can_result_t serial_send(dahl_can_bus_t *bus, const dahl_can_frame_t *frame)
 {
-    serial_bus_t *self = self_of(bus);
+    serial_bus_t *self = serial_of(bus);
     char text[SLCAN_TEXT_MAX];
     if (!self->slcan.open || slcan_write(frame, text) == 0) {
         bus->counts.dropped++;
@@ -26,9 +26,9 @@ static dahl_can_result_t send(dahl_can_bus_t *bus, const dahl_can_frame_t *frame
 }
 
 /* Read the bytes that have arrived, up to the end of a frame. Never waits. */
-static dahl_can_result_t receive(dahl_can_bus_t *bus, dahl_can_frame_t *frame, uint32_t timeout_us)
+static dahl_can_result_t serial_receive(dahl_can_bus_t *bus, dahl_can_frame_t *frame, uint32_t timeout_us)
 {
-    serial_bus_t *self = self_of(bus);
+    serial_bus_t *self = serial_of(bus);
     char text[SLCAN_TEXT_MAX];
     uint8_t byte;
     (void)timeout_us;
@@ -51,13 +51,13 @@ static uint32_t peers(const dahl_can_bus_t *bus)
     return ((const serial_bus_t *)(const void *)bus)->slcan.open ? 1u : 0u;
 }
 
-static void close(dahl_can_bus_t *bus)
+static void serial_close(dahl_can_bus_t *bus)
 {
-    self_of(bus)->slcan.open = false;
+    serial_of(bus)->slcan.open = false;
 }
 
 void serial_bus_open(serial_bus_t *self, serial_port_t port, dahl_can_clock_t clock)
 {
-    static const dahl_can_bus_ops_t ops = {send, receive, peers, close};
+    static const dahl_can_bus_ops_t ops = {serial_send, serial_receive, peers, serial_close};
     *self = (serial_bus_t){.bus = {.ops = &ops, .clock = clock}, .port = port};
 }

@@ -13,7 +13,7 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { READ_SIZE = 4096, CLOSE_MS = 2000, FLUSH_TRIES = 20, FLUSH_MS = 100 };
+enum { MEMBER_READ_SIZE = 4096, CLOSE_MS = 2000, FLUSH_TRIES = 20, FLUSH_MS = 100 };
 
 static uint64_t monotonic_ms(void)
 {
@@ -37,7 +37,7 @@ static dahl_can_result_t member_send(dahl_can_bus_t *bus, const dahl_can_frame_t
     return outbox_flush(&self->outbox, self->fd) ? DAHL_CAN_BUS_OK : DAHL_CAN_BUS_GONE;
 }
 
-static void feed(socketcand_member_t *self, const char *bytes, size_t count)
+static void feed_member(socketcand_member_t *self, const char *bytes, size_t count)
 {
     uint64_t before = self->input.garbage;
     dahl_can_frame_t frame;
@@ -56,10 +56,10 @@ static void feed(socketcand_member_t *self, const char *bytes, size_t count)
 
 static bool read_some(socketcand_member_t *self)
 {
-    char bytes[READ_SIZE];
+    char bytes[MEMBER_READ_SIZE];
     ssize_t n = recv(self->fd, bytes, sizeof bytes, MSG_DONTWAIT);
     if (n > 0) {
-        feed(self, bytes, (size_t)n);
+        feed_member(self, bytes, (size_t)n);
     }
     return n > 0 || (n < 0 && (errno == EAGAIN || errno == EINTR));
 }
@@ -94,7 +94,7 @@ static uint32_t member_peers(const dahl_can_bus_t *bus)
  * server closes, within CLOSE_MS. */
 static void drain_and_close(int fd)
 {
-    char bytes[READ_SIZE];
+    char bytes[MEMBER_READ_SIZE];
     struct pollfd ready = {.fd = fd, .events = POLLIN};
     uint64_t give_up = monotonic_ms() + CLOSE_MS;
     shutdown(fd, SHUT_WR);
@@ -120,7 +120,7 @@ static void member_close(dahl_can_bus_t *bus)
 
 static const dahl_can_bus_ops_t member_ops = {member_send, member_receive, member_peers, member_close};
 
-static int fail(int fd, int why)
+static int close_with(int fd, int why)
 {
     if (fd >= 0) {
         close(fd);
@@ -147,13 +147,13 @@ static int connect_one(const struct addrinfo *address, uint64_t deadline_ms)
         return -1;
     }
     if (connect(fd, address->ai_addr, address->ai_addrlen) != 0 && errno != EINPROGRESS) {
-        return fail(fd, errno);
+        return close_with(fd, errno);
     }
     if (!wait_until(deadline_ms, fd, POLLOUT)) {
-        return fail(fd, ETIMEDOUT);
+        return close_with(fd, ETIMEDOUT);
     }
     if (getsockopt(fd, SOL_SOCKET, SO_ERROR, &why, &size) != 0 || why != 0) {
-        return fail(fd, why);
+        return close_with(fd, why);
     }
     setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
     return fd;
@@ -223,7 +223,7 @@ dahl_can_result_t socketcand_join(socketcand_member_t *self, const char *host, c
         return DAHL_CAN_BUS_ERROR;
     }
     if (!handshake(self, name, deadline_ms)) {
-        fail(self->fd, EPROTO);
+        close_with(self->fd, EPROTO);
         return DAHL_CAN_BUS_ERROR;
     }
     return DAHL_CAN_BUS_OK;

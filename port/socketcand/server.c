@@ -15,7 +15,7 @@
 #include <unistd.h>
 
 enum {
-    READ_SIZE = 4096,
+    CLIENT_READ_SIZE = 4096,
     FRAMES_PER_READ = 512, /* the shortest element of a frame is longer than 8 characters */
     QUIET_MS = 100,        /* python-can rejects "< ok >" if a frame follows in the same packet */
     KERNEL_BYTES = 65536,  /* the kernel's default would buffer megabytes for a client that does not read */
@@ -146,7 +146,7 @@ static bool wait_for(socketcand_server_t *self, socketcand_client_t *client)
     return is_listening(client);
 }
 
-static void put(socketcand_server_t *self, socketcand_client_t *client, const char *text, size_t length)
+static void put_text(socketcand_server_t *self, socketcand_client_t *client, const char *text, size_t length)
 {
     while (is_listening(client) && !outbox_put(&client->outbox, text, length)) {
         if (!wait_for(self, client) && is_listening(client)) {
@@ -157,7 +157,7 @@ static void put(socketcand_server_t *self, socketcand_client_t *client, const ch
 
 static void put_word(socketcand_server_t *self, socketcand_client_t *client, const char *text)
 {
-    put(self, client, text, strlen(text));
+    put_text(self, client, text, strlen(text));
     flush(client);
 }
 
@@ -168,7 +168,7 @@ static dahl_can_result_t deliver(socketcand_server_t *self, const dahl_can_frame
     for (size_t i = 0; length > 0 && i < SOCKETCAND_CLIENTS; i++) {
         socketcand_client_t *client = &self->clients[i];
         if (client->stage == SOCKETCAND_RAW && client != sender) {
-            put(self, client, text, length);
+            put_text(self, client, text, length);
         }
     }
     if (!frame_queue_put(&self->queue, frame)) {
@@ -263,7 +263,7 @@ static void on_element(socketcand_server_t *self, socketcand_client_t *client, c
     }
 }
 
-static void feed(socketcand_server_t *self, socketcand_client_t *client, const char *bytes, size_t count)
+static void feed_client(socketcand_server_t *self, socketcand_client_t *client, const char *bytes, size_t count)
 {
     uint64_t before = client->input.garbage;
     for (size_t i = 0; i < count && client->stage != SOCKETCAND_FREE; i++) {
@@ -276,11 +276,11 @@ static void feed(socketcand_server_t *self, socketcand_client_t *client, const c
 
 static void read_from(socketcand_server_t *self, socketcand_client_t *client)
 {
-    char bytes[READ_SIZE];
+    char bytes[CLIENT_READ_SIZE];
     ssize_t n = recv(client->fd, bytes, sizeof bytes, MSG_DONTWAIT);
     if (n > 0) {
         acknowledge_at_once(client);
-        feed(self, client, bytes, (size_t)n);
+        feed_client(self, client, bytes, (size_t)n);
     } else if (n == 0 || (errno != EAGAIN && errno != EINTR)) {
         leave(client);
     }
@@ -297,7 +297,7 @@ static socketcand_client_t *free_client(socketcand_server_t *self)
 }
 
 /* python-can shows this text to its user. Without it, python-can reports only a missing greeting. */
-static void refuse(socketcand_server_t *self, int fd)
+static void refuse_client(socketcand_server_t *self, int fd)
 {
     char text[80];
     int length = snprintf(text, sizeof text, "< error %d clients are here, no more >", (int)SOCKETCAND_CLIENTS);
@@ -333,7 +333,7 @@ static void join(socketcand_server_t *self)
     if (fd >= 0 && client != NULL) {
         greet(self, client, fd);
     } else if (fd >= 0) {
-        refuse(self, fd);
+        refuse_client(self, fd);
     }
 }
 
@@ -405,7 +405,7 @@ static bool has_unsent(const socketcand_server_t *self)
 /* close() with unread input resets the connection, and the client loses the bytes that it has not read. Thus read first. */
 static void drain_and_leave(socketcand_client_t *client)
 {
-    char bytes[READ_SIZE];
+    char bytes[CLIENT_READ_SIZE];
     struct pollfd ready = {.fd = client->fd, .events = POLLIN};
     shutdown(client->fd, SHUT_WR);
     for (int i = 0; i < DRAIN_READS && poll(&ready, 1, DRAIN_MS) > 0; i++) {

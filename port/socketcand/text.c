@@ -125,13 +125,13 @@ static bool to_number(const char *word, int base, uint64_t limit, uint64_t *valu
     return *value <= limit;
 }
 
-static bool read_hex(const char **cursor, uint64_t limit, uint64_t *value)
+static bool read_hex_word(const char **cursor, uint64_t limit, uint64_t *value)
 {
     char word[9];
     return text_word(cursor, word, sizeof word) && to_number(word, 16, limit, value);
 }
 
-static bool read_id(const char **cursor, dahl_can_frame_t *frame)
+static bool read_id_word(const char **cursor, dahl_can_frame_t *frame)
 {
     char word[9];
     uint64_t id;
@@ -188,12 +188,12 @@ bool text_to_send(const char *element, dahl_can_frame_t *frame)
     uint64_t length;
     uint64_t byte;
     memset(frame, 0, sizeof *frame);
-    if (!has_verb(&element, "send") || !read_id(&element, frame) || !read_hex(&element, 64, &length) ||
+    if (!has_verb(&element, "send") || !read_id_word(&element, frame) || !read_hex_word(&element, 64, &length) ||
         !set_length(frame, length)) {
         return false;
     }
     for (uint64_t i = 0; i < length; i++) {
-        if (!read_hex(&element, 0xFF, &byte)) {
+        if (!read_hex_word(&element, 0xFF, &byte)) {
             return false;
         }
         store_byte(frame, i, byte);
@@ -235,7 +235,7 @@ static bool read_time(const char **cursor, dahl_can_frame_t *frame)
     return true;
 }
 
-static bool read_data(const char **cursor, dahl_can_frame_t *frame)
+static bool read_data_words(const char **cursor, dahl_can_frame_t *frame)
 {
     char word[2 * 64 + 1];
     if (is_at_end(*cursor)) {
@@ -258,6 +258,6 @@ static bool read_data(const char **cursor, dahl_can_frame_t *frame)
 bool text_to_frame(const char *element, dahl_can_frame_t *frame)
 {
     memset(frame, 0, sizeof *frame);
-    return has_verb(&element, "frame") && read_id(&element, frame) && read_time(&element, frame) &&
-           read_data(&element, frame) && is_at_end(element);
+    return has_verb(&element, "frame") && read_id_word(&element, frame) && read_time(&element, frame) &&
+           read_data_words(&element, frame) && is_at_end(element);
 }

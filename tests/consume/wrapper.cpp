@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: MIT
 // dahl.hpp against the C calls: the same bits, known sizes, and static objects without constructors at start.
+#include <dahl.hpp> // without a node; then with one
+#include <dahl_node.h>
 #include <dahl.hpp>
 
 #include <cstdint>
 #include <cstdio>
+#include <cstring>
 #include <type_traits>
 
 static_assert(dahl::state_size == 8, "the state of one bearing");
@@ -12,7 +15,14 @@ static_assert(sizeof(dahl::Bearing) == dahl::state_size + 8 || sizeof(void *) !=
 static_assert(std::is_trivially_destructible<dahl::Bearing>::value && std::is_trivially_copyable<dahl::Bearing>::value, "");
 static_assert(std::is_standard_layout<dahl::Plan>::value && std::is_trivially_copyable<dahl::Encoder>::value, "");
 
+static_assert(sizeof(dahl::CompensatorPlan) == sizeof(dahl_compensator_plan_t) && sizeof(dahl::Node) == sizeof(dahl_node_t), "");
+static_assert(sizeof(dahl::Compensator) == sizeof(dahl_compensator_t) + 8 || sizeof(void *) != 8, "a state and a pointer");
+static_assert(std::is_trivially_copyable<dahl::Compensator>::value && std::is_trivially_destructible<dahl::Node>::value, "");
+
 static dahl::Plan plan, softer;
+static dahl::CompensatorPlan compensation;
+static dahl::Compensator compensator(compensation);
+static dahl::Node node;
 static dahl::Bearing bearing(plan);
 static dahl::Encoder encoder;
 constexpr dahl::Plan zeros; // constant, so no code runs for it at start
@@ -41,6 +51,86 @@ static bool defaults_are_those_of_the_header()
     any.home(10);
     return any.move(20010) == 20000 && any.jumps() == 0 && dahl::counts_between(0xFFFFFFFFu, 1) == 2 &&
            same(shaft.step_counts(1000), 0.0f) && shaft.step(-1e-3f) < -0.05f;
+}
+
+static dahl_compensator_params_t compensator_params()
+{
+    dahl_compensator_params_t p = {};
+    p.friction = {100.0f, 0.5f, 6.2831853f / 16384};
+    p.law = DAHL_COMPENSATOR_REFERENCE;
+    p.gain = 0.9f, p.limit = 0.4f, p.slew = 50.0f, p.period = 1e-3f, p.rise = 0.1f, p.fall = 0.02f, p.pull = 0.5f;
+    p.play = 2, p.jump = 300;
+    return p;
+}
+
+// One bearing is stepped by a reference and drawn to another one, which the measured counts step.
+static bool compensator_has_the_bits_of_c()
+{
+    dahl_compensator_params_t good = compensator_params(), bad = good;
+    bad.period = -1.0f;
+    dahl_compensator_plan_t c_plan = {};
+    dahl_compensator_t c_compensator = {};
+    dahl_plan_t c_friction;
+    dahl_state_t c_state = {}, c_measured = {};
+    if (compensation.prepare(good) != DAHL_COMPENSATOR_OK || dahl_compensator_prepare(&c_plan, &good) != DAHL_COMPENSATOR_OK ||
+        compensation.prepare(bad) == DAHL_COMPENSATOR_OK || dahl_prepare(&c_friction, &good.friction) != DAHL_OK) {
+        return false;
+    }
+    dahl::Bearing reference(c_friction), measured(c_friction);
+    dahl::Compensator again(c_plan);
+    for (int tick = 0; tick < 3000; tick++) {
+        const std::int32_t moved = static_cast<std::int32_t>(random_word() % 700) - 350;
+        const bool is_good = random_word() % 8 != 0;
+        const std::int32_t behind = dahl_compensator_move(&c_plan, &c_compensator, moved, is_good);
+        if (compensator.move(moved, is_good) != behind || again.move(moved, is_good) != behind) {
+            return false;
+        }
+        measured.step_counts_q30(behind);
+        dahl_step_counts_q30(&c_friction, &c_measured, behind);
+        compensator.pull(reference, measured);
+        dahl_compensator_pull(&c_plan, &c_state, &c_measured);
+        const std::int32_t w = dahl_step_counts_q30(&c_friction, &c_state, moved);
+        if (reference.step_counts_q30(moved) != w || compensator.torque(w) != dahl_compensator_torque(&c_plan, &c_compensator, w)) {
+            return false;
+        }
+    }
+    return compensator.state().rejected == c_compensator.rejected && c_compensator.rejected > 100;
+}
+
+static bool same_frames(const dahl_can_frame_t &a, const dahl_can_frame_t &b)
+{
+    return a.id == b.id && a.length == b.length && std::memcmp(a.data, b.data, sizeof a.data) == 0;
+}
+
+static bool node_has_the_frames_of_c()
+{
+    const dahl_params_t good = {100.0f, 0.5f, 6.2831853f / 16384}, bad = {-1.0f, 0.5f, 1.0f};
+    static dahl_node_t c_node;
+    if (node.init(good, 3) != DAHL_OK || dahl_node_init(&c_node, &good, 3) != DAHL_OK || node.init(bad) != DAHL_ERR_PARAM) {
+        return false;
+    }
+    int answers = 0;
+    for (std::uint32_t tick = 0; tick < 1000; tick++) {
+        dahl_can_frame_t in, out = {}, c_out = {};
+        dahl_encoder_state_t angle = {};
+        angle.count = static_cast<std::int32_t>(random_word() % 64), angle.counter = tick % 16, angle.valid = true;
+        dahl_frames_pack_encoder(&in, 3, &angle);
+        const std::uint32_t now = 1000 * tick;
+        const bool has_answer = dahl_node_receive(&c_node, &in, now, &c_out);
+        if (node.receive(in, now, out) != has_answer || !same_frames(out, c_out)) {
+            return false;
+        }
+        if (tick % 100 == 99) {
+            node.bus_off(now);
+            dahl_node_bus_off(&c_node, now);
+        }
+        if (node.tick(now, out) != dahl_node_tick(&c_node, now, &c_out) || !same_frames(out, c_out)) {
+            return false;
+        }
+        answers += has_answer;
+    }
+    const dahl::Node &read_only = node;
+    return read_only.c().counts.bus_off == 10 && answers > 50 && &node.c() == &read_only.c();
 }
 
 int main()
@@ -83,6 +173,12 @@ int main()
         dahl::counts_between(65535, 2, 65536) != 3 ||
         dahl::to_units(1 << 29, 500000) != 250000) {
         return 5;
+    }
+    if (!compensator_has_the_bits_of_c()) {
+        return 6;
+    }
+    if (!node_has_the_frames_of_c()) {
+        return 7;
     }
     std::printf("same bits\n");
     return 0;

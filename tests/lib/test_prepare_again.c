@@ -10,6 +10,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "dahl_compensator.h"
 #include "models.h"
 #include "plans.h"
 
@@ -80,4 +81,24 @@ static void test_equal_parameters_change_nothing_at_any_moment(void)
             TEST_ASSERT_TRUE(instructions > 1000);
         }
     }
+}
+
+/* A stored plan is compared with a fresh one of zeros (dahl.h, Plans). */
+static void test_equal_parameters_give_equal_bytes(void)
+{
+    const dahl_compensator_params_t compensation = {
+        .friction = many[0], .law = DAHL_COMPENSATOR_REFERENCE, .gain = 0.9f, .limit = 1.0f, .slew = 50.0f, .period = 1e-3f,
+        .play = 1, .jump = 200};
+    dahl_compensator_plan_t stored_compensator = {0}, fresh_compensator = {0};
+    for (size_t i = 0; i < PLANS; i++) {
+        const set_t set = {many[0], plans[i].more};
+        any_plan_t stored, fresh;
+        memset(&stored, 0, sizeof stored);
+        memset(&fresh, 0, sizeof fresh);
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, plans[i].prepare(&stored, &set) | plans[i].prepare(&fresh, &set));
+        TEST_ASSERT_EQUAL_MEMORY(&stored, &fresh, sizeof stored);
+    }
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_compensator_prepare(&stored_compensator, &compensation));
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_compensator_prepare(&fresh_compensator, &compensation));
+    TEST_ASSERT_EQUAL_MEMORY(&stored_compensator, &fresh_compensator, sizeof stored_compensator);
 }

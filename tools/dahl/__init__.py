@@ -22,6 +22,7 @@ before any move. Public names:
     Adaptation(sigma0, Fc, theta_per_count, ...)   for a Compensator: follow an Fc that drifts
     Encoder(modulus, sign, largest_step).move(reading)   counts of each tick, for any wrap
     counts_between(before, now, modulus)   shortest way from one encoder reading to the next
+    implausible(sigma0, Fc, theta_per_count)   a probable mistake with units, or ""
     to_units(ratio_q30, Fc_units)       convert F/Fc in Q30 to integer units of torque
     Node(plan, number)                  friction node on a bus: python-can messages in and out
     Client(bus, number)                 other end of a node: moves in counts, torque in N m
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
     from dahl.binding.encoder import Encoder, counts_between, to_units
     from dahl.binding.friction import Friction, Plan, State
     from dahl.binding.loaded import Loaded
+    from dahl.binding.plausible import implausible
     from dahl.binding.slip import Parallel, Slip
     from dahl.binding.throughput import Throughput, ThroughputParallel, ThroughputSlip
     from dahl.binding.velocity import VelocityTable
@@ -86,6 +88,7 @@ __all__ = [
     "Work",
     "codec",
     "counts_between",
+    "implausible",
     "node",
     "to_units",
 ]
@@ -98,6 +101,7 @@ MODULES = {  # of the public classes and functions
     "binding.encoder": ("Encoder", "counts_between", "to_units"),
     "binding.friction": ("Friction", "Plan", "State"),
     "binding.loaded": ("Loaded",),
+    "binding.plausible": ("implausible",),
     "binding.slip": ("Parallel", "Slip"),
     "binding.throughput": ("Throughput", "ThroughputParallel", "ThroughputSlip"),
     "binding.velocity": ("VelocityTable",),

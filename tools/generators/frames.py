@@ -301,7 +301,7 @@ def _unpack(dbc: Database, name: str) -> str:
             f"dahl_frames_check_t dahl_frames_unpack_{call}"
             f"(const dahl_can_frame_t *frame, {structure} *out)",
             "{",
-            f"    dahl_frames_check_t result = check(frame, DAHL_FRAMES_KIND_{call.upper()});",
+            f"    dahl_frames_check_t result = check_frame(frame, DAHL_FRAMES_KIND_{call.upper()});",
             "    if (result == DAHL_FRAMES_GOOD) {",
             *reads,
             "    }",

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: MIT */
-/* The friction node on the CAN API of Zephyr 3.7. It was not built with Zephyr or run on hardware. The driver queues frames and
- * one thread serves them, so that no mask is needed. The driver recovers from bus-off by itself. */
+/* The friction node on the CAN API of Zephyr 3.7 or later. It was not built with Zephyr or run on hardware. The driver queues
+ * frames and one thread serves them, so that no mask is needed. The driver recovers from bus-off by itself. */
 #include <string.h>
 #include <dahl_node.h>
 #include <zephyr/drivers/can.h>
 #include <zephyr/kernel.h>
+#include <zephyr/version.h>
 #include "can_node.h"
 
 #define ID (DAHL_FRAMES_ID_ENCODER | 0u) /* of node 0 */
@@ -18,16 +19,45 @@ volatile uint32_t can_dropped;
 
 CAN_MSGQ_DEFINE(received, 8);
 
-static void on_state(const struct device *can, enum can_state state, struct can_bus_err_cnt errors, void *user_data)
+static void set_state(enum can_state state)
 {
-    ARG_UNUSED(can);
-    ARG_UNUSED(errors);
-    ARG_UNUSED(user_data);
     is_off = state == CAN_STATE_BUS_OFF;
     if (is_off) {
         atomic_inc(&bus_offs);
     }
 }
+
+#if ZEPHYR_VERSION_CODE >= ZEPHYR_VERSION(4, 5, 0)
+static void on_state(const struct device *can, struct can_state_change_callback *callback, enum can_state state,
+                     struct can_bus_err_cnt errors)
+{
+    ARG_UNUSED(can);
+    ARG_UNUSED(callback);
+    ARG_UNUSED(errors);
+    set_state(state);
+}
+
+static int watch_state(const struct device *can)
+{
+    static struct can_state_change_callback callback;
+    can_init_state_change_callback(&callback, on_state);
+    return can_add_state_change_callback(can, &callback);
+}
+#else
+static void on_state(const struct device *can, enum can_state state, struct can_bus_err_cnt errors, void *user_data)
+{
+    ARG_UNUSED(can);
+    ARG_UNUSED(errors);
+    ARG_UNUSED(user_data);
+    set_state(state);
+}
+
+static int watch_state(const struct device *can)
+{
+    can_set_state_change_callback(can, on_state, NULL);
+    return 0;
+}
+#endif
 
 int can_node_init(const struct device *can)
 {
@@ -35,7 +65,9 @@ int can_node_init(const struct device *can)
     device = can;
     int code = device_is_ready(can) ? dahl_node_init(&node, &params, ID & 15) : -ENODEV;
     if (code == DAHL_OK) {
-        can_set_state_change_callback(can, on_state, NULL);
+        code = watch_state(can);
+    }
+    if (code == 0) {
         int filter_id = can_add_rx_filter_msgq(can, &received, &filter);
         code = filter_id < 0 ? filter_id : can_start(can);
     }

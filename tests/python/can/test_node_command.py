@@ -220,6 +220,17 @@ def test_a_listener_whose_interface_goes_down_passes_that_to_its_notifier(monkey
         listener.stop()
 
 
+@pytest.mark.parametrize("way", ["options", "scene"])
+def test_a_wrong_unit_has_a_note_and_a_node(dahl, tmp_path, way):
+    """In N m/rad and rad; the encoder of 16384 counts is in degrees."""
+    text = OWN_SCENE.replace("3.8e-4", "0.02197265625")
+    (tmp_path / "own.ini").write_text("[scene]\ntitle = t\n[status]\nperiod_ms = 100\n" + text)
+    words = [*OWN[:-1], "0.02197265625"] if way == "options" else ["--scene", tmp_path / "own.ini"]
+    done = dahl("node", *words, "-i", "virtual", "-c", f"units {way}", "--seconds", "0.05")
+    assert (done.returncode, done.stderr.count("\n")) == (0, 1)
+    assert done.stderr.startswith("note: ") and "16384 counts per turn" in done.stderr
+
+
 def test_an_error_of_the_server_is_passed_on(dahl, monkeypatch, tmp_path):
     script = "echo 'socketcand 127.0.0.1:5 serves'\nsleep 0.3\necho error: no rig >&2\nexit 1\n"
     (program := tmp_path / "loop").write_text(f"#!/bin/sh\n{script}")

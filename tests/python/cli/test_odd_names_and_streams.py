@@ -109,7 +109,7 @@ def shell(command: str, **environment: str) -> subprocess.CompletedProcess:
     return subprocess.run(["bash", "-c", dahl + command], check=False, env=env, **text)
 
 
-PLAN = "plan --sigma0 1 --fc 1 --theta-per-count 1 -o -"
+PLAN = "plan --sigma0 1 --fc 1 --theta-per-count 1e-3 -o -"
 NODE = f"node {PLAN[5:-5]} -i virtual -c x --seconds 0.05"
 
 

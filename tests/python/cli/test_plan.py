@@ -151,3 +151,20 @@ def test_force_overwrites_any_file_and_a_plan_needs_no_force(plan, tmp_path):
     made = path.read_bytes()
     assert plan("--sigma0", "2", *KNOWN[2:], "-o", "main.c").returncode == 0
     assert path.read_bytes() != made
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ("--sigma0 100 --fc 0.5 --counts-per-turn 16384", ""),
+        ("--sigma0 1 --fc 0.5 --theta-per-count 4096", "counts per turn"),
+        ("--sigma0 100 --fc 0.5 --theta-per-count 0.02197265625", "16384 counts per turn"),
+        ("--sigma0 0.5 --fc 100 --theta-per-count 3.8e-4", "200 rad"),
+        ("--model slip --sigma0 100,1 --fc 0.5,300 --theta-per-count 3.8e-4", "300 rad"),
+        ("--model asymmetric --sigma0 100 --fc 0.5,1e-3 --theta-per-count 3.8e-4", "38 presliding"),
+    ],
+)
+def test_a_wrong_unit_has_a_note_and_a_plan(options: str, word: str, plan, tmp_path) -> None:
+    done = plan(*options.split(), "-o", "plan.h")
+    assert done.returncode == 0 and (tmp_path / "plan.h").exists()
+    assert (done.stderr.count("note: "), word in done.stderr) == (bool(word), True)

@@ -45,7 +45,7 @@ OPTIONS = [
     ("--host away --port 5", {"host": "away", "port": 5}),
     ("--bus-kwargs app_name=dahl", {"app_name": "dahl"}),
 ]
-NODE = "node --sigma0 1 --fc 1 --theta-per-count 1"
+NODE = "node --sigma0 1 --fc 1 --theta-per-count 1e-3"
 FOLLOW = "identify --follow --dbc bus.dbc --angle Angle --torque Torque"
 
 

@@ -60,6 +60,7 @@ class Controller:
     capacity = 3  # answers that wait for a stuck bus
     has_clock = True  # false: the controller does not answer
     headers: tuple[Path, ...] = ()  # of the mock
+    flags: tuple[str, ...] = ()  # of the compiler
     pointers = seams = ""  # C between the example and this model; its function pointers
 
     def __init__(self, folder: Path, library: Path) -> None:
@@ -83,7 +84,7 @@ class Controller:
     def compiled(self, folder: Path, library: Path) -> Path:
         (seams := folder / "seams.c").write_text("#include <stdint.h>\n" + self.seams)
         example = EXAMPLES / self.folder
-        flags = ["-DHOST_REGISTERS", f"-I{example}", *MOCKS, f"-I{ROOT}/lib/include"]
+        flags = ["-DHOST_REGISTERS", *self.flags, f"-I{example}", *MOCKS, f"-I{ROOT}/lib/include"]
         files = [seams, *(example / name for name in self.sources), library]
         shared_object(folder, *flags, *files, f"-Wl,-rpath,{library.parent}")
         return folder / "made.so"
@@ -174,10 +175,11 @@ class Controller:
 # --- registers in memory --------------------------------------------------------------------------
 
 
-def registers(*offsets: int) -> list[property]:
+def registers(*offsets: int, memory: str = "memory") -> list[property]:
     def register(place: int) -> property:
         return property(
-            lambda one: one.memory[place], lambda one, value: one.memory.__setitem__(place, value)
+            lambda one: getattr(one, memory)[place],
+            lambda one, value: getattr(one, memory).__setitem__(place, value),
         )
 
     return [register(offset // 4) for offset in offsets]
@@ -203,7 +205,7 @@ class InMemory(Controller):
     lines: dict[int, str]  # handlers by the number of their interrupt
 
     def reset(self) -> None:
-        self.memory, self.nvic = self.ffi.new("uint32_t[256]"), self.ffi.new("uint32_t *")
+        self.memory, self.nvic = self.ffi.new("uint32_t[256]"), self.ffi.new("uint32_t[3]")
         self.ram = self.ffi.new("uint32_t[]", 0x350 // 4)
         self.connect(call_clock_us=self.clock, call_nvic_iser0=lambda: self.nvic)
         self.connect(call_mask_interrupts=self.mask, call_unmask_interrupts=self.unmask)
@@ -221,7 +223,7 @@ class InMemory(Controller):
         """Run the handlers of the enabled interrupts until nothing requests one."""
         for _ in range(MAX_INTERRUPTS):
             calls = {n: name for n, name in self.lines.items() if self.is_due(n)}
-            if not any(self.nvic[0] >> number & 1 for number in calls):
+            if not any(self.nvic[number // 32] >> number % 32 & 1 for number in calls):
                 return
             for name in calls.values():
                 getattr(self.lib, name)()
@@ -230,23 +232,45 @@ class InMemory(Controller):
 
 
 class BxCan(InMemory):
-    """RM0090, bxCAN: three mailboxes, FIFO 0 with three frames, filter bank 0."""
+    """RM0090, bxCAN: three mailboxes, FIFO 0 with three frames, one filter bank."""
 
     folder, lines = "can_stm32_bxcan", {20: "CAN1_RX0_IRQHandler", 22: "CAN1_SCE_IRQHandler"}
-    seams, pointers = connected(can1="void *", **COMMON)
+    clock_hz, bank = 42e6, 0
+    seams, pointers = connected(can1="void *", can2="void *", **COMMON)
     MCR, MSR, TSR, RF0R = registers(0x00, 0x04, 0x08, 0x0C)
     IER, ESR, BTR = registers(0x14, 0x18, 0x1C)
-    FMR, FM1R, FS1R, FFA1R, FA1R = registers(0x200, 0x204, 0x20C, 0x214, 0x21C)
-    F0R1, F0R2 = registers(0x240, 0x244)
+    FILTERS = FMR, FM1R, FS1R, FFA1R, FA1R = registers(
+        *(0x200, 0x204, 0x20C, 0x214, 0x21C), memory="filters"
+    )
+    BANKS = 0x240 // 4  # of two words
     TX, RX = 0x180 // 4, 0x1B0 // 4  # mailboxes of four words
 
     def reset(self) -> None:
         super().reset()
-        self.connect(call_can1=self.access)
+        self.filters = self.memory  # those of CAN1
+        self.connect(call_can1=self.access, call_can2=self.access_second)
         self.MCR, self.FMR, self.is_error = 0x00010002, 0x2A1C0E01, False
+        self.locked = self.filter_words()
         self.show()
 
+    def access_second(self) -> object:
+        self.faults.append("CAN2 is used")
+        return self.memory
+
+    def filter_words(self) -> list[int]:
+        """Return FM1R, FS1R, FFA1R and the banks, which are locked at times."""
+        return [self.FM1R, self.FS1R, self.FFA1R, *self.filters[self.BANKS : self.BANKS + 56]]
+
+    def lock_filters(self) -> None:
+        """Note a write without FINIT, or to an active bank: it may be ignored."""
+        for place, (before, now) in enumerate(zip(self.locked, self.filter_words(), strict=True)):
+            is_active = place >= 3 and self.FA1R >> (place - 3) // 2 & 1
+            if before != now and (is_active or not self.FMR & 1):
+                self.faults.append(f"filter word {place} is written while it is locked")
+        self.locked = self.filter_words()
+
     def obey(self) -> None:
+        self.lock_filters()
         if not self.RF0R & UNTOUCHED and self.RF0R & 1 << 5:
             self.fifo = self.fifo[1:]
         if not self.MSR & UNTOUCHED and self.MSR & 1 << 2:
@@ -281,13 +305,15 @@ class BxCan(InMemory):
             self.memory[self.RX : self.RX + 4] = [identifier, length, *to_words(first)]
 
     def rule(self) -> Rule:
-        is_on = self.FA1R & 1 and not self.FMR & 1 and not self.MCR & 3
-        assert is_on and self.FS1R & 1 and not (self.FM1R | self.FFA1R) & 1
-        kinds = [bool(self.F0R1 & bit) if self.F0R2 & bit else None for bit in (4, 2)]
-        return self.F0R1 >> 3, self.F0R2 >> 3, *kinds
+        is_on = self.FA1R >> self.bank & 1 and not self.FMR & 1 and not self.MCR & 3
+        assert is_on and self.FS1R >> self.bank & 1
+        assert not (self.FM1R | self.FFA1R) >> self.bank & 1
+        first, second = self.filters[self.BANKS + 2 * self.bank : self.BANKS + 2 * self.bank + 2]
+        kinds = [bool(first & bit) if second & bit else None for bit in (4, 2)]
+        return first >> 3, second >> 3, *kinds
 
     def is_due(self, interrupt: int) -> bool:
-        if interrupt == 20:
+        if interrupt == min(self.lines):
             return bool(self.fifo and self.IER & 1 << 1)
         return self.is_error and self.IER & 0x8400 == 0x8400
 
@@ -301,7 +327,42 @@ class BxCan(InMemory):
         self.settle()
 
     def quanta(self) -> tuple[float, int, int]:
-        return 42e6 / (1 + (self.BTR & 1023)), 2 + (self.BTR >> 16 & 15), 1 + (self.BTR >> 20 & 7)
+        quantum_hz = self.clock_hz / (1 + (self.BTR & 1023))
+        return quantum_hz, 2 + (self.BTR >> 16 & 15), 1 + (self.BTR >> 20 & 7)
+
+
+class BxCan2(BxCan):
+    """CAN2 of an STM32F1 after a warm start: CAN1 has the filters, and works with banks 0 and 5."""
+
+    flags = ("-DCAN_NODE_UNIT=2", "-DAPB1_MHZ=36")
+    clock_hz, bank = 36e6, 14
+    lines = {64: "CAN2_RX0_IRQHandler", 66: "CAN2_SCE_IRQHandler"}
+
+    def reset(self) -> None:
+        super().reset()
+        self.filters = self.ffi.new("uint32_t[256]")
+        self.connect(call_can1=self.access_filters, call_can2=self.access)
+        self.FMR, self.FA1R = 0x2A1C0E00, 1 << 0 | 1 << 5 | 1 << 14
+        self.FM1R, self.FS1R, self.FFA1R = 0x4001, 0x21, 0x4020
+        for place in range(56):
+            self.filters[self.BANKS + place] = 0x1000 + place
+        self.locked = self.filter_words()
+        self.of_others = self.others()
+
+    def access_filters(self) -> object:
+        self.settle()
+        return self.filters
+
+    def others(self) -> list[int]:
+        """Return all that belongs to other banks, and the place of the first bank of CAN2."""
+        masks = [self.FM1R, self.FS1R, self.FFA1R, self.FA1R]
+        banks = list(self.filters[self.BANKS : self.BANKS + 56])
+        del banks[28:30]
+        return [self.FMR, *(one & ~(1 << 14) for one in masks), *banks]
+
+    def rule(self) -> Rule:
+        assert self.others() == self.of_others
+        return super().rule()
 
 
 class FdCan(InMemory):
@@ -576,9 +637,10 @@ def defining(*headers: str) -> str:
 
 
 class Twai(Driver):
-    """The driver of ESP-IDF v5: states, queues and alerts."""
+    """The driver of ESP-IDF 5.0 to 5.4: states, queues and alerts."""
 
     folder, capacity = "can_esp32_twai/main", 5
+    sources = ("can_node.c", "bus_5_0.c", "bus_5_5.c")
     off_code, full_code = 0x103, 0x107  # ESP_ERR_INVALID_STATE, ESP_ERR_TIMEOUT
     headers = (TWAI_MOCK / "driver/twai.h", TWAI_MOCK / "esp_timer.h")
     seams = defining("driver/twai.h", "esp_timer.h")
@@ -639,24 +701,187 @@ class Twai(Driver):
         return self.rate * 20, 16, 4  # sampled where TWAI_TIMING_CONFIG_500KBITS samples
 
 
+class Twai55(Driver):
+    """The driver of ESP-IDF 5.5: events in interrupts, and frames by pointers until they are sent.
+
+    `pending` are the frames of the controller (one) and of the queue of the driver, which survives
+    a bus-off.
+    """
+
+    folder, capacity = "can_esp32_twai/main", 6  # a queue of five, and the controller
+    sources, flags = Twai.sources, ("-DMOCK_IDF_5_5",)
+    names = ("esp_twai.h", "freertos/FreeRTOS.h", "esp_timer.h")
+    headers, seams = tuple(TWAI_MOCK / name for name in names), defining(*names)
+    off_code, full_code = 0x103, 0x107  # ESP_ERR_INVALID_STATE, ESP_ERR_TIMEOUT
+
+    def reset(self) -> None:
+        self.queue: list[bytes] = []
+        self.size = self.notified = 0
+        self.state, self.is_received = "", False
+        self.connect(esp_timer_get_time=lambda: self.now_us, xQueueCreate=self.create_queue)
+        self.connect(xTaskGetCurrentTaskHandle=lambda: self.ffi.cast("void *", 2))
+        self.connect(xQueueSendFromISR=self.put, xQueueReceive=self.get)
+        self.connect(vTaskNotifyGiveFromISR=self.notify, ulTaskNotifyTake=self.take_notification)
+        self.connect(twai_new_node_onchip=self.install, twai_node_enable=self.enable)
+        self.connect(twai_node_register_event_callbacks=self.set_events)
+        self.connect(twai_node_config_mask_filter=self.set_filter)
+        self.connect(twai_node_transmit=self.send_pointer, twai_node_recover=self.start_recovery)
+        self.connect(twai_node_receive_from_isr=self.give)
+
+    def create_queue(self, places: int, size: int) -> object:
+        self.places, self.size = places, size
+        return self.ffi.cast("void *", 1)
+
+    def put(self, _queue, item, _woken) -> int:
+        if len(self.queue) == self.places:
+            return 0
+        self.queue.append(bytes(self.ffi.buffer(item, self.size)))
+        return 1
+
+    def get(self, _queue, out, wait: int) -> int:
+        if wait or not self.queue:
+            return 0
+        self.ffi.memmove(out, self.queue.pop(0), self.size)
+        return 1
+
+    def notify(self, _task, _woken) -> None:
+        self.notified += 1
+
+    def take_notification(self, is_clearing: int, _ticks: int) -> int:
+        before = self.notified
+        self.notified = 0 if is_clearing else max(0, before - 1)
+        return before
+
+    def install(self, config, node) -> int:
+        pins = config.io_cfg
+        assert pins.quanta_clk_out == pins.bus_off_indicator == -1 and config.fail_retry_cnt == -1
+        timing, self.depth = config.bit_timing, config.tx_queue_depth
+        self.timing = timing.bitrate, timing.sp_permill
+        self.state = "stopped" if self.has_clock else ""
+        return 0 if self.has_clock else 0x101  # ESP_ERR_NO_MEM
+
+    def set_events(self, _node, callbacks, _data) -> int:
+        self.events = self.ffi.new("twai_event_callbacks_t *", callbacks[0])
+        return 0 if self.state == "stopped" else self.off_code
+
+    def set_filter(self, _node, number: int, rule) -> int:
+        assert number == 0 and rule.no_fd and not rule.no_classic
+        self.filter = rule.id << 18, rule.mask << 18, bool(rule.is_ext), None
+        return 0 if self.state == "stopped" else self.off_code
+
+    def enable(self, _node) -> int:
+        self.state = "running"
+        return 0
+
+    def send_pointer(self, _node, frame, wait: int) -> int:
+        if self.is_off:
+            return self.off_code
+        if len(self.pending) > self.depth:
+            return self.full_code
+        if wait:
+            self.faults.append("the task waits")
+        self.pending.append((0, frame))
+        return 0
+
+    def give(self, _node, out) -> int:
+        if not self.is_received:
+            return self.off_code
+        first = self.fifo.pop(0)
+        out.header.id, out.header.dlc = first.arbitration_id, first.dlc
+        out.header.ide, out.header.rtr = first.is_extended_id, first.is_remote_frame
+        self.ffi.memmove(out.buffer, bytes(first.data), min(len(first.data), out.buffer_len))
+        return 0
+
+    def interrupt(self) -> None:
+        while self.fifo:
+            self.is_received = True
+            self.events.on_rx_done(self.ffi.NULL, self.ffi.NULL, self.ffi.NULL)
+            self.is_received = False
+        self.run()
+
+    def settle(self) -> None:
+        """Nothing: the driver acts between the turns of the task."""
+
+    def let_go(self, room: float = math.inf) -> None:
+        self.room = room
+        self.run()
+
+    def tick(self) -> None:
+        self.lib.can_node_serve()
+        self.run()
+
+    def run(self) -> None:
+        """Let the bus carry frames, and the task run as often as it is woken."""
+        self.transmit()
+        while self.notified:
+            self.lib.can_node_serve()
+            self.transmit()
+
+    def transmit(self) -> None:
+        """Read the frame of the controller now, not when it was given to the driver."""
+        if self.pending and not self.is_off and self.room > 0:
+            self.room -= 1
+            _, frame = self.pending.pop(0)
+            header, data = frame.header, bytes(self.ffi.buffer(frame.buffer, frame.buffer_len))
+            if header.ide or header.rtr or header.fdf or header.dlc != len(data):
+                self.faults.append("the frame is no standard data frame")
+            self.sent.append(standard(header.id, header.dlc, data))
+            event = self.ffi.new("twai_tx_done_event_data_t *", {"is_tx_success": True})
+            self.events.on_tx_done(self.ffi.NULL, event, self.ffi.NULL)
+
+    def rule(self) -> Rule:
+        assert self.state == "running"
+        return self.filter
+
+    def report(self, old: str, new: str) -> None:
+        states = [getattr(self.lib, f"TWAI_ERROR_{state}") for state in (old, new)]
+        event = self.ffi.new("twai_state_change_event_data_t *", states)
+        self.events.on_state_change(self.ffi.NULL, event, self.ffi.NULL)
+
+    def go_off(self) -> None:
+        """The controller drops its frame; the driver keeps its queue."""
+        self.is_off, self.pending = True, self.pending[1:]
+        self.report("PASSIVE", "BUS_OFF")
+        self.lib.can_node_serve()
+
+    def start_recovery(self, _node) -> int:
+        self.state = "recovering"
+        return 0
+
+    def recover(self) -> None:
+        if self.state == "recovering":
+            self.is_off, self.state = False, "running"
+            self.report("BUS_OFF", "ACTIVE")
+            self.run()
+
+    def quanta(self) -> tuple[float, int, int]:
+        rate, sample_point = self.timing
+        return rate * 20, sample_point // 50, 20 - sample_point // 50
+
+
 class Zephyr(Driver):
     """The CAN API of Zephyr 3.7: a driver that aborts pending frames on bus-off, and recovers."""
 
     folder = "zephyr_node/src"
     off_code, full_code = -101, -11  # -ENETUNREACH, -EAGAIN
-    headers, seams = (ZEPHYR_MOCK / "zephyr/kernel.h",), defining("zephyr/kernel.h")
+    headers = tuple(ZEPHYR_MOCK / f"zephyr/{name}.h" for name in ("kernel", "can_state_3_7"))
+    seams = defining("zephyr/kernel.h")
 
     def reset(self) -> None:
         self.filter: Rule | None = None
         self.is_started = False
+        self.watch_state()
         self.connect(device_is_ready=lambda _device: self.has_clock)
         self.connect(k_uptime_ticks=lambda: self.now_us, k_ticks_to_us_floor64=lambda ticks: ticks)
-        self.connect(can_set_state_change_callback=self.set_callback, k_msgq_get=self.give)
+        self.connect(k_msgq_get=self.give)
         self.connect(can_add_rx_filter_msgq=self.add_filter, can_start=self.start)
         self.connect(can_send=self.send_frame)
 
     def init(self) -> int:
         return -self.lib.can_node_init(self.ffi.NULL)
+
+    def watch_state(self) -> None:
+        self.connect(can_set_state_change_callback=self.set_callback)
 
     def set_callback(self, _device, callback, _data) -> None:
         self.on_state = callback
@@ -696,7 +921,33 @@ class Zephyr(Driver):
         self.report(0)
 
     def report(self, state: int) -> None:
-        self.on_state(self.ffi.NULL, state, {"tx_err_cnt": 255 if state else 0}, self.ffi.NULL)
+        errors = {"tx_err_cnt": 255 if state else 0}
+        self.on_state(self.ffi.NULL, state, errors, self.ffi.NULL)
 
 
-CONTROLLERS = {one.__name__: one for one in (BxCan, FdCan, Mcp2515, Twai, Zephyr)}
+class Zephyr45(Zephyr):
+    """Zephyr 4.5, which keeps a list of callbacks of the program."""
+
+    flags = ("-DMOCK_ZEPHYR_4_5",)
+    headers = tuple(ZEPHYR_MOCK / f"zephyr/{name}.h" for name in ("kernel", "can_state_4_5"))
+
+    def watch_state(self) -> None:
+        self.callbacks: list[object] = []
+        self.connect(can_init_state_change_callback=self.init_callback)
+        self.connect(can_add_state_change_callback=self.add_callback)
+
+    def init_callback(self, callback, handler) -> None:
+        callback.handler = handler
+
+    def add_callback(self, _device, callback) -> int:
+        self.callbacks.append(callback)
+        return 0
+
+    def report(self, state: int) -> None:
+        errors = {"tx_err_cnt": 255 if state else 0}
+        for one in self.callbacks:
+            one.handler(self.ffi.NULL, one, state, errors)
+
+
+MODELS = (BxCan, BxCan2, FdCan, Mcp2515, Twai, Twai55, Zephyr, Zephyr45)
+CONTROLLERS = {one.__name__: one for one in MODELS}

@@ -115,12 +115,33 @@ def test_an_example_without_a_node_ends_with_one_line(root):
 
 
 @pytest.mark.checks
+def add_own_sources(project: Path, *names: str) -> tuple[str, ...]:
+    """Add files of the user with names of the library's; main calls them, and they the library."""
+    main, calls = (project / "main.c").read_text(), ""
+    for number, name in enumerate(names):
+        (project / name).parent.mkdir(exist_ok=True)
+        (project / name).write_text(
+            "#include <dahl_compensator.h>\n"
+            f"int32_t own_{number}(void);\nint32_t own_{number}(void)\n"
+            "{ static const dahl_compensator_plan_t plan; static dahl_compensator_t state;\n"
+            "  return dahl_compensator_move(&plan, &state, 1, 1); }\n"
+        )
+        main = f"#include <stdint.h>\nint32_t own_{number}(void);\n{main}"
+        calls += f"own_{number}(); "
+    (project / "main.c").write_text(
+        main.replace("start_systick(CORE", f"{calls}start_systick(CORE")
+    )
+    return names
+
+
 def test_a_plain_makefile_builds_a_firmware_that_runs(root: Path, tmp_path: Path) -> None:
     for tool in ("arm-none-eabi-gcc", "make", "qemu-system-arm"):
         need(tool, "a Makefile builds a firmware that runs")
     project = shutil.copytree(root / "examples/makefile_firmware", tmp_path / "project")
+    own = add_own_sources(project, "encoder.c", "model/encoder.c", "compensator/tick.c")
 
     make = ["sh", "-c", '"$@" 2>&1', "sh", "make", f"DAHL={root}", "CC=arm-none-eabi-gcc -Werror"]
+    make.append(f"SOURCES=main.c startup.c {' '.join(own)}")
     said = re.findall(r"tick +(\d+) +(-?\d+) nN m", run(*make, "run", cwd=project))
     found = {int(tick): int(torque) * 1e-9 for tick, torque in said}
     assert found == pytest.approx(expected_torques(), abs=1e-7)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT, need, with_compilers
+from programs import run
 from sources import as_one
 
 LIB = ROOT / "lib"
@@ -58,6 +59,72 @@ def test_an_unused_result_of_prepare_warns(compiler: str, tmp_path: Path) -> Non
         done = compiled([*compiler.split(), "-Wall", "-pedantic"], source, tmp_path)
         assert done.stderr.count("warning: ") == wanted, done.stderr
         assert len(re.findall(r"warning: .*(?:unused.result|nodiscard)", done.stderr)) == wanted
+
+
+# --- all files in one --------------------------------------------------------------------------
+
+# Of lib but for the batches with vector flags, and of port for programs of a host.
+PORTS = [
+    *(ROOT / "port").glob("s*/*.c"),
+    ROOT / "port/loopback/loopback.c",
+    ROOT / "port/frame_bits.c",
+]
+FILES = [path for path in LIB.rglob("*.c") if not re.match("exact|fast(?!_params)", path.stem)]
+HOST = "-std=c99 -D_GNU_SOURCE= -Wall -Wextra -Werror -Wshadow"
+UNITS = {f"{compiler} {HOST}": [*FILES, *PORTS] for compiler in ("gcc", "clang")}
+UNITS["arm-none-eabi-gcc -mcpu=cortex-m3 -mthumb -std=c99 -Werror"] = FILES
+
+
+@pytest.mark.parametrize("is_reversed", [False, True])
+@pytest.mark.parametrize("command", with_compilers(*UNITS))
+def test_all_files_compile_as_one(command: str, is_reversed: bool, tmp_path: Path) -> None:
+    """In both orders: no static name, macro or type of a file depends on another file."""
+    unit = as_one(tmp_path, sorted(UNITS[command], reverse=is_reversed))
+    includes = [f"-I{ROOT}/port", "-fsyntax-only"]
+    done = compiled([*command.split(), *includes], unit, tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+# --- the ABI of floats ------------------------------------------------------------------------
+
+M4, M33 = "-mcpu=cortex-m4 -mfpu=fpv4-sp-d16", "-mcpu=cortex-m33 -mfpu=fpv5-sp-d16"
+ABIS = {  # flags of the assembly, and of C that passes a float in another register
+    "m0, m4 hard": ("-mcpu=cortex-m0", f"{M4} -mfloat-abi=hard"),
+    "m3, m4 hard": ("-mcpu=cortex-m3", f"{M4} -mfloat-abi=hard"),
+    "m4 soft, hard": (f"{M4} -mfloat-abi=soft", f"{M4} -mfloat-abi=hard"),
+    "m4 softfp, hard": (f"{M4} -mfloat-abi=softfp", f"{M4} -mfloat-abi=hard"),
+    "m4 hard, softfp": (f"{M4} -mfloat-abi=hard", f"{M4} -mfloat-abi=softfp"),
+    "m4 hard, m3": (f"{M4} -mfloat-abi=hard", "-mcpu=cortex-m3"),
+    "m33 softfp, hard": (f"{M33} -mfloat-abi=softfp", f"{M33} -mfloat-abi=hard"),
+    "m33 hard, soft": (f"{M33} -mfloat-abi=hard", f"{M33} -mfloat-abi=soft"),
+}
+HEADERS = "".join(path.read_text() for path in (LIB / "include").glob("*.h"))
+PASS_FLOATS = {*re.findall(r"^float (dahl_\w+)\(", HEADERS, re.M), "dahl_torque_from"}
+
+
+@pytest.mark.checks
+@pytest.mark.parametrize("compiler", ["arm-none-eabi-gcc", "clang --target=arm-none-eabi"])
+@pytest.mark.parametrize("case", ABIS)
+def test_assembly_does_not_link_with_c_of_another_float_abi(
+    case: str, compiler: str, tmp_path: Path
+) -> None:
+    """A file is refused if it passes a float. With C of its own ABI, each links."""
+    own, other = (f"{flags} -mthumb".split() for flags in ABIS[case])
+    (main := tmp_path / "main.c").write_text("float passed;\n")
+    for name, flags in (("own", own), ("other", other)):
+        run("arm-none-eabi-gcc", *flags, "-c", main, "-o", tmp_path / f"{name}.o")
+    refusals = 0
+    for file in (LIB / "cores").glob("*.S"):
+        words = [*compiler.split(), *own, "-DDAHL_SAME_FLAGS"]
+        assert compiled(words, file, tmp_path).returncode == 0
+        names = set(re.findall(r" T (\w+)", run("arm-none-eabi-nm", tmp_path / "x.o")))
+        for user in ("own", "other"):
+            is_refused = user == "other" and bool(names & PASS_FLOATS)
+            files = [tmp_path / f"{user}.o", tmp_path / "x.o", "-o", tmp_path / "both.o"]
+            said = run("arm-none-eabi-ld", "-r", *files, code=int(is_refused))
+            assert ("VFP register arguments" in said) == is_refused
+            refusals += is_refused
+    assert refusals >= 3
 
 
 # --- a core that lacks something -----------------------------------------------------------------

@@ -180,16 +180,49 @@ def test_the_wrapper_for_cpp_has_the_bits_of_c(
     compiler: str, standard: str, prefix: Path, tmp_path: Path
 ) -> None:
     need(compiler, "dahl.hpp compiles without a warning")
-    (library,) = prefix.rglob("libdahl.a")
+    libraries = [*prefix.rglob("libdahl_node.a"), *prefix.rglob("libdahl.a")]
     flags = ["-Wall", "-Wextra", "-pedantic", "-Werror", "-Wconversion", "-Wshadow", "-O2"]
     flags += ["-fno-exceptions", "-fno-rtti", f"-std=c++{standard}", f"-I{prefix}/include"]
     if compiler == "clang++":
         flags.append("-Wglobal-constructors")
     program = tmp_path / "wrapper"
-    run(compiler, *flags, CONSUMER / "wrapper.cpp", library, "-o", program)
+    run(compiler, *flags, CONSUMER / "wrapper.cpp", *libraries, "-o", program)
     assert run(program) == "same bits\n"
     made = run("nm", program)
     assert "_GLOBAL__sub_I" not in made  # code before main(), by gcc
+
+
+@pytest.mark.parametrize("compiler", with_compilers("gcc", "clang"))
+def test_a_unity_build_has_unique_names(compiler: str, tmp_path: Path) -> None:
+    """All components, each as one translation unit (but for files with flags of their own)."""
+    need(compiler, "a unity build")
+    parts = ("NODE", "FLOAT", "BATCH", "SHARED", "PORT")
+    options = [f"-DDAHL_BUILD_{name}=ON" for name in parts]
+    options += ["-DCMAKE_UNITY_BUILD=ON", "-DCMAKE_UNITY_BUILD_BATCH_SIZE=0"]
+    options += ["-G", "Ninja", f"-DCMAKE_C_COMPILER={compiler}"]
+    run("cmake", "-S", ROOT, "-B", tmp_path, *options)
+    run("cmake", "--build", tmp_path)
+    assert len(list(tmp_path.glob("**/unity_0_c.c.o"))) >= 6
+
+
+@pytest.mark.checks
+def test_a_unity_build_for_a_core_has_its_assembly(tmp_path: Path) -> None:
+    """The linker takes the first definition of a tick in the archive."""
+    need("arm-none-eabi-gcc", "a unity build for a core")
+    core = ["arm-none-eabi-gcc", "-mcpu=cortex-m3", "-mthumb"]
+    options = ["-G", "Ninja", "-DCMAKE_UNITY_BUILD=ON", "-DCMAKE_UNITY_BUILD_BATCH_SIZE=0"]
+    options += ["-DCMAKE_SYSTEM_NAME=Generic", "-DCMAKE_TRY_COMPILE_TARGET_TYPE=STATIC_LIBRARY"]
+    options += [f"-DCMAKE_C_COMPILER={core[0]}", f"-DCMAKE_C_FLAGS={' '.join(core[1:])}"]
+    run("cmake", "-S", ROOT, "-B", tmp_path, *options)
+    run("cmake", "--build", tmp_path)
+    ticks = ("dahl_step_counts", "dahl_step_counts_q30", "dahl_step", "dahl_work_step_counts_q30")
+    calls = "".join(f"void {tick}(void); {tick}(); " for tick in ticks)
+    (tmp_path / "main.c").write_text(f"int main(void) {{ {calls} return 0; }}\n")
+    files = [tmp_path / "main.c", tmp_path / "lib/libdahl.a", "-o", tmp_path / "program"]
+    run(*core, "--specs=nosys.specs", "-Wl,--no-warnings", *files)
+    names = run("arm-none-eabi-nm", tmp_path / "program")
+    kinds = {name: kind for kind, name in re.findall(r" (\w) (dahl_\w+)", names)}
+    assert {kinds[tick] for tick in ticks} == {"T"}  # of assembly; the C is weak, W
 
 
 def headers(prefix: Path) -> set[str]:

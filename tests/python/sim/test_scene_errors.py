@@ -408,6 +408,26 @@ def test_a_role_needs_its_section(tmp_path, role, name, missing):
     refused(f"{path}: ", f"[{missing}]", "--scene", path, "--role", role)
 
 
+@pytest.mark.parametrize(
+    ("place", "options", "word"),
+    [
+        ("6: [friction] theta_per_count = 0.02197", {"theta_per_count": 360 / 16384}, "degrees"),
+        ("6: [friction] theta_per_count = 4096", {"sigma0": 1.0, "theta_per_count": 4096}, "turn"),
+        ("4: [friction] sigma0 = 0.0005", {"sigma0": 5e-4}, "20 turns"),
+        ("", {}, ""),
+    ],
+)
+def test_a_wrong_unit_has_a_note_and_a_run(place, options, word, tmp_path):
+    """Of dahl-loop; of `dahl node` in test_node_command.py."""
+    keys = {"sigma0": 50, "Fc": 0.5, "theta_per_count": 1e-4} | options
+    friction = "\n".join(["[friction]", *(f"{key} = {value}" for key, value in keys.items())])
+    path = write(tmp_path, scene_of(friction=friction))
+    done = run_program("--scene", path, "--virtual")
+    assert done.code == 0
+    assert done.err.count("\n") == bool(place) and word in done.err
+    assert done.err.startswith(f"note: {path}:{place}" if place else "")
+
+
 def test_a_missing_file_is_refused(tmp_path):
     path, absent = write(tmp_path, scene_of()), tmp_path / "absent"
     refused(f"{absent}: ", "No such file", "--scene", path, "--log-file", absent)

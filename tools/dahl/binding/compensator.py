@@ -123,15 +123,31 @@ class Compensator(Copied):
 
     def _prepare(self) -> None:
         self._prepared = c.new("dahl_compensator_plan_t *")
+        code = c.dahl_compensator_prepare(self._prepared, self._params())
+        if code != c.DAHL_COMPENSATOR_OK:
+            raise InputError(self._refusal(code))
+
+    def _params(self) -> object:
         values = dict(self._values)
         friction = {name: values.pop(name) for name in FRICTION}
         law = c.DAHL_COMPENSATOR_REFERENCE if self._reference else c.DAHL_COMPENSATOR_MEASURED
         given = {"friction": friction, "law": law, "elastic": self._elastic, **values}
         given |= {"noise": self._noise, "play": self._play, "jump": self._jump}
-        params = c.new("dahl_compensator_params_t *", given)
-        code = c.dahl_compensator_prepare(self._prepared, params)
-        if code != c.DAHL_COMPENSATOR_OK:
-            raise InputError(self._refusal(code))
+        return c.new("dahl_compensator_params_t *", given)
+
+    @property
+    def implausible(self) -> str:
+        """The probable mistake with the unit of period or fade_speed, or "" without one. For the
+        friction, call dahl.implausible().
+        """
+        remark = c.dahl_compensator_params_plausible(self._params())
+        if remark == c.DAHL_COMPENSATOR_LONG_PERIOD:
+            return f"period = {self.period:g} s is above 0.04 s, rise or fall; ms, us or Hz?"
+        if remark == c.DAHL_COMPENSATOR_FAST_FADE:
+            counts = self.fade_speed * self.period / self.theta_per_count
+            speed = f"fade_speed = {self.fade_speed:g} rad/s"
+            return f"{speed} is {counts:g} counts a tick, above jump = {self._jump}; deg/s or rpm?"
+        return ""
 
     def _refusal(self, code: int) -> str:
         """Return the value and the limit that the library refused."""

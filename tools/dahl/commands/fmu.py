@@ -86,6 +86,7 @@ def _contents(args: argparse.Namespace) -> Fmu:
         theta = fmu.default_theta_per_count(model, sigma0, fc)
     own = kinds if breakaway is None else breakaway
     models.make(model, sigma0, fc, theta, own)  # raises dahl.Error if a value is out of range
+    model_arguments.note_units(sigma0, fc, theta)
     name = plan_header.identifier(args.name or args.output.stem)
     if name[0].isdigit():
         raise Error(f"--name {name}: a letter or _ was expected at its start")

@@ -93,6 +93,19 @@ def read_theta_per_count(args: argparse.Namespace) -> float | None:
     return 2 * math.pi / counts
 
 
+def note_units(sigma0: Iterable[float], fc: Iterable[float], theta_per_count: float) -> None:
+    """Print a note if an element is probably in a wrong unit. One sigma0 may serve several Fc."""
+    import sys
+    from itertools import cycle
+
+    from dahl.binding.plausible import implausible
+
+    elements = zip(cycle(sigma0), fc)  # noqa: B905 (cycle has no end)
+    remarks = (implausible(*one, theta_per_count) for one in elements)
+    if remark := next(filter(None, remarks), ""):
+        print(f"note: {remark}", file=sys.stderr)
+
+
 def _numbers(option: str, text: str, limit: str) -> list[float]:
     """Return one number, or several separated by commas. 0,5 could be meant as one."""
     values = [_number(option, word, limit) for word in text.split(",")]

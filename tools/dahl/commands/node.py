@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 from dahl.can.bus import keywords, named, tuned_for, words
 from dahl.commands.arguments import number, seconds, whole
 from dahl.commands.bus_arguments import add_bus_arguments
+from dahl.commands.model_arguments import note_units
 from dahl.errors import Error, RunError
 
 if TYPE_CHECKING:
@@ -77,6 +78,7 @@ def run(args: argparse.Namespace) -> None:
     _check(args)
     with tempfile.TemporaryDirectory(prefix="dahl-node-") as folder, Stop(is_its_end=True) as stop:
         scene = _scene(args, Path(folder))
+        _note_units(scene)
         args.node = scene.node if args.node is None else args.node
         begin = time.monotonic()
         served = _run_on_target if args.target else _run_served
@@ -128,6 +130,12 @@ def _scene(args: argparse.Namespace, folder: Path) -> Scene:
     head = "[scene]\ntitle = parameters of your own\n[status]\nperiod_ms = 100\n"
     path.write_text(f"{head}[friction]\n{lines}", encoding="ascii")
     return scene.read(path)
+
+
+def _note_units(scene: Scene) -> None:
+    sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
+    with contextlib.suppress(Error):  # of numbers that the node refuses, with their line
+        note_units(sigma0, torques, scene.theta_per_count)
 
 
 def _print_access(

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Zephyr 3.7, as far as examples/zephyr_node uses it. Its functions are pointers, which the test sets. */
+/* Zephyr 3.7, and 4.5 if MOCK_ZEPHYR_4_5 is defined, as far as examples/zephyr_node uses it. Its functions are pointers, which the test sets. */
 #ifndef ZEPHYR_MOCK_H
 #define ZEPHYR_MOCK_H
 
@@ -42,7 +42,6 @@ struct can_bus_err_cnt {
 
 enum can_state { CAN_STATE_ERROR_ACTIVE, CAN_STATE_ERROR_WARNING, CAN_STATE_ERROR_PASSIVE, CAN_STATE_BUS_OFF };
 
-typedef void can_state_change_callback_t(const struct device *, enum can_state, struct can_bus_err_cnt, void *);
 typedef void can_tx_callback_t(const struct device *, int, void *);
 
 static inline void atomic_inc(atomic_t *value)
@@ -66,9 +65,14 @@ extern bool (*device_is_ready)(const struct device *);
 extern int64_t (*k_uptime_ticks)(void);
 extern uint64_t (*k_ticks_to_us_floor64)(uint64_t);
 extern int (*k_msgq_get)(struct k_msgq *, void *, k_timeout_t);
-extern void (*can_set_state_change_callback)(const struct device *, can_state_change_callback_t *, void *);
 extern int (*can_add_rx_filter_msgq)(const struct device *, struct k_msgq *, const struct can_filter *);
 extern int (*can_start)(const struct device *);
 extern int (*can_send)(const struct device *, const struct can_frame *, k_timeout_t, can_tx_callback_t *, void *);
+
+#ifdef MOCK_ZEPHYR_4_5
+#include "can_state_4_5.h"
+#else
+#include "can_state_3_7.h"
+#endif
 
 #endif
