@@ -15,7 +15,8 @@
 
 enum {
     PATIENCE_MS = 10000, /* of a server in virtual time with a slow client */
-    HOST_MAX = 128       /* bytes of a host name, with its final 0 */
+    HOST_MAX = 127,      /* bytes of a host name */
+    CHANNEL_MAX = 31     /* bytes of the name of a bus; longer than any interface of Linux */
 };
 
 /* address: the text after the scheme's colon; NULL if the spec has no colon. Returns as bus_open does. */
@@ -30,7 +31,7 @@ static const struct {
 } schemes[] = {
     {"loopback", open_loopback, "loopback"},
     {"socketcan", open_socketcan, "socketcan:IF"},
-    {"socketcand", open_socketcand, "socketcand:PORT, socketcand:HOST:PORT"},
+    {"socketcand", open_socketcand, "socketcand:PORT, socketcand:HOST:PORT[/CHANNEL]"},
 };
 
 enum { SCHEMES = sizeof schemes / sizeof schemes[0] };
@@ -49,6 +50,17 @@ static int cannot_open(const char *spec, const char *hint)
 {
     log_error("--bus %s: %s%s", spec, strerror(errno), hint);
     return EXIT_RUNTIME;
+}
+
+/* Name the way out if the kernel has no CAN or no such interface. */
+static const char *socketcan_hint(int why)
+{
+    switch (why) {
+    case EAFNOSUPPORT:
+    case EPROTONOSUPPORT: return " (this kernel has no CAN; serve a bus with --bus socketcand:PORT, or use tools/vm.sh)";
+    case ENODEV: return " (create it as root with ip link add NAME type vcan, or serve a bus with --bus socketcand:PORT)";
+    default: return "";
+    }
 }
 
 static bool to_port(const char *text, uint16_t *port)
@@ -77,7 +89,7 @@ static int open_socketcan(open_bus_t *opened, const bus_config_t *config, const 
         return bad_spec(config->spec);
     }
     if (socketcan_open(&socketcan, address, config->clock) != DAHL_CAN_BUS_OK) {
-        return cannot_open(config->spec, errno == EAFNOSUPPORT ? " (this kernel has no CAN)" : "");
+        return cannot_open(config->spec, socketcan_hint(errno));
     }
     if (config->ids != NULL && socketcan_filter(&socketcan, config->ids, config->id_count) != DAHL_CAN_BUS_OK) {
         return cannot_open(config->spec, " (its filters)");
@@ -104,33 +116,57 @@ static int serve(open_bus_t *opened, const bus_config_t *config, const char *por
     return 0;
 }
 
-static int join(open_bus_t *opened, const bus_config_t *config, const char *host, const char *port_text)
+/* One word of the protocol. */
+static bool is_channel(const char *name)
+{
+    size_t length = strlen(name);
+    for (size_t i = 0; i < length; i++) {
+        if (name[i] <= ' ' || name[i] > '~' || name[i] == '<' || name[i] == '>') {
+            return false;
+        }
+    }
+    return length > 0 && length <= CHANNEL_MAX;
+}
+
+static int join(open_bus_t *opened, const bus_config_t *config, const char *host, const char *port_text, const char *channel)
 {
     static socketcand_member_t member;
     uint16_t port;
     if (!to_port(port_text, &port) || port == 0 || host[0] == '\0') {
         return bad_spec(config->spec);
     }
-    if (socketcand_join(&member, host, port_text, BUS_NAME, config->clock) != DAHL_CAN_BUS_OK) {
-        return cannot_open(config->spec, errno == EPROTO ? " (no socketcand server with bus " BUS_NAME ")" : "");
+    if (!is_channel(channel)) {
+        log_error("--bus %s: channel \"%s\": 1 to %d characters without blanks, < and > were expected", config->spec, channel,
+                  CHANNEL_MAX);
+        return EXIT_BAD_INPUT;
     }
-    *opened = (open_bus_t){.bus = &member.bus, .name = BUS_NAME};
+    if (socketcand_join(&member, host, port_text, channel, config->clock) != DAHL_CAN_BUS_OK) {
+        char hint[80];
+        snprintf(hint, sizeof hint, " (no socketcand server with bus %s)", channel);
+        return cannot_open(config->spec, errno == EPROTO ? hint : "");
+    }
+    *opened = (open_bus_t){.bus = &member.bus, .name = channel};
     return 0;
 }
 
-/* PORT serves a bus, HOST:PORT joins one. */
+/* PORT serves a bus, HOST:PORT and HOST:PORT/CHANNEL join one. */
 static int open_socketcand(open_bus_t *opened, const bus_config_t *config, const char *address)
 {
-    char host[HOST_MAX];
-    const char *colon = address != NULL ? strrchr(address, ':') : NULL;
-    if (colon == NULL) {
-        return address != NULL ? serve(opened, config, address) : bad_spec(config->spec);
-    }
-    if ((size_t)(colon - address) >= sizeof host) {
+    char host[HOST_MAX + sizeof ":65535"];
+    size_t length = address != NULL ? strcspn(address, "/") : 0;
+    if (address == NULL || length >= sizeof host) {
         return bad_spec(config->spec);
     }
-    snprintf(host, sizeof host, "%.*s", (int)(colon - address), address);
-    return join(opened, config, host, colon + 1);
+    snprintf(host, sizeof host, "%.*s", (int)length, address);
+    char *colon = strrchr(host, ':');
+    if (colon == NULL) {
+        return serve(opened, config, address);
+    }
+    if (colon - host > HOST_MAX) {
+        return bad_spec(config->spec);
+    }
+    *colon = '\0';
+    return join(opened, config, host, colon + 1, address[length] == '/' ? address + length + 1 : BUS_NAME);
 }
 
 int bus_open(open_bus_t *opened, const bus_config_t *config)

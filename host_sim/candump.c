@@ -48,6 +48,16 @@ static char *put_text(char *at, const char *text)
     return at + length;
 }
 
+/* The separator of id and data; that of CAN FD has its flags. */
+static char *put_separator(char *at, uint8_t flags)
+{
+    if ((flags & DAHL_CAN_FRAME_FD) == 0) {
+        return put_text(at, "#");
+    }
+    uint32_t fd_flags = ((flags & DAHL_CAN_FRAME_BRS) != 0 ? 1u : 0) | ((flags & DAHL_CAN_FRAME_ESI) != 0 ? 2u : 0);
+    return put_hex(put_text(at, "##"), fd_flags, 1);
+}
+
 static char *put_data(char *at, const dahl_can_frame_t *frame)
 {
     if ((frame->flags & DAHL_CAN_FRAME_REMOTE) != 0) {
@@ -150,6 +160,10 @@ void candump_write(candump_t *log, const dahl_can_frame_t *frame)
 {
     char line[LINE_MAX];
     char *at = line;
+    if ((frame->flags & DAHL_CAN_FRAME_CUT) != 0) {
+        log->cut++;
+        return;
+    }
     *at++ = '(';
     at = put_decimal(at, frame->time_us / US_PER_S, 10);
     *at++ = '.';
@@ -159,7 +173,7 @@ void candump_write(candump_t *log, const dahl_can_frame_t *frame)
     *at++ = ' ';
     bool is_error = (frame->flags & DAHL_CAN_FRAME_ERROR) != 0;
     at = put_hex(at, frame->id | (is_error ? ERROR_BIT : 0), (frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0 || is_error ? 8 : 3);
-    at = put_text(at, (frame->flags & DAHL_CAN_FRAME_FD) != 0 ? "##0" : "#");
+    at = put_separator(at, frame->flags);
     at = put_data(at, frame);
     *at++ = '\n';
     put_line(log, line, (size_t)(at - line));

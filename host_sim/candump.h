@@ -25,6 +25,7 @@ typedef struct {
     bool is_patient;
     int why;          /* errno of a failed write; 0: no failure */
     uint64_t missing; /* lines that could not be written */
+    uint64_t cut;     /* CAN FD frames of more than 8 bytes, which have no line */
     size_t torn;      /* bytes of an incomplete line at the end of the file */
     size_t used;      /* bytes in the buffer */
     char bytes[CANDUMP_ROOM];
@@ -33,7 +34,8 @@ typedef struct {
 /* A named pipe must have a reader within 2 s. Returns false with errno set on failure; ENXIO: the pipe has no reader. */
 bool candump_open(candump_t *log, const char *path, const char *bus_name, bool is_patient);
 
-/* Write one line. candump_close reports an error. */
+/* Write one line. A CAN FD frame that the bus has cut to 8 bytes is left out and counted, since its line would be that of
+ * another frame. candump_close reports an error. */
 void candump_write(candump_t *log, const dahl_can_frame_t *frame);
 
 /* Write the buffered lines and close. Returns false if lines are missing: `missing` is their number, errno the reason. */

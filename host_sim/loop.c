@@ -118,6 +118,7 @@ static void dispatch(loop_t *loop, dahl_can_frame_t *frame)
         candump_write(loop->log, frame);
     }
     loop->error_frames += (frame->flags & DAHL_CAN_FRAME_ERROR) != 0 ? 1u : 0u;
+    loop->cut_frames += (frame->flags & DAHL_CAN_FRAME_CUT) != 0 ? 1u : 0u;
     if (loop->bitrate > 0) {
         count_bus_bits(loop, frame);
     }

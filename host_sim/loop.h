@@ -56,6 +56,7 @@ typedef struct {
     uint64_t wall_ns;       /* duration of the run */
     uint64_t send_failed;   /* frames that the bus rejected */
     uint64_t error_frames;
+    uint64_t cut_frames;    /* CAN FD frames of more than 8 bytes */
     uint64_t echoes;        /* own frames that have not come back yet; virtual time */
     uint64_t bits;          /* of all frames on the bus */
     uint64_t second_bits;   /* of those in the present second */

@@ -156,9 +156,20 @@ static void configure_loop(program_t *p)
     p->loop.is_timed = options->bitrate > 0 && strcmp(options->bus, "loopback") == 0;
 }
 
+static void note_cut_frames(const program_t *p)
+{
+    if (p->log.cut > 0) {
+        char text[120];
+        snprintf(text, sizeof text, "--log: %llu CAN FD frames of more than 8 bytes are left out; dahl record writes them",
+                 (unsigned long long)p->log.cut);
+        log_warning(text);
+    }
+}
+
 static int write_results(program_t *p)
 {
     int code = 0;
+    note_cut_frames(p);
     if (p->loop.log != NULL && !candump_close(&p->log)) {
         log_error("--log %s: %s; %llu lines are missing", p->options.log,
                   errno == 0 || errno == EAGAIN ? "its reader is too slow" : strerror(errno),

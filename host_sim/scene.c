@@ -44,6 +44,11 @@ static const char *const sections[] = {
 #include "scene_keys.def"
 };
 
+#define SCENE_PLOT_KEY(section, name, unit, usual, meaning) #name,
+static const char *const plot_keys[] = { /* of [measured] */
+#include "scene_keys.def"
+};
+
 enum { KEYS = sizeof keys / sizeof keys[0], SECTIONS = sizeof sections / sizeof sections[0] };
 
 typedef struct {
@@ -95,6 +100,16 @@ static int find_key(const char *section, const char *name)
         }
     }
     return -1;
+}
+
+static bool is_plot_key(const char *section, const char *name)
+{
+    for (size_t i = 0; i < sizeof plot_keys / sizeof plot_keys[0]; i++) {
+        if (strcmp(section, "measured") == 0 && strcmp(name, plot_keys[i]) == 0) {
+            return true;
+        }
+    }
+    return false;
 }
 
 static int begin_section(reader_t *r, const char *name)
@@ -228,7 +243,7 @@ static int on_key(void *user, const char *section, const char *name, const char 
     if (r->has_failed) {
         return 0;
     }
-    if (strcmp(section, "measured") == 0) {
+    if (is_plot_key(section, name)) {
         return 1;
     }
     if (i < 0) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * scene: read a scene file (INI, by libinih). scene_keys.def lists its sections and keys with ranges, units and defaults. A
- * part of the loop runs only if its section is there. Section [measured] is ignored here.
+ * part of the loop runs only if its section is there. Of section [measured] only the keys are checked.
  */
 #ifndef SCENE_H
 #define SCENE_H

@@ -119,14 +119,18 @@ static void add_encoders(cJSON *to, const loop_t *loop)
     }
 }
 
-/* Answers and ticks that are more than a period late. */
+/* Answers and ticks that are more than a period late, and their sum. The totals are frames_answered and ticks. */
 static void add_deadlines(cJSON *to, const loop_t *loop)
 {
-    uint64_t misses = loop->late_ticks;
+    uint64_t answers = 0;
     for (uint32_t i = 0; i < loop->encoder_count; i++) {
-        misses += loop->encoders[i].late;
+        answers += loop->encoders[i].late;
     }
-    add_count(to, "deadline_misses", misses);
+    add_count(to, "late_ticks", loop->late_ticks);
+    if (loop->encoder_count > 0) {
+        add_count(to, "late_answers", answers);
+    }
+    add_count(to, "deadline_misses", loop->late_ticks + answers);
 }
 
 /* Names of dahl_node_counts_t, in its order. */
@@ -207,6 +211,7 @@ static void add_bus(cJSON *to, const loop_t *loop)
     cJSON *bus = cJSON_AddObjectToObject(to, "bus_counts");
     add_count(bus, "send_failed", loop->send_failed);
     add_count(bus, "error_frames", loop->error_frames);
+    add_count(bus, "long_fd_frames", loop->cut_frames);
     add_count(bus, "dropped", loop->bus->counts.dropped);
     add_count(bus, "garbage", loop->bus->counts.garbage);
     add_count(bus, "retries", loop->bus->counts.retries);

@@ -65,6 +65,7 @@ missing_things() {
 
 main() {
     parse "$@"
+    check_build_tools
     one_at_a_time setup
     mkdir -p "$BUILD/deps"
     : >"$BUILD/setup.log"

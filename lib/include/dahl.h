@@ -31,7 +31,9 @@
  * - There is no heap, no global variable, no libm, and no division by a variable in a step.
  *
  * @par Model
- * Source: Ciarla, Cahouet, Canudas de Wit, Quaine. The equation numbers are theirs. For linear
+ * Source: V. Ciarla, V. Cahouet, C. Canudas de Wit, F. Quaine, "Notes on the analytic solution for
+ * the Dahl's friction model", Laboratoire d'Automatique de Grenoble, project VolHand
+ * (ANR-09-VTT-14). The equation numbers are theirs; docs/model.md lists the errata. For linear
  * motion, read m for rad and N for N m.
  * @verbatim
  *   dF/dtheta = sigma0 (1 - F/Fc sgn(dtheta))                                         (Eq. 1)

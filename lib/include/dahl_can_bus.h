@@ -26,7 +26,10 @@ enum {
     DAHL_CAN_FRAME_REMOTE = 2,   /**< RTR: no data */
     DAHL_CAN_FRAME_ERROR = 4,    /**< error frame of the controller */
     DAHL_CAN_FRAME_FD = 8,       /**< CAN FD; only its first 8 bytes are kept */
-    DAHL_CAN_FRAME_OWN = 16      /**< sent by this process */
+    DAHL_CAN_FRAME_OWN = 16,     /**< sent by this process */
+    DAHL_CAN_FRAME_BRS = 32,     /**< CAN FD: the data had a higher bit rate */
+    DAHL_CAN_FRAME_ESI = 64,     /**< CAN FD: the sender is error passive */
+    DAHL_CAN_FRAME_CUT = 128     /**< CAN FD with more than 8 bytes: the others are lost */
 };
 
 /** Id bit of an error frame, as in Linux: the controller is off the bus. */

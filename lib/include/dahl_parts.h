@@ -459,7 +459,8 @@ int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t
  * @param load_q30 [Q30] load c, as in dahl_loaded_step_counts(). If it is 0, F is 0 and stays 0
  *   until the shaft moves under a load.
  * @return F [N m], -c Fc .. c Fc, exceeded by at most 2^-31 Fc and its rounding to float
- * @note Error: #DAHL_ULP_ANGLE ulp of Fc, or of c Fc if c > 1.
+ * @note Error: #DAHL_ULP_ANGLE ulp of Fc, or of c Fc if c > 1, if each travel u/c is 0 or at least
+ *   2^-30; add up smaller moves before the call.
  */
 float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta,
                         uint32_t load_q30);

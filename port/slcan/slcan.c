@@ -147,6 +147,18 @@ static slcan_event_t read_letter(slcan_t *self, char *text)
     }
 }
 
+/* S and one decimal digit, or s and 1 to 8 hexadecimal digits. The rate is ignored. */
+static slcan_event_t read_bit_rate(slcan_t *self, char *text)
+{
+    reader_t reader = {self->line + 1, self->length - 1u, &self->counts, NULL};
+    const bool is_code = self->length == 2 && self->line[1] >= '0' && self->line[1] <= '9';
+    if (self->line[0] == 'S' ? !is_code : self->length < 2 || self->length > 9) {
+        return refuse(self, &self->counts.unknown, text);
+    }
+    (void)read_hex(&reader, reader.left);
+    return reader.error != NULL ? refuse(self, reader.error, text) : answer(text, "\r");
+}
+
 static slcan_event_t read_line(slcan_t *self, dahl_can_frame_t *frame, char *text)
 {
     if (self->length == 0) {
@@ -162,7 +174,7 @@ static slcan_event_t read_line(slcan_t *self, dahl_can_frame_t *frame, char *tex
     case 'D':
     case 'B': return read_frame(self, DAHL_CAN_FRAME_FD | DAHL_CAN_FRAME_EXTENDED, frame, text);
     case 'S':
-    case 's': return answer(text, "\r");
+    case 's': return read_bit_rate(self, text);
     default: return read_letter(self, text);
     }
 }

@@ -6,7 +6,7 @@
  *   line from the host            answer       meaning
  *   O, L                          CR           open; frames pass from now on
  *   C                             CR           close
- *   S0 .. S8, s and digits        CR           bit rate: accepted and ignored, as a serial port has no bit timing
+ *   S0 .. S9, s and 1 .. 8 hex    CR           bit rate: accepted and ignored, as a serial port has no bit timing
  *   tIIILDD..  TIIIIIIIILDD..     CR           a frame for the node, 11 or 29 bits of id, L bytes
  *   rIIIL      RIIIIIIIIL         CR           the same, remote
  *   d, D, b, B                    CR           CAN FD, as t and T; a node counts each as a wrong form
@@ -37,7 +37,7 @@ extern "C" {
 typedef struct {
     uint32_t too_long;     /* more than SLCAN_LINE_MAX characters */
     uint32_t cut;          /* the line ends within id, length or data */
-    uint32_t not_hex;      /* a character that must be a hexadecimal digit is not */
+    uint32_t not_hex;      /* a character that must be a hexadecimal digit is not, also in a bit rate */
     uint32_t wrong_length; /* more than 8 bytes (CAN FD: 64), more data than its length, or an id out of range */
     uint32_t unknown;      /* a command that is not in the table above */
     uint32_t closed;       /* a frame before O */

@@ -43,6 +43,12 @@ static uint8_t flag_if(uint32_t condition, uint8_t flag)
     return condition != 0 ? flag : 0;
 }
 
+static uint32_t fd_flags(const struct canfd_frame *wire)
+{
+    return DAHL_CAN_FRAME_FD | flag_if(wire->flags & CANFD_BRS, DAHL_CAN_FRAME_BRS) |
+           flag_if(wire->flags & CANFD_ESI, DAHL_CAN_FRAME_ESI) | flag_if(wire->len > 8, DAHL_CAN_FRAME_CUT);
+}
+
 /* The layout of a classic frame is the start of that of a CAN FD frame. */
 static void from_wire(dahl_can_frame_t *frame, const struct canfd_frame *wire)
 {
@@ -111,7 +117,7 @@ static dahl_can_result_t read_one(socketcan_t *self, dahl_can_frame_t *frame)
     from_wire(frame, &wire);
     frame->time_us = stamp_of(&message, &self->bus.clock);
     frame->flags = (uint8_t)(frame->flags | flag_if((uint32_t)message.msg_flags & MSG_CONFIRM, DAHL_CAN_FRAME_OWN) |
-                             flag_if(n == (ssize_t)CANFD_MTU, DAHL_CAN_FRAME_FD));
+                             (n == (ssize_t)CANFD_MTU ? fd_flags(&wire) : 0));
     return DAHL_CAN_BUS_OK;
 }
 

@@ -129,20 +129,27 @@ static int fail(int fd, int why)
     return -1;
 }
 
-static int connect_one(const struct addrinfo *address)
+/* Wait for an event until the deadline. */
+static bool wait_until(uint64_t deadline_ms, int fd, short events)
+{
+    struct pollfd ready = {.fd = fd, .events = events};
+    const uint64_t now = monotonic_ms();
+    return now < deadline_ms && poll(&ready, 1, (int)(deadline_ms - now)) > 0;
+}
+
+static int connect_one(const struct addrinfo *address, uint64_t deadline_ms)
 {
     const int on = 1;
     int why = 0;
     socklen_t size = sizeof why;
     int fd = socket(address->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-    struct pollfd ready = {.fd = fd, .events = POLLOUT};
     if (fd < 0) {
         return -1;
     }
     if (connect(fd, address->ai_addr, address->ai_addrlen) != 0 && errno != EINPROGRESS) {
         return fail(fd, errno);
     }
-    if (poll(&ready, 1, SOCKETCAND_HANDSHAKE_MS) <= 0) {
+    if (!wait_until(deadline_ms, fd, POLLOUT)) {
         return fail(fd, ETIMEDOUT);
     }
     if (getsockopt(fd, SOL_SOCKET, SO_ERROR, &why, &size) != 0 || why != 0) {
@@ -152,29 +159,22 @@ static int connect_one(const struct addrinfo *address)
     return fd;
 }
 
-static int connect_to(const char *host, const char *port)
+/* An address that does not answer leaves half of the remaining time to the next ones. */
+static int connect_to(const struct addrinfo *list, uint64_t deadline_ms)
 {
-    struct addrinfo hints = {.ai_family = AF_UNSPEC, .ai_socktype = SOCK_STREAM};
-    struct addrinfo *list;
     int fd = -1;
-    if (getaddrinfo(host, port, &hints, &list) != 0) {
-        return fail(-1, EADDRNOTAVAIL);
-    }
     for (const struct addrinfo *a = list; a != NULL && fd < 0; a = a->ai_next) {
-        fd = connect_one(a);
+        const uint64_t now = monotonic_ms(), left = now < deadline_ms ? deadline_ms - now : 0;
+        fd = connect_one(a, now + (a->ai_next != NULL ? left / 2 : left));
     }
-    int why = errno;
-    freeaddrinfo(list);
-    errno = why;
     return fd;
 }
 
 /* Read byte by byte, so that frames after the last answer stay in the socket. */
-static bool next_element(socketcand_member_t *self)
+static bool next_element(socketcand_member_t *self, uint64_t deadline_ms)
 {
-    struct pollfd ready = {.fd = self->fd, .events = POLLIN};
     char c;
-    while (poll(&ready, 1, SOCKETCAND_HANDSHAKE_MS) > 0 && recv(self->fd, &c, 1, 0) == 1) {
+    while (wait_until(deadline_ms, self->fd, POLLIN) && recv(self->fd, &c, 1, 0) == 1) {
         if (text_feed(&self->input, c)) {
             return true;
         }
@@ -182,17 +182,12 @@ static bool next_element(socketcand_member_t *self)
             break;
         }
     }
-    errno = EPROTO;
     return false;
 }
 
-static bool expect(socketcand_member_t *self, const char *element)
+static bool expect(socketcand_member_t *self, const char *element, uint64_t deadline_ms)
 {
-    if (!next_element(self)) {
-        return false;
-    }
-    errno = EPROTO;
-    return strcmp(self->input.element, element) == 0;
+    return next_element(self, deadline_ms) && strcmp(self->input.element, element) == 0;
 }
 
 static bool send_text(socketcand_member_t *self, const char *text)
@@ -200,23 +195,34 @@ static bool send_text(socketcand_member_t *self, const char *text)
     return outbox_put(&self->outbox, text, strlen(text)) && outbox_flush(&self->outbox, self->fd);
 }
 
-static bool handshake(socketcand_member_t *self, const char *name)
+static bool handshake(socketcand_member_t *self, const char *name, uint64_t deadline_ms)
 {
     char open[64];
     snprintf(open, sizeof open, "< open %s >", name);
-    return expect(self, " hi ") && send_text(self, open) && expect(self, " ok ") && send_text(self, "< rawmode >") &&
-           expect(self, " ok ");
+    return expect(self, " hi ", deadline_ms) && send_text(self, open) && expect(self, " ok ", deadline_ms) &&
+           send_text(self, "< rawmode >") && expect(self, " ok ", deadline_ms);
 }
 
 dahl_can_result_t socketcand_join(socketcand_member_t *self, const char *host, const char *port, const char *name,
                              dahl_can_clock_t clock)
 {
+    const struct addrinfo hints = {.ai_family = AF_UNSPEC, .ai_socktype = SOCK_STREAM};
+    struct addrinfo *list;
     self->bus = (dahl_can_bus_t){.ops = &member_ops, .clock = clock};
-    self->fd = connect_to(host, port);
+    self->fd = -1;
+    if (getaddrinfo(host, port, &hints, &list) != 0) {
+        errno = EADDRNOTAVAIL;
+        return DAHL_CAN_BUS_ERROR;
+    }
+    const uint64_t deadline_ms = monotonic_ms() + SOCKETCAND_HANDSHAKE_MS;
+    self->fd = connect_to(list, deadline_ms);
+    const int why = errno;
+    freeaddrinfo(list);
+    errno = why;
     if (self->fd < 0) {
         return DAHL_CAN_BUS_ERROR;
     }
-    if (!handshake(self, name)) {
+    if (!handshake(self, name, deadline_ms)) {
         fail(self->fd, EPROTO);
         return DAHL_CAN_BUS_ERROR;
     }

@@ -23,8 +23,9 @@ typedef struct {
     outbox_t outbox;
 } socketcand_member_t;
 
-/* Connect, open the bus by name and enter raw mode, within 5 s. *self must be all zeros (it is large: make it static).
- * DAHL_CAN_BUS_ERROR: errno is set; EPROTO: the peer is not a socketcand server or does not have this bus. */
+/* Resolve the host, then connect, open the bus by name and enter raw mode, within SOCKETCAND_HANDSHAKE_MS however slowly the peer
+ * answers. The system's resolver has limits of its own. *self must be all zeros (it is large: make it static).
+ * DAHL_CAN_BUS_ERROR: errno is set; EPROTO: the peer is not a socketcand server, does not have this bus, or is too slow. */
 dahl_can_result_t socketcand_join(socketcand_member_t *self, const char *host, const char *port, const char *name,
                              dahl_can_clock_t clock);
 

@@ -161,11 +161,10 @@ static void put_word(socketcand_server_t *self, socketcand_client_t *client, con
     flush(client);
 }
 
-/* Put the frame into the queue of this process, and send it to each client in raw mode except the sender. */
-static dahl_can_result_t deliver(socketcand_server_t *self, const dahl_can_frame_t *frame, const socketcand_client_t *sender)
+/* Put the frame into the queue of this process, and send its text to each client in raw mode except the sender. */
+static dahl_can_result_t deliver(socketcand_server_t *self, const dahl_can_frame_t *frame, const char *text, size_t length,
+                                 const socketcand_client_t *sender)
 {
-    char text[TEXT_FRAME_MAX];
-    size_t length = text_from_frame(text, frame);
     for (size_t i = 0; length > 0 && i < SOCKETCAND_CLIENTS; i++) {
         socketcand_client_t *client = &self->clients[i];
         if (client->stage == SOCKETCAND_RAW && client != sender) {
@@ -181,10 +180,11 @@ static dahl_can_result_t deliver(socketcand_server_t *self, const dahl_can_frame
 
 static dahl_can_result_t server_send(dahl_can_bus_t *bus, const dahl_can_frame_t *frame)
 {
+    char text[TEXT_FRAME_MAX];
     dahl_can_frame_t stamped = *frame;
     stamped.time_us = dahl_can_clock_now_us(&bus->clock);
     stamped.flags |= DAHL_CAN_FRAME_OWN;
-    return deliver((socketcand_server_t *)bus, &stamped, NULL);
+    return deliver((socketcand_server_t *)bus, &stamped, text, text_from_frame(text, &stamped), NULL);
 }
 
 static void on_open(socketcand_server_t *self, socketcand_client_t *client, const char *words)
@@ -227,6 +227,16 @@ static void on_greeting(socketcand_server_t *self, socketcand_client_t *client, 
     }
 }
 
+/* Pass a frame of a client on. The queue keeps 8 bytes of a longer one; the other clients receive all. */
+static void pass_on(socketcand_server_t *self, dahl_can_frame_t *frame, const char *element, const socketcand_client_t *sender)
+{
+    char text[TEXT_LONG_MAX];
+    bool is_long = (frame->flags & DAHL_CAN_FRAME_CUT) != 0;
+    frame->time_us = dahl_can_clock_now_us(&self->bus.clock);
+    size_t length = is_long ? text_from_long_send(text, element, frame) : text_from_frame(text, frame);
+    deliver(self, frame, text, length, sender);
+}
+
 /* An invalid send is counted and not answered, since python-can stops at an answer that is not a frame. Other commands are
  * answered, as python-can does not send them. */
 static void on_raw(socketcand_server_t *self, socketcand_client_t *client, const char *element)
@@ -234,8 +244,7 @@ static void on_raw(socketcand_server_t *self, socketcand_client_t *client, const
     dahl_can_frame_t frame;
     client->quiet_until_ns = 0; /* a client that sends has read "< ok >" */
     if (text_to_send(element, &frame)) {
-        frame.time_us = dahl_can_clock_now_us(&self->bus.clock);
-        deliver(self, &frame, client);
+        pass_on(self, &frame, element, client);
     } else if (text_is_send(element)) {
         self->bus.counts.garbage++;
     } else {

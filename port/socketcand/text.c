@@ -74,20 +74,31 @@ static char *put_byte(char *out, uint8_t byte)
     return out + 2;
 }
 
+/* Write the begin of a frame element, up to its data. */
+static char *put_head(char *out, const dahl_can_frame_t *frame)
+{
+    uint32_t id = frame->id & 0x1FFFFFFFu;
+    uint64_t time_us = frame->time_us;
+    return out + snprintf(out, TEXT_FRAME_MAX, "< frame %0*" PRIX32 " %" PRIu64 ".%06" PRIu64 " ", id_digits(frame), id,
+                          time_us / 1000000u, time_us % 1000000u);
+}
+
+static size_t end_text(char *at, const char *out)
+{
+    memcpy(at, " >", 2);
+    return (size_t)(at + 2 - out);
+}
+
 size_t text_from_frame(char *out, const dahl_can_frame_t *frame)
 {
     if (!is_expressible(frame)) {
         return 0;
     }
-    uint32_t id = frame->id & 0x1FFFFFFFu;
-    uint64_t time_us = frame->time_us;
-    char *at = out + snprintf(out, TEXT_FRAME_MAX, "< frame %0*" PRIX32 " %" PRIu64 ".%06" PRIu64 " ", id_digits(frame), id,
-                              time_us / 1000000u, time_us % 1000000u);
+    char *at = put_head(out, frame);
     for (size_t i = 0, length = frame->length; i < length; i++) {
         at = put_byte(at, frame->data[i]);
     }
-    memcpy(at, " >", 2);
-    return (size_t)(at + 2 - out);
+    return end_text(at, out);
 }
 
 size_t text_from_send(char *out, const dahl_can_frame_t *frame)
@@ -101,8 +112,7 @@ size_t text_from_send(char *out, const dahl_can_frame_t *frame)
         *at++ = ' ';
         at = put_byte(at, frame->data[i]);
     }
-    memcpy(at, " >", 2);
-    return (size_t)(at + 2 - out);
+    return end_text(at, out);
 }
 
 static bool to_number(const char *word, int base, uint64_t limit, uint64_t *value)
@@ -162,7 +172,7 @@ static bool set_length(dahl_can_frame_t *frame, uint64_t length)
         return true;
     }
     frame->length = 8;
-    frame->flags |= DAHL_CAN_FRAME_FD;
+    frame->flags |= DAHL_CAN_FRAME_FD | DAHL_CAN_FRAME_CUT;
     return strchr(fd_lengths, (int)length) != NULL;
 }
 
@@ -189,6 +199,20 @@ bool text_to_send(const char *element, dahl_can_frame_t *frame)
         store_byte(frame, i, byte);
     }
     return is_at_end(element);
+}
+
+size_t text_from_long_send(char *out, const char *element, const dahl_can_frame_t *frame)
+{
+    char word[16];
+    char *at = put_head(out, frame);
+    uint64_t byte;
+    for (int i = 0; i < 3; i++) { /* send, id, length */
+        (void)text_word(&element, word, sizeof word);
+    }
+    while (read_hex(&element, 0xFF, &byte)) {
+        at = put_byte(at, (uint8_t)byte);
+    }
+    return end_text(at, out);
 }
 
 static bool read_time(const char **cursor, dahl_can_frame_t *frame)

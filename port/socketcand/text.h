@@ -25,6 +25,7 @@ extern "C" {
 
 #define TEXT_ELEMENT_MAX 220u
 #define TEXT_FRAME_MAX 80u /* longest element of a frame */
+#define TEXT_LONG_MAX 184u /* the same of CAN FD with 64 bytes */
 
 /* All zeros: between elements. */
 typedef struct {
@@ -40,6 +41,10 @@ bool text_feed(text_splitter_t *s, char c);
 /* Write the element of a frame. Returns its length, at most TEXT_FRAME_MAX, or 0 if the protocol cannot express the frame. */
 size_t text_from_frame(char *out, const dahl_can_frame_t *frame);
 size_t text_from_send(char *out, const dahl_can_frame_t *frame);
+
+/* Write the frame element of a send with more than 8 bytes, whole; *frame is from text_to_send(), with its time. Returns its
+ * length, at most TEXT_LONG_MAX. */
+size_t text_from_long_send(char *out, const char *element, const dahl_can_frame_t *frame);
 
 /* False: another element, or an invalid one; then *frame may be incomplete. A send has no time, so its time_us is 0. */
 bool text_to_send(const char *element, dahl_can_frame_t *frame);

@@ -73,8 +73,7 @@ static verdict_t judge_letter(char letter, int refused)
         const char *answer;
         int open;
     } letters[] = {{'O', "\r", 1},       {'L', "\r", 1},       {'C', "\r", 0},      {'V', "V0101\r", -1},
-                   {'v', "v0101\r", -1}, {'N', "NDAHL\r", -1}, {'S', "\r", -1},     {'s', "\r", -1},
-                   {'F', refused ? "F80\r" : "F00\r", -1}};
+                   {'v', "v0101\r", -1}, {'N', "NDAHL\r", -1}, {'F', refused ? "F80\r" : "F00\r", -1}};
     for (size_t i = 0; i < sizeof letters / sizeof letters[0]; i++) {
         if (letters[i].letter == letter) {
             return (verdict_t){SLCAN_ANSWER, FINE, letters[i].answer, {0}, letters[i].open};
@@ -83,11 +82,24 @@ static verdict_t judge_letter(char letter, int refused)
     return (verdict_t){SLCAN_ANSWER, UNKNOWN, "\a", {0}, -1};
 }
 
+static fault_t read_bit_rate(const char *line, size_t length)
+{
+    if (line[0] == 'S') {
+        return length == 2 && line[1] != '\0' && strchr("0123456789", line[1]) != NULL ? FINE : UNKNOWN;
+    }
+    if (length == 1 || length > 9) {
+        return UNKNOWN;
+    }
+    return number(line, length, 1, length - 1) < 0 ? NOT_HEX : FINE;
+}
+
 static verdict_t judge(const char *line, size_t length, const slcan_t *now, int refused)
 {
     verdict_t v = {SLCAN_ANSWER, length > SLCAN_LINE_MAX ? TOO_LONG : UNKNOWN, "\r", {0}, -1};
-    if (length == 0 || (length <= SLCAN_LINE_MAX && memchr("Ss", line[0], 2) != NULL)) {
+    if (length == 0) {
         v.fault = FINE;
+    } else if (length <= SLCAN_LINE_MAX && memchr("Ss", line[0], 2) != NULL) {
+        v.fault = read_bit_rate(line, length);
     } else if (length <= SLCAN_LINE_MAX && memchr("tTrRdDbB", line[0], 8) != NULL) {
         v.fault = read_frame(line, length, &v.frame);
         v.fault = v.fault == FINE && !now->open ? CLOSED : v.fault;

@@ -23,7 +23,7 @@ static int is_frame(const dahl_can_frame_t *frame)
 {
     int extended = (frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0;
     return frame->id <= (extended ? 0x1FFFFFFFu : 0x7FFu) && frame->length <= 8 &&
-           (frame->flags & ~(DAHL_CAN_FRAME_EXTENDED | DAHL_CAN_FRAME_OWN | DAHL_CAN_FRAME_FD)) == 0;
+           (frame->flags & ~(DAHL_CAN_FRAME_EXTENDED | DAHL_CAN_FRAME_OWN | DAHL_CAN_FRAME_FD | DAHL_CAN_FRAME_CUT)) == 0;
 }
 
 static int is_same(const dahl_can_frame_t *a, const dahl_can_frame_t *b)
@@ -96,7 +96,7 @@ static int read_send(const char *element, dahl_can_frame_t *frame)
         frame->data[i < 8 ? i : 7] = i < 8 ? byte : frame->data[7];
     }
     frame->length = length <= 8 ? length : 8;
-    frame->flags |= length <= 8 ? 0 : DAHL_CAN_FRAME_FD;
+    frame->flags |= length <= 8 ? 0 : DAHL_CAN_FRAME_FD | DAHL_CAN_FRAME_CUT;
     return good;
 }
 
@@ -122,7 +122,7 @@ static int read_frame(const char *element, dahl_can_frame_t *frame)
     }
     size_t length = count == 4 ? strlen(words[3]) / 2 : 0;
     frame->length = (uint8_t)(length <= 8 ? length : 8);
-    frame->flags |= length <= 8 ? 0 : DAHL_CAN_FRAME_FD;
+    frame->flags |= length <= 8 ? 0 : DAHL_CAN_FRAME_FD | DAHL_CAN_FRAME_CUT;
     for (size_t i = 0; i < frame->length; i++) {
         const char pair[] = {words[3][2 * i], words[3][2 * i + 1], '\0'};
         frame->data[i] = (uint8_t)strtoul(pair, NULL, 16);
@@ -150,6 +150,20 @@ static void check_written(const dahl_can_frame_t *frame)
     LAW(text_to_send(element, &back) && is_same(&back, frame), "a written send is read back");
 }
 
+/* A send of more than 8 bytes is passed on with all of them. */
+static void check_long_send(const char *element, const dahl_can_frame_t *frame)
+{
+    char words[WORDS_MAX][WORD_SIZE], text[TEXT_LONG_MAX + 1], wanted[400];
+    int count = words_of(element, words);
+    size_t length = text_from_long_send(text, element, frame);
+    int at = sprintf(wanted, frame->flags & DAHL_CAN_FRAME_EXTENDED ? "< frame %08X 0.000000 " : "< frame %03X 0.000000 ", (unsigned)frame->id);
+    for (int i = 3; i < count; i++) {
+        at += sprintf(wanted + at, "%02X", (unsigned)strtoul(words[i], NULL, 16));
+    }
+    at += sprintf(wanted + at, " >");
+    LAW(length == (size_t)at && length <= TEXT_LONG_MAX && memcmp(text, wanted, length) == 0, "a long send is passed on whole");
+}
+
 static void check_words(const char *element)
 {
     dahl_can_frame_t frame, other;
@@ -157,6 +171,9 @@ static void check_words(const char *element)
     LAW(good == read_send(element, &other), "a send is accepted if and only if the second reader accepts it");
     LAW(!good || (is_same(&frame, &other) && frame.time_us == 0), "a send has the frame of the second reader");
     LAW(text_is_send(element) || !good, "a send is known by its first word");
+    if (good && (frame.flags & DAHL_CAN_FRAME_CUT)) {
+        check_long_send(element, &frame);
+    }
     if (!good) {
         good = text_to_frame(element, &frame);
         LAW(good == read_frame(element, &other), "a frame is accepted if and only if the second reader accepts it");

@@ -28,6 +28,8 @@ int socket(int domain, int type, int protocol)
         return PLAY_LISTENER;
     }
     play.peers[0].is_connected = 1; /* socket of the client under test */
+    play.peers[0].is_deaf = play.dead_addresses > 0;
+    play.dead_addresses -= play.dead_addresses > 0;
     return PLAY_FD;
 }
 
@@ -107,10 +109,10 @@ static int look(struct pollfd *fds, nfds_t count, uint64_t wait_ns)
         play.peers[i].room = play.peers[i].room_per_poll;
     }
     for (nfds_t i = 0; i < count; i++) {
-        fds[i].revents = fds[i].fd < 0 ? 0 : state_of(fds[i].fd, fds[i].events);
+        fds[i].revents = fds[i].fd < 0 || play.delay_ns > wait_ns ? 0 : state_of(fds[i].fd, fds[i].events);
         ready += fds[i].revents != 0;
     }
-    play.now_ns += ready ? 1000 : wait_ns;
+    play.now_ns += ready ? 1000 + play.delay_ns : wait_ns;
     return ready;
 }
 
@@ -172,13 +174,17 @@ int connect(int fd, const struct sockaddr *address, socklen_t size)
 int shutdown(int fd, int how)
 {
     peer_of(fd)->has_hung_up |= how == SHUT_RDWR;
+    peer_of(fd)->has_seen_end |= how != SHUT_RD;
     return 0;
 }
 
 int getaddrinfo(const char *host, const char *port, const struct addrinfo *hints, struct addrinfo **list)
 {
-    static struct addrinfo one = {.ai_family = AF_UNSPEC, .ai_socktype = SOCK_STREAM};
-    *list = &one;
+    static struct addrinfo addresses[4];
+    for (int i = 0; i <= play.dead_addresses; i++) {
+        addresses[i].ai_next = i < play.dead_addresses ? &addresses[i + 1] : NULL;
+    }
+    *list = addresses;
     return 0;
 }
 

@@ -10,6 +10,7 @@ enum { PLAY_PEERS = 3, PLAY_LISTENER = 100, PLAY_FD = 101 };
 
 typedef struct {
     int is_connected, waits_at_door, has_hung_up, is_deaf, is_reset;
+    int has_seen_end; /* of what the client sends */
     const uint8_t *says; /* its next bytes */
     size_t says_left;
     size_t takes;              /* bytes that one send() accepts; 0: all */
@@ -21,6 +22,8 @@ typedef struct {
 typedef struct {
     play_peer_t peers[PLAY_PEERS];
     uint64_t now_ns;
+    uint64_t delay_ns; /* from a poll() to what it waits for */
+    int dead_addresses; /* of the host, before the one that answers */
     int open;       /* descriptors */
     int send_error; /* errno of the next send(); 0: none */
 } play_t;

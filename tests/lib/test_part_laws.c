@@ -74,3 +74,40 @@ static void test_the_clamped_model_keeps_its_limits_for_any_input(void)
     TEST_ASSERT_TRUE(dahl_clamped_step(&soft_plan, &bristle, -INFINITY, ONE_Q30) == -soft.Fc);
     TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &little, 0.0f, 0) == 0.0f && little.w == 0);
 }
+
+/* The condition of the bound: u/c is 0 or at least 2^-30. */
+static void test_the_clamped_model_keeps_its_bound_down_to_the_least_travel(void)
+{
+    static const uint32_t loads[] = {ONE_Q30 / 1024, ONE_Q30 / 3, ONE_Q30, 0x7fffffffu};
+    const dahl_params_t p = {1.9999f, 1.9999f, 0.0f}; /* u = dtheta */
+    dahl_plan_t plan;
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_prepare(&plan, &p));
+    for (size_t i = 0; i < 8; i++) {
+        const long double c = loads[i / 2] * 0x1p-30L, ulp = fmaxl(ulp_of(p.Fc), ulp_of((float)(c * p.Fc)));
+        const float least = (float)(c * 0x1.0001p-30L), far = (float)(18 * c);
+        dahl_state_t state = {0};
+        reference_t exact = {1 / c, 0, c};
+        for (int32_t tick = 0; tick < 300000; tick++) {
+            const float dtheta = tick == 0 ? far : i % 2 && tick % 3 == 2 ? -least : least;
+            const float F = dahl_clamped_step(&plan, &state, dtheta, loads[i / 2]);
+            TEST_ASSERT_TRUE(fabsl(F - reference_move(&exact, dtheta) * p.Fc) <= DAHL_ULP_ANGLE * ulp);
+        }
+    }
+}
+
+/* Why there is a condition: 2^14 moves of 2^-44 are lost, their sum is not. */
+static void test_moves_below_the_least_travel_must_be_added_up(void)
+{
+    const dahl_params_t p = {1.0f, 1.0f, 0.0f};
+    dahl_plan_t plan;
+    dahl_state_t state = {0};
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_prepare(&plan, &p));
+    (void)dahl_clamped_step(&plan, &state, 14.0f, ONE_Q30);
+    const int64_t before = state.w;
+    for (int tick = 0; tick < 1 << 14; tick++) {
+        (void)dahl_clamped_step(&plan, &state, 0x1p-44f, ONE_Q30);
+    }
+    TEST_ASSERT_TRUE(state.w == before);
+    (void)dahl_clamped_step(&plan, &state, 0x1p-30f, ONE_Q30);
+    TEST_ASSERT_TRUE(state.w > before);
+}

@@ -252,6 +252,40 @@ static play_peer_t *join_server(const char *words)
     return &play.peers[0];
 }
 
+/* The server sends one byte at a time: 17 of them, after the time to connect. */
+static void test_a_client_joins_within_its_time_or_gives_up_however_slow_the_server(void)
+{
+    enum { OK = DAHL_CAN_BUS_OK, FAILS = DAHL_CAN_BUS_ERROR };
+    static const struct {
+        uint32_t delay_ms;
+        int dead_addresses;
+        dahl_can_result_t result;
+    } cases[] = {{0, 0, OK}, {250, 0, OK}, {300, 0, FAILS}, {1200, 0, FAILS}, {4900, 0, FAILS}, {6000, 0, FAILS},
+                 {0, 1, OK}, {0, 3, OK}, {100, 1, OK}, {200, 1, FAILS}};
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        static const char text[] = "< hi >< ok >< ok >";
+        memset(&member, 0, sizeof member);
+        play = (play_t){.now_ns = 1, .delay_ns = cases[i].delay_ms * UINT64_C(1000000),
+                        .dead_addresses = cases[i].dead_addresses};
+        play.peers[0] = (play_peer_t){.says = (const uint8_t *)text, .says_left = strlen(text), .hears = count_elements};
+        TEST_ASSERT_EQUAL(cases[i].result, socketcand_join(&member, "host", "1", "vcan0", clock_of_play));
+        TEST_ASSERT_TRUE(play.now_ns <= (SOCKETCAND_HANDSHAKE_MS + 10) * UINT64_C(1000000));
+        TEST_ASSERT_EQUAL(cases[i].result == DAHL_CAN_BUS_OK ? 1 : 0, play.open);
+    }
+}
+
+static void test_a_client_refuses_another_server_at_once(void)
+{
+    static const char *const words[] = {"SSH-2.0< hi >< ok >< ok >", "< hello >< ok >< ok >", "< hi >< error >< ok >", "< hi >< ok >x< ok >"};
+    for (size_t i = 0; i < sizeof words / sizeof words[0]; i++) {
+        memset(&member, 0, sizeof member);
+        play = (play_t){.now_ns = 1};
+        play.peers[0] = (play_peer_t){.says = (const uint8_t *)words[i], .says_left = strlen(words[i]), .hears = count_elements};
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_ERROR, socketcand_join(&member, "host", "1", "vcan0", clock_of_play));
+        TEST_ASSERT_TRUE(errno == EPROTO && play.open == 0 && play.now_ns < 1000000);
+    }
+}
+
 static dahl_can_result_t receive(dahl_can_frame_t *out)
 {
     return dahl_can_bus_receive(&member.bus, out, 1000);
@@ -268,6 +302,10 @@ static void test_a_client_receives_frames_and_counts_garbage(void)
     TEST_ASSERT_EQUAL(12345678, out.time_us);
     TEST_ASSERT_EQUAL(4, member.bus.counts.garbage);
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, receive(&out));
+    play.peers[0].says = (const uint8_t *)"z";
+    play.peers[0].says_left = 1;
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, receive(&out));
+    TEST_ASSERT_EQUAL(5, member.bus.counts.garbage);
 }
 
 static void test_a_client_returns_gone_if_the_server_leaves(void)
@@ -317,6 +355,7 @@ static void test_closing_a_client_sends_its_queue_and_reads_its_input(void)
     server_side->is_deaf = 0;
     server_side->room_per_poll = 1000;
     member.bus.ops->close(&member.bus);
+    TEST_ASSERT_TRUE(server_side->has_seen_end); /* so that it closes */
     TEST_ASSERT_EQUAL(102, elements);
     TEST_ASSERT_EQUAL(0, server_side->says_left);
     TEST_ASSERT_EQUAL(0, play.open);

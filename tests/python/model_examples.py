@@ -10,7 +10,7 @@ from dahl.binding import models
 SIGMA0 = [100.0, 30.0, 50.0]  # N m/rad, of each element
 FC = [0.2, 0.7, 0.05]  # N m, of each element or direction
 THETA = 3.8e-4  # rad per count
-OWN = {"kinds": ["slip", "dahl", "dahl"], "breakaway": 0.6}  # own keys
+OWN = {"kinds": ["dahl", "slip", "dahl"], "breakaway": 0.6}  # own keys
 BRISTLES = [model for model in models.table().values() if model.has_plan and model.sigma0s]
 BRISTLES = [model for model in BRISTLES if model.name != "dahl"]  # classes derived from Bristle
 

@@ -30,7 +30,7 @@ void tearDown(void)
 
 static void test_quantiles_are_exact_below_64_ns_and_to_1_32_above(void)
 {
-    static histogram_t few, all;
+    static histogram_t few, all, single;
     TEST_ASSERT_EQUAL(0, histogram_quantile(&few, 0.5));
     for (uint64_t ns = 1; ns <= 20; ns++) {
         histogram_add(&few, ns);
@@ -39,6 +39,8 @@ static void test_quantiles_are_exact_below_64_ns_and_to_1_32_above(void)
     TEST_ASSERT_EQUAL(10, histogram_quantile(&few, 0.5));
     TEST_ASSERT_EQUAL(11, histogram_quantile(&few, 0.501));
     TEST_ASSERT_EQUAL(20, histogram_quantile(&few, 0.99));
+    histogram_add(&single, 1001);
+    TEST_ASSERT_EQUAL(1001, histogram_quantile(&single, 0.5));
     for (uint32_t bit = 0; bit < 64; bit++) {
         static histogram_t one;
         uint64_t ns = UINT64_C(1) << bit;
@@ -53,6 +55,21 @@ static void test_quantiles_are_exact_below_64_ns_and_to_1_32_above(void)
     TEST_ASSERT_EQUAL_UINT64(3 * 64, all.count);
     TEST_ASSERT_TRUE(histogram_quantile(&all, 1.0) == UINT64_MAX);
     TEST_ASSERT_EQUAL(0, histogram_quantile(&all, 0.001));
+}
+
+/* Also in the last bin, that of UINT64_MAX. */
+static void test_a_merge_is_the_histogram_of_all_durations(void)
+{
+    static histogram_t parts[2], merged, all;
+    for (uint32_t i = 0; i < 3 * 65; i++) {
+        const uint64_t ns = UINT64_MAX >> i / 3;
+        histogram_add(&parts[i % 2], ns);
+        histogram_add(&all, ns);
+    }
+    histogram_merge(&merged, &parts[1]);
+    histogram_merge(&merged, &parts[0]);
+    histogram_merge(&merged, &(const histogram_t){.count = 0});
+    TEST_ASSERT_EQUAL_MEMORY(&all, &merged, sizeof all);
 }
 
 static void send(uint32_t frames)

@@ -54,7 +54,7 @@ plugin() {
     PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 \
         "$PYTHON" -c 'import sys; sys.modules["asammdf"] = None; import pytest; sys.exit(pytest.main())' \
         -c /dev/null --noconftest -p dahl.pytest_plugin -p no:cacheprovider "$OUT/test_rig.py" \
-        --dahl-interface socketcan --dahl-channel can1 >"$HERE/pytest.out" 2>&1
+        --dahl-interface socketcan --dahl-channel can1 --dahl-require --dahl-answer-timeout 60 >"$HERE/pytest.out" 2>&1
     stop node
 }
 

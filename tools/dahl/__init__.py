@@ -4,7 +4,8 @@
 Same names, units and bits as the C library, which does all mathematics. Torques have the sign of
 the motion; for linear motion read m and N. Objects start relaxed. They can be compared, copied and
 pickled; a copy has a separate state. Use an object from one thread at a time. An argument outside
-its stated range raises dahl.Error with name, value and limit, before any move. Public names:
+its stated range raises dahl.InputError with name, value and limit, one of a wrong type TypeError,
+before any move. Public names:
 
     Plan(sigma0, Fc, theta_per_count)   parameters, prepared once
     Friction(plan)                      one bearing: step it by counts or angles, read its torque
@@ -23,8 +24,9 @@ its stated range raises dahl.Error with name, value and limit, before any move. 
     counts_between(before, now, modulus)   shortest way from one encoder reading to the next
     to_units(ratio_q30, Fc_units)       convert F/Fc in Q30 to integer units of torque
     Node(plan, number)                  friction node on a bus: python-can messages in and out
+    Client(bus, number)                 other end of a node: moves in counts, torque in N m
     node, codec                         modules: nodes on a bus, and their frames
-    Error, RunError, Timeout            all errors that the package raises
+    Error                               base of InputError, RunError, BusError and Timeout
 
 >>> import dahl
 >>> bearing = dahl.Friction(dahl.Plan(sigma0=100.0, Fc=0.5, theta_per_count=2 * 3.14159265 / 16384))
@@ -38,7 +40,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
-from dahl.errors import Error, RunError, Timeout
+from dahl.errors import BusError, Error, InputError, RunError, Timeout
 from dahl.version import __version__ as __version__
 
 TYPE_CHECKING = False  # importing typing would double the time of `dahl --help`
@@ -55,16 +57,20 @@ if TYPE_CHECKING:
     from dahl.binding.velocity import VelocityTable
     from dahl.binding.work import Work
     from dahl.can import codec, node
+    from dahl.can.client import Client
     from dahl.can.node import Node
 
 __all__ = [
     "Adaptation",
     "Asymmetric",
+    "BusError",
+    "Client",
     "Compensator",
     "ElastoPlastic",
     "Encoder",
     "Error",
     "Friction",
+    "InputError",
     "Loaded",
     "Node",
     "Parallel",
@@ -96,6 +102,7 @@ MODULES = {  # of the public classes and functions
     "binding.throughput": ("Throughput", "ThroughputParallel", "ThroughputSlip"),
     "binding.velocity": ("VelocityTable",),
     "binding.work": ("Work",),
+    "can.client": ("Client",),
     "can.node": ("Node",),
 }
 MODULE = {name: module for module, names in MODULES.items() for name in names}

@@ -3,17 +3,19 @@
 `error: ...`.
 
 Exit codes: 0 success; 1 a failed run (lost bus, program not built); 2 bad input; 130 ended by
-Ctrl-C, after one line, with complete files.
+Ctrl-C, after one line, with complete files. Without a command it prints the help and exits with 2.
 """
 
 from __future__ import annotations
 
 import argparse
+import difflib
 import inspect
 import io
+import logging
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NoReturn, TextIO
 
 from dahl import dependencies, interrupt, paths
@@ -44,6 +46,7 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, *args: Any, fill: Callable[[Parser], None] | None = None, **kwargs: Any):
         super().__init__(*args, **kwargs)
         self._fill = fill
+        self._words: list[str] = []
 
     def fill(self) -> None:
         """Add the arguments, once."""
@@ -51,12 +54,28 @@ class Parser(argparse.ArgumentParser):
         if fill is not None:
             fill(self)
 
-    def parse_known_args(self, *args: Any, **kwargs: Any) -> Any:
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         self.fill()
-        return super().parse_known_args(*args, **kwargs)
+        self._words = list(args or [])
+        return super().parse_known_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
+        message += "".join(_hint(word, known) for word, known in self._unknown_words())
         self.exit(2, f"error: {printable(message)} (see {self.prog} --help)\n")
+
+    def _unknown_words(self) -> Iterator[tuple[str, list[str]]]:
+        """Yield each long option that this parser does not know, and a command that does not exist,
+        each with the known ones. Another error, such as a missing option, may be due to it.
+        """
+        options = list(self._option_string_actions)
+        for word in self._words[: (*self._words, "--").index("--")]:
+            if self._subparsers is not None and not word.startswith("-"):
+                if word not in COMMANDS:
+                    yield word, list(COMMANDS)
+                return  # the following options are those of the command
+            name = word.partition("=")[0]
+            if name.startswith("--") and not any(one.startswith(name) for one in options):
+                yield name, options
 
     def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
         sys.stdout.flush()  # a closed pipe or a full disk must be an error here
@@ -65,6 +84,12 @@ class Parser(argparse.ArgumentParser):
     def _print_message(self, message: str, file: Any = None) -> None:
         """Write the message as argparse does, but raise an error if that fails."""
         (file or sys.stderr).write(message or "")
+
+
+def _hint(word: str, known: list[str]) -> str:
+    """Return a question with the nearest known word, "" if none is near."""
+    near = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.7)
+    return f"; {word}: did you mean {near[0]}?" if near else ""
 
 
 COMMANDS = {
@@ -141,12 +166,17 @@ def _run_command(words: list[str], is_only_command: bool) -> int:
     command = next((word for word in words if word in COMMANDS), "")
     if is_only_command:
         dependencies.block_mf4_import(command, words)
+    if not words:
+        print(build_parser().format_help(), end="", file=sys.stderr)
+        return 2
     try:
         args, unknown = build_parser().parse_known_args(words)
         if unknown:
             args.command_parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         args.words = words
         dependencies.ensure_installed(args.command, words)
+        # python-can warns of each frame that arrives in two pieces
+        logging.getLogger("can").setLevel(logging.ERROR)
         return int(args.run(args) or 0)
     except ModuleNotFoundError as error:
         if not dependencies.is_lacking(command, error.name):

@@ -1,7 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""The error classes of the package: `except dahl.Error` catches all of them."""
+"""The error classes of the package: `except dahl.Error` catches all of them. A wrong type of an
+argument, and an argument that a call does not have, is a TypeError.
+"""
 
 from __future__ import annotations
+
+TYPE_CHECKING = False  # importing typing would double the time of `dahl --help`
+if TYPE_CHECKING:
+    from typing import Any
 
 
 def printable(text: str) -> str:
@@ -9,20 +15,36 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
 
 
-class Error(ValueError):
-    """An input that the user can correct; one line names value, limit and place.
+def hide(excinfo: Any) -> bool:
+    """Return whether pytest hides the frames of a module from a traceback, if its
+    __tracebackhide__ is this function: an error of dahl points at the line of the test.
+    """
+    return excinfo is not None and isinstance(excinfo.value, Error)
 
-    Wrong types and unknown keywords raise it too, so `except dahl.Error` is enough for all input.
+
+class Error(Exception):
+    """Base of all errors. Commands raise it for an input that the user can correct, and exit with
+    2.
     """
 
     def __str__(self) -> str:
         return printable(super().__str__())
 
 
+class InputError(Error, ValueError):
+    """A value that the user can correct; one line names value, limit and place."""
+
+
 class RunError(Error):
-    """A run failed for a reason outside the input, for example a lost bus or a missing program.
+    """A run failed for a reason outside the input, for example a missing program.
 
     Commands exit with 1 instead of 2.
+    """
+
+
+class BusError(RunError, ConnectionError):
+    """A bus does not open, is lost, or refuses a frame. It is also a ConnectionError and OSError,
+    like those of sockets.
     """
 
 

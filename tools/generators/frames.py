@@ -336,7 +336,6 @@ from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import Any, ClassVar
 
-from dahl.binding import checks
 from dahl.can.frame import Frame, ParamFrame, ParamWriteFrame, StatusFrame, TorqueFrame
 
 
@@ -397,7 +396,6 @@ def _python_class(dbc: Database, name: str) -> str:
     opening = f'    """{first_sentence(message.comment)}'
     return "\n".join(
         [
-            "@checks.calls_checked",
             "@dataclass(frozen=True)",
             f"class {name}({names.base}):",
             *textwrap.wrap(opening, 100, subsequent_indent="    "),

@@ -3,6 +3,7 @@
 # Debian packages, for tools/setup.sh.
 
 APT_ANSWERS=yes
+MIN_CMAKE=3.22 # as in CMakePresets.json
 MISSING=()          # required packages that are not installed
 MISSING_OPTIONAL=() # optional packages that are not installed
 
@@ -47,14 +48,30 @@ check_packages() {
 
 # Other distributions have other package names. Therefore check for the programs and headers that the build uses.
 check_without_apt() {
-    local missing=() tool file
-    for tool in cc cmake ninja python3; do command -v "$tool" >/dev/null || missing+=("$tool"); done
-    for file in ini.h csv.h cjson/cJSON.h; do
-        echo "#include <$file>" | cc -E - >/dev/null 2>&1 || missing+=("$file (library)")
-    done
+    local missing=() tool file compiler=${CC:-cc}
+    for tool in "${compiler%% *}" cmake ninja python3; do command -v "$tool" >/dev/null || missing+=("$tool"); done
+    if command -v "${compiler%% *}" >/dev/null; then
+        for file in ini.h csv.h cjson/cJSON.h; do
+            # shellcheck disable=SC2086 # CC may have options
+            echo "#include <$file>" | $compiler -E - >/dev/null 2>&1 || missing+=("$file")
+        done
+    fi
     [ "${#missing[@]}" -eq 0 ] && { say "no apt-get here, but all programs and libraries of the build are in place"; return; }
-    printf 'not found: %s\n' "${missing[@]}" >&2
-    die "this is not Debian: please install the packages that contain these. On Debian they are: $(words_of MUST | tr '\n' ' ')"
+    die "not found: ${missing[*]}; no apt-get here, so please install these. On Debian the packages are: $(words_of MUST | xargs)"
+}
+
+# A compiler or a CMake that apt-get does not replace would fail only after minutes, in the build.
+check_build_tools() {
+    local version
+    if [ -n "${CC:-}" ]; then
+        # shellcheck disable=SC2086 # CC may have options
+        $CC -v >/dev/null 2>&1 || die "CC=$CC does not run: install this C compiler, or unset CC"
+    fi
+    command -v cmake >/dev/null || return 0
+    version=$(cmake --version 2>/dev/null | sed -n '1s/.*version \([0-9][0-9.]*\).*/\1/p') || true
+    [ -n "$version" ] || die "$(command -v cmake) does not run: repair it, or remove it from PATH"
+    printf '%s\n' "$MIN_CMAKE" "$version" | sort -CV ||
+        die "$(command -v cmake) has version $version: please install CMake $MIN_CMAKE or later"
 }
 
 needs_apt() { must_have_apt || may_fetch || may_try_optional; }

@@ -100,7 +100,7 @@ def test_draw_has_the_bits_of_c_and_needs_elements_with_a_state() -> None:
     assert 2**60 < element.state.w == w.w < 2**62 and measured.state.w == target.w
     wrong = {"element": (ELEMENTS["slip"](), measured), "measured": (element, dahl.Work)}
     for name, pair in wrong.items():
-        with pytest.raises(dahl.Error, match=f"^{name} = .* has no State"):
+        with pytest.raises(TypeError, match=f"^{name} = .* has no State"):
             one.draw(*pair)
 
 
@@ -343,7 +343,6 @@ REFUSED: list[tuple[Callable[..., Any], dict[str, Any], tuple[str, ...]]] = [
     (compensator, {"length_long": -1.0, "reference": True}, ("= -1 is outside 0, or 2^-64",)),
     (compensator, {"slew": 0.0}, ("slew = 0 ", "N m/s")),
     (compensator, {"period": -1.0}, ("period = -1 ", "(s)")),
-    (compensator, {"reference": 1}, ("reference = 1",)),
     (adaptation, {"inertia": 0.0}, ("inertia = 0 ", "kg m2")),
     (adaptation, {"inertia": -1.0}, ("inertia = -1 ", "2^-64")),
     (adaptation, {"period": 0.021}, ("period = 0.021 ", "0.02 (s)")),
@@ -389,9 +388,9 @@ def test_a_flag_is_a_bool_or_a_whole_number(flag: Any) -> None:
     """A text or NaN would be true: a bad reading would count as good."""
     one, again, element = compensator(), compensator(), ELEMENTS["dahl"]()
     if any(flag is wrong for wrong in NO_FLAGS):
-        with pytest.raises(dahl.Error, match="is_good = "):
+        with pytest.raises(TypeError, match="is_good = "):
             one.move(5, flag)
-        with pytest.raises(dahl.Error, match="is_good "):
+        with pytest.raises((dahl.InputError, TypeError), match="is_good "):
             one.run_log(element, [5, 5], is_good=[flag, flag])
         assert one == compensator()
         return
@@ -410,7 +409,7 @@ def test_a_log_that_does_not_fit_changes_nothing() -> None:
         (3, [1]),
     ]
     for arguments in wrong:
-        with pytest.raises(dahl.Error):
+        with pytest.raises((dahl.InputError, TypeError)):
             one.run_log(*arguments)
     assert one == compensator() and element == ELEMENTS["dahl"]()
 
@@ -426,7 +425,7 @@ MISFITS: dict[str, Callable[[], Any]] = {
 @pytest.mark.parametrize("word", MISFITS)
 def test_a_compensator_that_does_not_fit_is_refused(word: str) -> None:
     one = adaptation()
-    with pytest.raises(dahl.Error, match=word):
+    with pytest.raises((dahl.InputError, TypeError), match=word):
         one.step(MISFITS[word](), 0.5)
     with pytest.raises(dahl.Error, match="motor = nan"):
         one.step(compensator(reference=True), math.nan)

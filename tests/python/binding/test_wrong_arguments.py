@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""A wrong argument raises dahl.Error in one line with name, value, limit, and changes nothing."""
+"""A wrong value raises dahl.InputError and a wrong type TypeError, in one line with name, value and
+limit, and changes nothing.
+"""
 
 from __future__ import annotations
 
@@ -37,9 +39,11 @@ def bearing() -> dahl.Friction:
     return one
 
 
-def refused(call: Callable[[], object], first: str, *words: str) -> None:
+def refused(
+    call: Callable[[], object], first: str, *words: str, kind: type[Exception] = dahl.InputError
+) -> None:
     """The message must begin with `first`, and contain the other words."""
-    with pytest.raises(dahl.Error) as caught:
+    with pytest.raises(kind) as caught:
         call()
     line = str(caught.value)
     assert line.startswith(first), line
@@ -113,10 +117,10 @@ def test_a_value_that_is_not_a_number_is_named(value):
                 changed = [*held[:-1], value] if is_list else value
                 place = f"{name}[{len(held) - 1}]" if is_list else name
                 call = partial(kind.make, **{name: changed})
-                refused(call, f"{place} = ", "is not a number")
+                refused(call, f"{place} = ", "is not a number", kind=TypeError)
     for name, calls in [*REAL.items(), *((limits[0], calls) for limits, calls in WHOLE.items())]:
         for call in calls:
-            refused(lambda call=call: call(value), f"{name} = ", "is not a number")
+            refused(partial(call, value), f"{name} = ", "is not a number", kind=TypeError)
 
 
 @pytest.mark.parametrize("limits", WHOLE, ids=str)
@@ -148,9 +152,6 @@ SLIPS = [
     (lambda k: k([1.0] * 9, [1.0] * 9, 1e-3), ("sigma0", "9 elements", "8")),
     (lambda k: k([1.0, 2.0], [1.0], 1e-3), ("sigma0 has 2", "Fc 1")),
     (lambda k: k([1.0, 1e-9], [1.0, 1e9], 1e-3), ("element 1", "travel", *TRAVEL)),
-    (lambda k: k(100.0, [1.0], 1e-3), ("sigma0 = 100.0", "list")),
-    (lambda k: k([1.0], np.ma.masked, 1e-3), ("Fc = masked", "list")),
-    (lambda k: k(sigma0=[1.0], fc=1, theta_per_count=1.0), ("", "Slip: fc = 1")),
 ]
 REFUSED = [
     *((lambda call=call: call(dahl.Slip), words) for call, words in SLIPS),
@@ -167,11 +168,33 @@ REFUSED = [
     (lambda: dahl.VelocityTable([1.0, math.nan] + [1.0] * 14, 0), ("torque[1] = nan",)),
     (lambda: dahl.Encoder(2), ("modulus = 2", "3")),
     (lambda: dahl.Encoder(10, 0), ("sign = 0", "-1")),
-    (lambda: dahl.Parallel(dahl.Slip([1], [1], 1), 3), ("parts[1] = 3",)),
     (lambda: dahl.Parallel(*[dahl.Slip([1], [1], 1)] * 2), ("parts[1]", "twice")),
-    (lambda: dahl.Loaded(PLAN, 1), ("fixed_stiffness = 1",)),
     (lambda: dahl.Throughput.run_counts_channels([dahl.Throughput(1, 1, 1)] * 2, [[1, 2, 3]]),
      ("moves has shape (1, 3), not (n, 2)",)),
+    # a torque that no move reaches
+    (lambda: bearing().counts_to_torque(0.6), ("F = 0.6", "0.5")),
+    # moves of the other kind of load
+    *((lambda c=c: getattr(dahl.Loaded(PLAN), c)(1e-3, 1.0), (f"Loaded.{c}", "step_counts"))
+      for c in ("step", "run")),
+    *((lambda c=c: getattr(dahl.Loaded(PLAN, True), c)(1, 1.0), (f"Loaded.{c}", "step()"))
+      for c in ("step_counts", "step_counts_q30", "run_counts")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "words"), REFUSED)
+def test_values_that_do_not_fit_together_are_named(call, words):
+    refused(call, *words)
+
+
+WRONG_TYPES = [
+    *((lambda k=k: k(100.0, [1.0], 1e-3), ("sigma0 = 100.0", "list"))
+      for k in (dahl.Slip, dahl.ThroughputSlip)),
+    *((lambda k=k: k([1.0], np.ma.masked, 1e-3), ("Fc = masked", "list"))
+      for k in (dahl.Slip, dahl.ThroughputSlip)),
+    (lambda: dahl.VelocityTable(3, 0), ("torque = 3", "list")),
+    (lambda: dahl.Parallel(dahl.Slip([1], [1], 1), 3), ("parts[1] = 3",)),
+    (lambda: dahl.ThroughputParallel(3), ("parts[0] = 3",)),
+    (lambda: dahl.Loaded(PLAN, 1), ("fixed_stiffness = 1",)),
     *(
         (lambda c=c, v=v: c(v), ("plan = ", "Plan"))
         for v in (None, (1, 1, 1), dahl.Throughput(1, 1, 1), dahl.Plan)
@@ -182,27 +205,22 @@ REFUSED = [
         for r in (dahl.Throughput.run_channels, dahl.Throughput.run_counts_channels)
         for p, name in ((dahl.Throughput(1, 1), "params = "), ([PLAN], "params[0] = "))
     ),
-    # a torque that no move reaches
-    (lambda: bearing().counts_to_torque(0.6), ("F = 0.6", "0.5")),
-    # moves of the other kind of load
-    *((lambda c=c: getattr(dahl.Loaded(PLAN), c)(1e-3, 1.0), (f"Loaded.{c}", "step_counts"))
-      for c in ("step", "run")),
-    *((lambda c=c: getattr(dahl.Loaded(PLAN, True), c)(1, 1.0), (f"Loaded.{c}", "step()"))
-      for c in ("step_counts", "step_counts_q30", "run_counts")),
-    # names
-    (lambda: dahl.Throughput(sigma=100), ("Throughput", "sigma = 100", "sigma0, Fc")),
-    (lambda: dahl.Plan(1, 1, 1, 1), ("Plan", "too many")),
+    (lambda: dahl.Node(3), ("friction = 3", "Plan", "Slip")),
+    # calls that do not fit the signature
+    (lambda: dahl.Slip(sigma0=[1.0], fc=1, theta_per_count=1.0), ("", "fc")),
+    (lambda: dahl.Throughput(sigma=100), ("Throughput", "sigma")),
+    (lambda: dahl.Plan(1, 1, 1, 1), ("Plan", "5 were given")),
     (dahl.Friction, ("Friction", "'plan'")),
-    (lambda: bearing().step_counts(counts=3), ("Friction.step_counts", "counts = 3", "dcounts")),
-    (lambda: dahl.Throughput.run_channels(params=[], move=[[]]),
-     ("Throughput.run_channels: move = ", "params, moves")),
-    (lambda: dahl.counts_between(1, 2, turn=4), ("counts_between", "turn = 4", "modulus")),
+    (lambda: bearing().step_counts(counts=3), ("Friction.step_counts", "counts")),
+    (lambda: bearing().step_counts(3, 4), ("Friction.step_counts", "3 were given")),
+    (lambda: dahl.Throughput.run_channels(params=[], move=[[]]), ("Throughput.run_", "move")),
+    (lambda: dahl.counts_between(1, 2, turn=4), ("counts_between", "turn")),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("call", "words"), REFUSED)
-def test_values_that_do_not_fit_together_are_named(call, words):
-    refused(call, *words)
+@pytest.mark.parametrize(("call", "words"), WRONG_TYPES)
+def test_a_wrong_type_and_an_argument_that_a_call_does_not_have_are_type_errors(call, words):
+    refused(call, *words, kind=TypeError)
 
 
 def test_counts_without_an_encoder_are_refused():
@@ -230,14 +248,15 @@ def test_counts_without_an_encoder_are_refused():
 
 MASKED = np.ma.array([1, 2, 3], mask=[False, True, False])
 NO_MOVES = [
-    (MASKED, "masked"),
-    ([MASKED[0], np.ma.masked], "masked"),
-    (np.array([1, 2], object), "object"),
-    (np.array(1), "()"),
-    (None, "()"),
-    (np.zeros((2, 2)), "(2, 2)"),
-    ([[1], [1, 2]], "not an array"),
-    ([True], "bool"),
+    (MASKED, "masked", dahl.InputError),
+    ([MASKED[0], np.ma.masked], "masked", dahl.InputError),
+    (np.array([1, 2], object), "object", TypeError),
+    (np.array(1), "()", dahl.InputError),
+    (None, "object", TypeError),
+    (np.zeros((2, 2)), "(2, 2)", dahl.InputError),
+    ([[1], [1, 2]], "not an array", dahl.InputError),
+    ([True], "bool", TypeError),
+    (["1"], "<U1", TypeError),
 ]
 BEYOND = [
     *(np.array([1, v]) for v in (2**31, -(2**31) - 1, 2**63, -(2**63), 0.5, math.nan)),
@@ -258,10 +277,10 @@ def test_wrong_moves_are_named_and_nothing_moves():
         warnings.simplefilter("error")
         for one in movers():
             before = copy.deepcopy(one)
-            for moves, word in NO_MOVES:
-                refused(lambda one=one, m=moves: one.run_counts(m), "moves", word)
+            for moves, word, wrong in NO_MOVES:
+                refused(partial(one.run_counts, moves), "moves", word, kind=wrong)
                 if hasattr(one, "run"):
-                    refused(lambda one=one, m=moves: one.run(m), "moves", word)
+                    refused(partial(one.run, moves), "moves", word, kind=wrong)
             for moves in BEYOND:
                 refused(lambda one=one, m=moves: one.run_counts(m), "moves[1] = ", "2147483647")
             assert one == before
@@ -274,35 +293,35 @@ def test_wrong_moves_are_named_and_nothing_moves():
 
 
 @pytest.mark.parametrize(
-    "out",
+    ("out", "wrong"),
     [
-        np.empty(3, np.float32),
-        np.empty(2, np.float64),
-        np.empty(4, np.float32)[::2],
-        [0.0, 0.0],
-        np.frombuffer(bytes(8), np.float32),
-        np.frombuffer(bytearray(9), np.float32, offset=1),
+        (np.empty(3, np.float32), dahl.InputError),
+        (np.empty(2, np.float64), TypeError),
+        (np.empty(4, np.float32)[::2], dahl.InputError),
+        ([0.0, 0.0], TypeError),
+        (np.frombuffer(bytes(8), np.float32), dahl.InputError),
+        (np.frombuffer(bytearray(9), np.float32, offset=1), dahl.InputError),
     ],
 )
-def test_an_out_that_c_cannot_fill_is_refused(out):
+def test_an_out_that_c_cannot_fill_is_refused(out, wrong):
     for one in movers():
         before = copy.deepcopy(one)
-        refused(lambda one=one: one.run_counts([1, 2], out=out), "out")
+        refused(partial(one.run_counts, [1, 2], out=out), "out", kind=wrong)
         moves = np.array([1, 2], np.int32)
         refused(lambda o=one, m=moves: o.run_counts(m, out=m.view(np.float32)), "out", "moves")
         assert one == before
 
 
 LOADS = [
-    ([1, 2], [1.0], "(1,)"),
-    ([1, 2], [1.0, 2.0], "loads[1] = 2.0"),
-    ([1, 2], [-1e-9, 1.0], "loads[0] = -1e-09"),
-    ([1, 2], [1.0, math.nan], "loads[1] = nan"),
-    ([1, 2], ["a", "b"], "<U1"),
-    ([1], None, "loads"),
-    ([1], [[1], [1, 2]], "loads"),
-    ([1], np.ma.array([1.0], mask=[True]), "masked"),
-    ([1, "x"], [1, 1], "moves"),
+    ([1, 2], [1.0], "(1,)", dahl.InputError),
+    ([1, 2], [1.0, 2.0], "loads[1] = 2.0", dahl.InputError),
+    ([1, 2], [-1e-9, 1.0], "loads[0] = -1e-09", dahl.InputError),
+    ([1, 2], [1.0, math.nan], "loads[1] = nan", dahl.InputError),
+    ([1, 2], ["a", "b"], "<U1", TypeError),
+    ([1], None, "loads", TypeError),
+    ([1], [[1], [1, 2]], "loads", dahl.InputError),
+    ([1], np.ma.array([1.0], mask=[True]), "masked", dahl.InputError),
+    ([1, "x"], [1, 1], "moves", TypeError),
 ]
 
 
@@ -310,11 +329,11 @@ LOADS = [
 def test_wrong_loads_are_named_and_nothing_moves(fixed):
     gear, still = dahl.Loaded(PLAN, fixed), dahl.Loaded(PLAN, fixed)
     run, step = (gear.run, gear.step) if fixed else (gear.run_counts, gear.step_counts)
-    for moves, loads, word in LOADS:
-        refused(lambda m=moves, c=loads: run(m, c), "", word)
+    for moves, loads, word, wrong in LOADS:
+        refused(partial(run, moves, loads), "", word, kind=wrong)
     for load in (2.0, -1e-9, math.nan, math.inf):
         refused(lambda load=load: step(1, load), f"load = {load}", "0 <= load < 2")
-    refused(lambda: step(1), "Loaded.step", "'load'")
+    refused(lambda: step(1), "Loaded.step", "'load'", kind=TypeError)
     assert gear == still
     assert step(10**9, 0) == 0 and step(10**9, math.nextafter(2.0, 0.0)) == 1
 
@@ -358,7 +377,8 @@ def public_calls() -> Iterator[Callable[..., object]]:
 def test_any_arguments_give_a_result_or_one_line(call, data):
     try:
         call(*data.draw(st.lists(junk, max_size=4)))
-    except dahl.Error as error:
+    except (dahl.Error, TypeError) as error:
+        assert isinstance(error, (ValueError, TypeError, ConnectionError))
         assert str(error) and "\n" not in str(error)
 
 

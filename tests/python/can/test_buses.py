@@ -6,6 +6,7 @@ Then the command line of the emulator.
 from __future__ import annotations
 
 import contextlib
+import errno
 import logging
 import os
 import signal
@@ -17,7 +18,10 @@ from types import SimpleNamespace
 import can
 import pytest
 from dahl import RunError, bus
+from dahl.io import candump
 from dahl.sim import firmware
+from hypothesis import given
+from hypothesis import strategies as st
 from identify_tools import complaint
 
 PLAIN = {"is_extended_id": False}
@@ -38,9 +42,58 @@ LINES = [  # a frame, and the end of the line that candump would write
 def test_a_line_of_run_log_is_as_candump_writes_it(frame, end):
     """Without a kernel that has CAN, a demo sees few of these frames: the function is called."""
     message = can.Message(timestamp=1234567890.5, **frame)
-    for channel, name in ((None, "vcan0"), (3, "vcan0"), ("can1", "can1")):
+    for channel, name in ((None, "vcan0"), (3, "can3"), ("can1", "can1"), ("a rig", "a_rig")):
         message.channel = channel
         assert bus.candump_line(message) == f"(1234567890.500000) {name} {end}\n"
+
+
+FRAME = st.builds(
+    lambda kind, number, is_long, data, dlc, brs, esi, is_rx, time: can.Message(
+        timestamp=time / 1e6,
+        arbitration_id=number % (2**29 if is_long or kind == "is_error_frame" else 2**11),
+        is_extended_id=is_long or kind == "is_error_frame",
+        data=None if kind == "is_remote_frame" else data[: 64 if kind == "is_fd" else 8],
+        dlc=dlc if kind == "is_remote_frame" else None,
+        bitrate_switch=brs and kind == "is_fd",
+        error_state_indicator=esi and kind == "is_fd",
+        is_rx=is_rx,
+        channel="can7",
+        **({kind: True} if kind else {}),
+    ),
+    st.sampled_from(["", "is_fd", "is_remote_frame", "is_error_frame"]),
+    st.integers(0, 2**29 - 1),
+    st.booleans(),
+    st.sampled_from([0, 1, 7, 8, 12, 64]).flatmap(lambda n: st.binary(min_size=n, max_size=n)),
+    st.integers(0, 8),
+    *[st.booleans()] * 3,
+    st.integers(0, 4 * 10**15),
+)
+
+
+@given(FRAME, st.sampled_from(["", "_9", "_f"]))
+def test_a_frame_is_read_from_its_line_as_it_was(frame, dlc):
+    """Also with the length code that candump adds to a classic frame of 8 bytes."""
+    line = candump.candump_line(frame, with_direction=True)
+    back = candump.message_of(line)
+    assert back.equals(frame, timestamp_delta=1e-6, check_direction=True), line
+    if frame.dlc == 8 and not frame.is_fd:
+        head, _, direction = line.rpartition(" ")
+        assert candump.message_of(f"{head}{dlc} {direction}").equals(back, timestamp_delta=0)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        *("", "(1.0) can0", "(1) can0 100#00", "(1.0) can0 800#00", "(1.0) can0 100#0", "x"),
+        *("(1.0) can0 40000000#00", "(1.0) can0 0100#00", "(1.0) can0 100#R9", "(1.0) can0 100#RA"),
+        *("(1.0) can0 100##G", "(1.0) can0 100##", "(-1.0) can0 100#00", "(1.0) can0 100#00 X"),
+        "(1.0) can0 100#" + "00" * 9,
+        "(1.0) can0 100##0" + "00" * 65,
+        "(1.0) can0 00123#80:00:11223344#00",  # CAN XL
+    ],
+)
+def test_another_line_is_no_frame(line):
+    assert candump.message_of(line) is None
 
 
 def test_a_vcan0_that_is_up_is_chosen_unless_another_bus_is_named(monkeypatch, tmp_path):
@@ -70,6 +123,26 @@ def test_vcan0_is_made_if_it_is_absent(monkeypatch):
     monkeypatch.setattr(bus.subprocess, "run", lambda words, **_: made.append(" ".join(words)))
     assert not bus.vcan_is_up()
     assert made == ["ip link add dev vcan0 type vcan", "ip link set vcan0 up"]
+
+
+@pytest.mark.parametrize(
+    ("interface", "number", "words"),
+    [
+        ("socketcan", errno.EAFNOSUPPORT, ["-i socketcand", "tools/vm.sh"]),
+        ("socketcan", errno.EPROTONOSUPPORT, ["-i socketcand", "tools/vm.sh"]),
+        ("socketcan", errno.ENODEV, ["-i socketcand", "type vcan"]),
+        ("socketcan", errno.EPERM, []),
+        ("slcan", errno.ENODEV, []),
+    ],
+)
+def test_a_missing_socketcan_names_the_way_out(monkeypatch, dahl, interface, number, words):
+    def refuse(**_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(can, "Bus", refuse)
+    code, line = complaint(dahl("monitor", "-i", interface, "-c", "can9"))
+    assert code == 1 and "can9" in line and os.strerror(number) in line
+    assert [word for word in ("-i socketcand", "tools/vm.sh", "type vcan") if word in line] == words
 
 
 def test_a_bus_that_is_not_ready_is_tried_again(monkeypatch):
@@ -135,6 +208,11 @@ def test_a_recorder_that_was_stopped_records_the_frames_before_its_end(
     assert (done.returncode, done.stdout) == (0, f"{len(held)} frames in run.log\n")
 
 
+def test_ctrl_c_is_the_usual_end_of_the_monitor(stopped):
+    done = stopped("monitor", at_stop=lambda: os.kill(os.getpid(), signal.SIGINT))
+    assert (done.returncode, done.stderr) == (0, "") and "other frames  2200" in done.stdout
+
+
 def test_a_recorder_that_loses_its_bus_reports_its_delay(stopped):
     def lose() -> None:
         raise can.CanOperationError("cable out")
@@ -142,6 +220,20 @@ def test_a_recorder_that_loses_its_bus_reports_its_delay(stopped):
     done = stopped("record", "-o", "run.log", last=201, at_end=lose)
     late = "the bus has gone: cable out, and reading was up to 2.0 s late"
     assert (complaint(done), done.stdout) == ((1, late), "201 frames in run.log\n")
+    assert complaint(stopped("monitor", last=201, at_end=lose)) == (1, late)
+
+
+def test_a_slow_reader_is_told_that_its_server_has_dropped_it(stopped, monkeypatch):
+    """The end of the connection is seen only after all frames that it still held."""
+
+    def hang_up() -> None:
+        monkeypatch.setattr(bus, "_hung_up", lambda _: True)
+
+    for verb in (("monitor",), ("record", "-o", "run.log")):
+        monkeypatch.setattr(bus, "_hung_up", lambda _: False)
+        code, said = complaint(stopped(*verb, last=201, at_end=hang_up))
+        assert code == 1 and "closed the connection" in said
+        assert "2.0 s late" in said and "slow" in said
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ import can
 import cantools
 import dahl
 import pytest
-from dahl import Error, codec
+from dahl import InputError, codec
 from dahl.codec import Param, Result, State, What, Write
 from e2e import p02
 from hypothesis import given, settings
@@ -110,7 +110,7 @@ def test_frames_are_those_of_the_dbc_protected_by_autosar_e2e(database, kind, da
     spoiled = bytearray(wanted)
     spoiled[data.draw(st.integers(0, 7))] ^= 1 << data.draw(st.integers(0, 7))
     assert not codec.is_whole(identifier, spoiled)
-    with pytest.raises(Error, match=f"^{kind} 0x1[0-5][0-9a-f]: CRC 0x"):
+    with pytest.raises(InputError, match=f"^{kind} 0x1[0-5][0-9a-f]: CRC 0x"):
         codec.from_bytes(identifier, spoiled)
 
 
@@ -137,9 +137,10 @@ def test_a_field_accepts_its_limits_and_names_what_is_beyond(kind):
         for value in (ends[0] - 1, ends[1] + 1, 0.5, None, "x"):
             if name == "param" and value == ends[1] + 1:
                 continue  # a client may ask for any; the node answers that it has none
-            with pytest.raises(Error, match=f"{name} = "):
+            wrong = InputError if isinstance(value, (int, float)) else TypeError
+            with pytest.raises(wrong, match=f"{name} = "):
                 FRAMES[kind](**fields | {name: value})
-    with pytest.raises(Error, match=f"{kind}: x = 2"):
+    with pytest.raises(TypeError, match=f"{kind}.*'x'"):
         FRAMES[kind](**fields, x=2)
 
 
@@ -156,7 +157,7 @@ def test_units_are_those_of_the_dbc(database):
             assert write.si == pytest.approx(raw * step), signal.name
         if Param(number) not in (Param.STEP, Param.STATUS):  # their 0 switches something off
             assert codec.ParamWrite.of_si(number, 0.4 * step).value == 0
-        with pytest.raises(Error, match=f"{Param(number).name} is outside 0 .. "):
+        with pytest.raises(InputError, match=f"{Param(number).name} is outside 0 .. "):
             codec.ParamWrite.of_si(number, (2**32 - 0.4) * step)
     torque = codec.FrictionTorque(-123456789)
     decoded = database.decode_message("FrictionTorque", codec.to_bytes(torque))
@@ -210,7 +211,6 @@ REFUSED = [
     (lambda: codec.from_bytes(0x110, GOOD), f"{TORQUE}CRC {GOOD[0]:#04x}, "),
     (lambda: codec.from_bytes(0x160, GOOD), "0x160.*0x100 to 0x15f"),
     (lambda: codec.from_bytes(0x800, GOOD), "identifier = 2048"),
-    (lambda: codec.from_bytes(0x100, "12345678"), "data = '12345678'"),
     (
         lambda: codec.from_bytes(0x110, protected("FrictionTorque", bytes([0, 0x90, *bytes(6)]))),
         f"{TORQUE}state = 9 .*6 INIT",
@@ -223,10 +223,7 @@ REFUSED = [
     (lambda: codec.unpack(message(is_remote_frame=True, data=None, dlc=8)), "0x100: .*remote"),
     (lambda: codec.unpack(message(is_fd=True)), "0x100: .*CAN FD"),
     (lambda: codec.unpack(message(is_error_frame=True)), "0x100: .*error"),
-    (lambda: codec.unpack(GOOD), "message = b'"),
     (lambda: codec.unpack(message(), codec.Status), "EncoderState 0x100: Status"),
-    (lambda: codec.unpack(message(), int), "kind = <class 'int'>"),
-    (lambda: codec.pack(GOOD), "frame = b'"),
     (lambda: codec.pack(codec.EncoderState(1), 16), "node = 16"),
     (lambda: of_si(Param.FC, -1), "value = -1 of parameter FC .*0 .. 4096"),
     (lambda: of_si(Param.STATUS, 4e-4), "value = 0.0004 of parameter STATUS .*0.001"),
@@ -236,9 +233,26 @@ REFUSED = [
 
 @pytest.mark.parametrize(("call", "complaint"), REFUSED)
 def test_a_refusal_is_one_line_with_value_and_limit(call, complaint):
-    with pytest.raises(Error, match=complaint) as caught:
+    with pytest.raises(InputError, match=complaint) as caught:
         call()
     assert "\n" not in str(caught.value)
+
+
+WRONG_TYPES = [
+    (lambda: codec.from_bytes(0x100, "12345678"), "data = '12345678'"),
+    (lambda: codec.unpack(GOOD), "message = b'"),
+    (lambda: codec.unpack(message(), int), "kind = <class 'int'>"),
+    (lambda: codec.pack(GOOD), "frame = b'"),
+    (lambda: codec.EncoderState("5"), "count = '5'"),
+    (lambda: codec.EncoderState(5, turn=1), "turn"),
+    (lambda: of_si(Param.FC, "1"), "value = '1'"),
+]
+
+
+@pytest.mark.parametrize(("call", "complaint"), WRONG_TYPES)
+def test_a_wrong_type_is_a_type_error(call, complaint):
+    with pytest.raises(TypeError, match=complaint):
+        call()
 
 
 # --- what derives from the DBC --------------------------------------------------------------------

@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 from can_socket import BUS_OFF
 from dahl import codec, node
+from dahl.can import bus as buses
 from dahl.can import rig
 from dahl.codec import EncoderState, Param, ParamWrite, Reset, State, What
 from loop_tools import wait_until
@@ -309,29 +310,54 @@ def test_the_error_of_a_missing_answer_names_state_and_remedy(ends, timeout, cou
 BUS = Waiting()
 REFUSED: list[tuple[Callable[[], object], str]] = [
     *((lambda v=v: node.run(BUS, dahl.Node(PLAN), seconds=v), f"seconds = {v!r}")
-      for v in (float("nan"), -1, True)),
+      for v in (float("nan"), -1)),
     (lambda: node.ask(BUS, Reset(What.RESTART), timeout=1e9), "timeout = "),
-    (lambda: node.run(BUS, dahl.Node(PLAN), seconds=0, ended=None), "ended = None"),
-    (lambda: node.run(BUS, dahl.Node(PLAN), second=0), "second = 0"),
     (lambda: node.run(BUS, seconds=0), "no node"),
     (lambda: node.run(BUS, dahl.Node(PLAN), dahl.Node(PLAN), seconds=0), "number"),
-    (lambda: node.run(BUS, dahl.Node(PLAN), "x", seconds=0), r"nodes\[1\] = 'x'"),
     (lambda: node.ask(BUS, EncoderState(0), 16), "node = 16"),
-    (lambda: node.ask(BUS, codec.FrictionTorque(5)), "frame = Friction"),
-    (lambda: node.expect_silence(BUS, 5, seconds=0), "5 is not a can.Message"),
     (lambda: node.expect_silence(BUS, seconds=-1), "seconds = -1"),
     (lambda: node.expect_silence(BUS, node=16), "node = 16"),
-    (lambda: node.expect_silence(Waiting(refuses=OSError), EncoderState(5)), "no buffer space"),
-    (lambda: node.run(None, dahl.Node(PLAN), seconds=0), "bus = None"),
-    (lambda: node.ask(5, EncoderState(0)), "bus = 5"),
-    (lambda: node.Listener(None, dahl.Node(PLAN)), "bus = None"),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("call", "words"), REFUSED)
-def test_a_wrong_argument_is_refused_with_its_value(call, words):
-    with pytest.raises(dahl.Error, match=words):
+def test_a_wrong_value_is_refused(call, words):
+    with pytest.raises(dahl.InputError, match=words):
         call()
+
+
+WRONG_TYPES: list[tuple[Callable[[], object], str]] = [
+    (lambda: node.run(BUS, dahl.Node(PLAN), seconds=True), "seconds = True"),
+    (lambda: node.run(BUS, dahl.Node(PLAN), seconds=0, ended=None), "ended = None"),
+    (lambda: node.run(BUS, dahl.Node(PLAN), second=0), "second"),
+    (lambda: node.run(BUS, dahl.Node(PLAN), "x", seconds=0), r"nodes\[1\] = 'x'"),
+    (lambda: node.ask(BUS, codec.FrictionTorque(5)), "frame = Friction"),
+    (lambda: node.expect_silence(BUS, 5, seconds=0), "5 is not a can.Message"),
+    (lambda: node.run(None, dahl.Node(PLAN), seconds=0), "bus = None"),
+    (lambda: node.ask(5, EncoderState(0)), "bus = 5"),
+    (lambda: node.Listener(None, dahl.Node(PLAN)), "bus = None"),
+]
+
+
+@pytest.mark.parametrize(("call", "words"), WRONG_TYPES)
+def test_a_wrong_type_is_a_type_error(call, words):
+    with pytest.raises(TypeError, match=words):
+        call()
+
+
+@pytest.mark.parametrize("error", [can.CanOperationError, OSError])
+def test_a_lost_bus_and_a_missing_answer_are_os_errors_and_no_value_errors(ends, error):
+    """A program that retries after ConnectionError or TimeoutError must not retry a wrong value."""
+    calls = [
+        (lambda: node.ask(Waiting(gone=True), EncoderState(0)), ConnectionError),
+        (lambda: node.expect_silence(Waiting(refuses=error), EncoderState(5)), ConnectionError),
+        (lambda: buses.open_bus(interface="socketcand", host="x", channel="y"), ConnectionError),
+        (lambda: node.ask(ends[0], EncoderState(0), timeout=0.01), TimeoutError),
+    ]
+    for call, kind in calls:
+        with pytest.raises(kind) as caught:
+            call()
+        assert isinstance(caught.value, dahl.RunError) and not isinstance(caught.value, ValueError)
 
 
 def test_without_python_can_frames_are_bytes_and_other_calls_name_it(monkeypatch):

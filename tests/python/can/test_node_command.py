@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import re
 import shlex
@@ -21,7 +22,7 @@ from bus_frames import bus_of
 from dahl import Friction, Node, Plan, RunError, codec, node
 from dahl.codec import EncoderState, Param, ParamWrite
 from identify_tools import complaint
-from loop_tools import SCENES, client, serving
+from loop_tools import SCENES, client, serving, wait_until
 from test_node import MODELS, THETA
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
@@ -186,6 +187,37 @@ def test_a_node_alone_on_its_bus_runs_and_counts_what_the_bus_refuses(dahl, monk
     done = dahl("node", *OWN, "-i", "virtual", "-c", "alone", "--seconds", "0.05")
     assert (done.returncode, done.stderr) == (0, "")
     assert counted(done.stdout.splitlines())["sent"] >= 1  # not sent
+
+
+@pytest.mark.parametrize("good", [0, 1, 3])
+@pytest.mark.parametrize("code", [errno.ENETDOWN, errno.ENODEV, errno.ENXIO])
+def test_a_node_whose_interface_goes_down_ends(dahl, monkeypatch, code, good):
+    """The kernel reports it once, to the next call on the socket: here to the send of a read, which
+    looks for a second node, or of a Status. The interface may be down from the start.
+    """
+    sends = iter([*[None] * good, OSError(code, os.strerror(code))])
+
+    def send(*_: object) -> None:
+        if error := next(sends, None):
+            raise can.CanOperationError(f"Failed to transmit: {error.strerror}") from error
+
+    monkeypatch.setattr(can.interfaces.virtual.VirtualBus, "send", send)
+    done = dahl("node", *OWN, "-i", "virtual", "-c", "down", "--seconds", 120)
+    code_of_exit, said = complaint(done)
+    assert code_of_exit == 1 and "bus has gone" in said and os.strerror(code) in said
+
+
+def test_a_listener_whose_interface_goes_down_passes_that_to_its_notifier(monkeypatch):
+    def send(*_: object) -> None:
+        raise OSError(errno.ENETDOWN, "Network is down")
+
+    with can.Bus(interface="virtual", channel="down 2") as bus:
+        monkeypatch.setattr(bus, "send", send)
+        listener = node.Listener(bus, Node(PLAN))
+        wait_until(lambda: listener.traffic.refused)
+        with pytest.raises(RunError, match="Network is down"):
+            listener(codec.pack(EncoderState(0, 0)))
+        listener.stop()
 
 
 def test_an_error_of_the_server_is_passed_on(dahl, monkeypatch, tmp_path):

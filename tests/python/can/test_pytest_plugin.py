@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import re
 import socket
 import subprocess
@@ -11,12 +12,14 @@ import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
+from xml.etree import ElementTree
 
 import dahl.node  # noqa: F401  # pytester forgets what it imports, and dahl.Node would be two classes
 import pytest
 from conftest import ROOT
 from dahl.binding import models
 from dahl.can import pytest_plugin
+from dahl.can.rig import NoRig, open_rig
 from dahl.codec import Param, ParamWrite
 from loop_tools import client, serving
 
@@ -40,11 +43,11 @@ def outcome(
 ) -> Callable[..., Outcome]:
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
-    monkeypatch.setattr(pytest_plugin, "FIRST_ANSWER_TIMEOUT_S", 20)  # for a busy machine
 
     def run(text: str, *options: str) -> Outcome:
         path = pytester.makepyfile(text)
         words = ["-p", "dahl.pytest_plugin", "-p", "no:cacheprovider", "-q"]
+        words += ["-o", "dahl_answer_timeout=20"]  # for a busy machine
         words += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # it is imported already
         done = pytester.runpytest_inprocess(*words, *options, path)
         text = done.stdout.str() + done.stderr.str()
@@ -92,6 +95,14 @@ from dahl import codec, node
 from dahl.codec import EncoderState, Errors, Param, ParamWrite, State
 
 PLAN = dahl.Plan(50, 2, 1e-3)
+LONG_S = 60  # for an emulated kernel on a busy machine
+
+def ask(bus, frame):
+    return node.ask(bus, frame, timeout=LONG_S)
+
+@pytest.fixture
+def dahl_node_settings():
+    return {"timeout": LONG_S}
 
 @pytest.mark.dahl(plan=PLAN)
 def test_what_a_node_says(dahl_bus, dahl_node, dahl_plan):
@@ -99,7 +110,7 @@ def test_what_a_node_says(dahl_bus, dahl_node, dahl_plan):
     assert dahl_node.friction == dahl_plan == PLAN and dahl_node.counts.ok == 0
     alone = dahl.Friction(PLAN)
     for counter, count in enumerate((0, 40)):
-        answer = node.ask(dahl_bus, EncoderState(count, counter))
+        answer = ask(dahl_bus, EncoderState(count, counter))
         assert answer.torque_q30 == alone.step_counts_q30(count)
     time.sleep(0.3)  # the timeout is that of dahl_node_settings
     assert (dahl_node.state, dahl_node.counts.ok) == (State.OK, 2)
@@ -109,33 +120,34 @@ def test_what_a_node_says(dahl_bus, dahl_node, dahl_plan):
     spoiled.data[3] ^= 1
     node.expect_silence(dahl_bus, spoiled, seconds=0.5)
     assert dahl_node.state == State.CRC
-    assert node.ask(dahl_bus, EncoderState(60, 4)).state == State.LOST
+    assert ask(dahl_bus, EncoderState(60, 4)).state == State.LOST
     counts = dahl_node.counts
     assert (counts.ok, counts.lost, counts.repeated, counts.crc, counts.format) == (3, 2, 1, 1, 0)
     assert (counts.wrong_sequence, counts.jump, counts.invalid, counts.stale) == (0, 0, 0, 0)
     for counter in (9, 10):
         dahl_bus.send(codec.pack(EncoderState(60, counter)))
-    assert node.ask(dahl_bus, EncoderState(60, 11)).state == State.WRONG_SEQUENCE
+    assert ask(dahl_bus, EncoderState(60, 11)).state == State.WRONG_SEQUENCE
     assert dahl_node.counts.ok == 3
 
-@pytest.mark.dahl(timeout=1, gain=0.5, status_period=0.03)
+@pytest.mark.dahl(timeout=50, gain=0.5, status_period=0.03)
 def test_settings(dahl_bus, dahl_node):
-    node.ask(dahl_bus, EncoderState(0))
-    assert node.ask(dahl_bus, EncoderState(10**6, 1)).ratio == 0.5
-    for param, value in ((Param.TIMEOUT, 1), (Param.GAIN, 0.5), (Param.STATUS, 0.03)):
-        assert node.ask(dahl_bus, ParamWrite(param)).si == value
+    ask(dahl_bus, EncoderState(0))
+    assert ask(dahl_bus, EncoderState(10**6, 1)).ratio == 0.5
+    for param, value in ((Param.TIMEOUT, 50), (Param.GAIN, 0.5), (Param.STATUS, 0.03)):
+        assert ask(dahl_bus, ParamWrite(param)).si == value
+    ask(dahl_bus, ParamWrite.of_si(Param.TIMEOUT, 0.1))
     while dahl_node.state != State.STALE:
         time.sleep(0.1)
     assert dahl_node.errors == Errors.STALE
 
 @pytest.mark.dahl(status_period=0)
 def test_no_status(dahl_bus, dahl_node):
-    node.ask(dahl_bus, EncoderState(0))
+    ask(dahl_bus, EncoderState(0))
     while dahl_bus.recv(0.2):
         pass
     assert (dahl_node.state, dahl_node.errors, dahl_node.counts.ok) == (State.INIT, 0, 1)
     assert dahl_bus.recv(0.1) is None
-    assert node.ask(dahl_bus, ParamWrite(Param.STATUS)).si == 0
+    assert ask(dahl_bus, ParamWrite(Param.STATUS)).si == 0
 
 def test_frames_wait_for_the_test_while_properties_are_read(dahl_bus, dahl_node):
     dahl_bus.send(codec.pack(EncoderState(0)))
@@ -173,6 +185,7 @@ def parameters(options: list[str], number: int) -> list[int]:
 
 ON_A_RIG = """
 import copy, dahl, pytest, time
+from concurrent.futures import ThreadPoolExecutor
 from dahl import codec, node
 from dahl.codec import EncoderState
 
@@ -202,6 +215,13 @@ def test_a_count_is_known_if_it_is_0_or_alone_in_a_sum_of_status(dahl_bus, dahl_
         dahl_node.counts.okay
     assert dahl_node == dahl_node and dahl_node in [dahl_node] and dahl_node.counts != 5
 
+def test_threads_may_ask_while_properties_are_read(dahl_bus, dahl_node):
+    def read(k):
+        return dahl_node.friction.Fc if k % 2 else node.ask(dahl_bus, FC, timeout=60).si
+    FC = codec.ParamWrite(codec.Param.FC, counter=7)
+    with ThreadPoolExecutor(4) as threads:
+        assert set(threads.map(read, range(80))) == {0.5}
+
 @pytest.mark.dahl(status_period=0)
 def test_a_status_that_a_property_did_not_cause_is_received(dahl_bus, dahl_node):
     assert dahl_node.errors == 0
@@ -215,7 +235,7 @@ def test_a_status_that_a_property_did_not_cause_is_received(dahl_bus, dahl_node)
 def test_an_unknown_value_of_a_rig_is_an_error(outcome, tmp_path, dahl_loop):
     with rig(tmp_path) as (options, _):
         done = outcome(ON_A_RIG, *options)
-    assert (done.code, done.last[:8]) == (0, "2 passed"), done.said
+    assert (done.code, done.last[:8]) == (0, "3 passed"), done.said
 
 
 def test_a_rig_of_another_model_keeps_it(outcome, tmp_path, dahl_loop):
@@ -253,11 +273,8 @@ def test_alike(dahl_node, n):
 
 
 @pytest.mark.parametrize("what", ["no bus", "no node", "no such device"])
-def test_without_a_rig_the_tests_are_skipped_after_one_try(
-    outcome, monkeypatch, tmp_path, dahl_loop, what
-):
+def test_without_a_rig_the_tests_are_skipped_after_one_try(outcome, tmp_path, dahl_loop, what):
     """python-can alone would try for 10 s in each test."""
-    monkeypatch.setattr(pytest_plugin, "FIRST_ANSWER_TIMEOUT_S", 0.8)
     with rig(tmp_path, "node = 5") as (silent, _), socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))  # no server
         options = {
@@ -265,12 +282,18 @@ def test_without_a_rig_the_tests_are_skipped_after_one_try(
             "no node": silent,
             "no such device": ["--dahl-interface", "socketcan", "--dahl-channel", "dahl9"],
         }
-        done = outcome(THREE, *options[what], "-rs", "--durations=0")
+        wait = ("--dahl-answer-timeout", "0.8")  # not the 20 s of the ini file
+        done = outcome(THREE, *options[what], *wait, "-rs", "--durations=0")
+        required = outcome(THREE, *options[what], *wait, "--dahl-require")
+        in_file = outcome(THREE, *options[what], *wait, "-o", "dahl_require=true")
     seconds = [float(each) for each in re.findall(r"([\d.]+)s (?:setup|call) ", done.said)]
     assert len(seconds) <= 1 or sorted(seconds)[-2] < 5  # the first test alone waits
     assert (done.code, done.last[:9]) == (0, "3 skipped"), done.said
     [reason] = re.findall(r"no rig: (.*)", done.said)
     assert ("node 0" if what == "no node" else options[what][3]) in reason
+    for failed in (required, in_file):
+        assert (failed.code, failed.last[:8]) == (1, "3 errors"), failed.said
+        assert f"no rig: {reason}" in failed.said and "pytest_plugin.py" not in failed.said
 
 
 def test_a_rig_that_stops_answering_fails_the_tests(outcome, tmp_path, dahl_loop):
@@ -349,6 +372,169 @@ def test_bad(dahl_bus):
 """)
     assert (done.code, done.last[:8]) == (1, "1 failed"), done.said
     assert "(3 earlier frames are left out)" in done.said and done.said.count("-> 7FF#") == 200
+
+
+def test_the_frames_of_a_failed_test_are_in_junit_xml_and_bounded(outcome, pytester):
+    done = outcome(
+        """
+import can, pytest
+from dahl import codec, node
+
+@pytest.fixture
+def primed(dahl_bus, dahl_node):
+    node.ask(dahl_bus, codec.EncoderState(111, 1))
+
+def test_good(dahl_bus, dahl_node):
+    node.ask(dahl_bus, codec.EncoderState(7777, 2))
+
+def test_bad(dahl_bus, primed):
+    node.ask(dahl_bus, codec.EncoderState(222, 2))
+    assert False
+
+def test_many(dahl_bus, primed):
+    for _ in range(300):
+        dahl_bus.send(can.Message(arbitration_id=7, data=bytes(64), is_fd=True))
+        dahl_bus.send(can.Message(data=bytes(10**5), check=False))
+        with pytest.raises(AttributeError):
+            dahl_bus.send("x" * 10**5)
+    assert False
+""",
+        *("--junitxml", "result.xml"),
+    )
+    assert (done.code, done.last[:18]) == (1, "2 failed, 1 passed"), done.said
+    cases = ElementTree.parse(pytester.path / "result.xml").iter("testcase")
+    good, bad, many = ([one.get("value") for one in case.iter("property")] for case in cases)
+    assert good == [] and len(bad) == len(many) == 1
+    found = re.findall(r"(?:-> 100#.*count=(\d+)|^(---))", bad[0], re.MULTILINE)
+    assert found == [("111", ""), ("", "---"), ("222", "")]  # a line after the set-up
+    assert len(many[0].splitlines()) == 201 and len(many[0]) < 100_000
+    assert "---" not in many[0]  # the set-up is left out
+
+
+def test_an_error_of_dahl_points_at_the_line_of_the_test(outcome):
+    """A frame of the package itself is no help: the error names its cause."""
+    done = outcome("""
+import dahl
+from dahl import codec, node
+
+def test_ask(dahl_bus):
+    node.ask(dahl_bus, codec.EncoderState(5), timeout=0.01)
+
+def test_silence(dahl_bus, dahl_node):
+    node.expect_silence(dahl_bus, codec.EncoderState(5), seconds=60)
+
+async def test_await(dahl_async_bus):
+    await dahl_async_bus.ask(codec.EncoderState(5), timeout=0.01)
+
+def test_value():
+    codec.unpack(codec.pack(codec.EncoderState(5)), codec.Status)
+""")
+    assert (done.code, done.last[:8]) == (1, "4 failed"), done.said
+    files = set(re.findall(r"^(\S+\.py):\d+: ", done.said, re.MULTILINE))
+    assert files == {"test_an_error_of_dahl_points_at_the_line_of_the_test.py"}, done.said
+
+
+def test_the_logger_of_python_can_keeps_its_level(outcome):
+    logger = logging.getLogger("can")
+    for level in (logging.DEBUG, logging.NOTSET):
+        logger.setLevel(level)
+        done = outcome("def test_node(dahl_node): pass\n")
+        assert (done.code, logger.level) == (0, level), done.said
+
+
+def test_attempts_to_connect_to_a_rig_are_not_logged(caplog):
+    """python-can makes thousands; other records of its logger are kept."""
+    caplog.set_level(logging.WARNING, "can")
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        settings = {"interface": "socketcand", "channel": "vcan0", "host": "127.0.0.1"}
+        with pytest.raises(NoRig):
+            open_rig(settings | {"port": unused.getsockname()[1]}, 0.3)
+    logging.getLogger("can.interfaces.socketcand.socketcand").warning("Invalid Frame: <>")
+    assert [record.message for record in caplog.records] == ["Invalid Frame: <>"]
+
+
+def test_the_lock_of_a_rig_follows_its_address(tmp_path, monkeypatch):
+    monkeypatch.setenv("CAN_CHANNEL", "can0")
+    (tmp_path / "tty").touch()
+    (tmp_path / "by-id").symlink_to(tmp_path / "tty")
+    kernel, server, serial = ({"interface": name} for name in ("socketcan", "socketcand", "slcan"))
+    buses = [  # each row is one bus
+        [kernel | more for more in ({}, {"channel": "can0"}, {"channel": "can0", "fd": True})],
+        [kernel | {"channel": "can1"}],
+        [
+            server | {"channel": "vcan0", "host": host, "port": port}
+            for host, port in (("127.0.0.1", 29536), ("localhost", "29536"), ("127.1", 29536))
+        ],
+        [server | {"channel": "vcan0", "host": "127.0.0.1", "port": 29537}],
+        [server | {"channel": "vcan0", "host": "127.0.0.2", "port": 29536}],
+        [
+            serial | {"channel": f"{tmp_path}/{name}", **more}
+            for name, more in (
+                ("tty", {}),
+                ("by-id", {"bitrate": 500000}),
+                ("../" + tmp_path.name + "/tty@115200", {}),
+            )
+        ],
+        [serial | {"channel": f"socket://{host}:4000"} for host in ("localhost", "127.0.0.1")],
+        [serial | {"channel": "socket://localhost:4001"}],
+        [{"interface": "kvaser", "channel": channel} for channel in (0, "0")],
+        [{"interface": "of a user", "channel": channel} for channel in (0, "0")],
+    ]
+    addresses = [{pytest_plugin._address(one) for one in row} for row in buses]
+    assert [len(found) for found in addresses] == [1] * len(buses), addresses
+    assert len(set.union(*addresses)) == len(buses)
+
+
+# --- a bus for several tests ----------------------------------------------------------------------
+
+SESSION = """
+import can, dahl, os, pytest
+from dahl import codec, node
+
+BUSES = []
+
+@pytest.fixture(scope="session", autouse=True)
+def calibrated(dahl_bus):
+    dahl_bus.send(can.Message(arbitration_id=0x7F1, is_extended_id=False))
+    return dahl_bus
+
+@pytest.mark.parametrize("n", range(3))
+def test_alike(calibrated, dahl_bus, dahl_node, n):
+    assert calibrated is dahl_bus and dahl_node.counts.ok == 0
+    BUSES.append(dahl_bus)
+    assert all(bus is dahl_bus for bus in BUSES)
+    dahl_bus.send(codec.pack(codec.EncoderState(1000 + n)))  # its answer waits for nobody
+    while dahl_node.counts.ok == 0:
+        pass
+
+def test_no_frame_of_an_earlier_test_is_received(dahl_bus):
+    kinds = {m.arbitration_id & 0x7F0 for m in iter(lambda: dahl_bus.recv(0.1), None)}
+    assert kinds <= {0x120}
+
+def test_bad(dahl_bus, dahl_node):
+    node.ask(dahl_bus, codec.EncoderState(5), timeout=60)
+    assert False
+"""
+
+
+@pytest.mark.parametrize("where", ["here", "on a rig", "with two workers on a rig"])
+def test_a_bus_of_the_session_is_open_once_and_each_test_begins_without_frames(
+    outcome, tmp_path, dahl_loop, where
+):
+    with rig(tmp_path) as (options, _):
+        words = {"here": (), "on a rig": options}.get(
+            where, (*options, "-p", "xdist", "-n", "2", "-p", "no:dahl")
+        )
+        done = outcome(SESSION, "-o", "dahl_bus_scope=session", *words)
+    assert (done.code, done.last[:18]) == (1, "1 failed, 4 passed"), done.said
+    counts = re.findall(r"-> 100#.*count=(\d+)", done.said)
+    assert counts == ["5"]  # the frames of the failed test alone
+
+
+def test_a_bus_of_a_test_is_no_bus_for_a_session(outcome):
+    done = outcome(SESSION)
+    assert done.code == 1 and "ScopeMismatch" in done.said
 
 
 SEVERAL_NODES = """
@@ -455,6 +641,13 @@ REFUSED = [
     (("--dahl-serve",), "--dahl-serve goes with --dahl-interface"),
     ((*VIRTUAL, "fd=True bitrate"), "bitrate: KEY="),
     ((*VIRTUAL, "=1"), "=1: KEY=VALUE was expected"),
+    (("--dahl-require",), "--dahl-require goes with --dahl-interface"),
+    *(
+        (("-o", f"dahl_answer_timeout={value}"), f"dahl_answer_timeout = {value}: 0 < ")
+        for value in ("0", "-1", "nan", "60.1", "1 s")
+    ),
+    (("--dahl-answer-timeout", "0"), "dahl_answer_timeout = 0.0: 0 < "),
+    (("-o", "dahl_bus_scope=test"), "dahl_bus_scope = test: one of function,"),
     (
         ("--dahl-interface", "socketcand", "--dahl-channel", "x"),  # it needs a host
         "cannot open the bus (interface=socketcand channel=x)",

@@ -131,6 +131,7 @@ def test_an_option_accepts_its_range_and_nothing_beyond(dahl, verb, names):
             assert UNKNOWN in refusal_of(dahl, verb, word)
     for value in () if takes == TEXT else beyond(takes):
         line = refusal_of(dahl, verb, f"{names.split('/')[-1]}={value}")
+        assert ("decimal sign is a point" in line) == (value == "1,5" and "bitrate" not in names)
         assert names.split("/")[-1] in line and value[:100] in line
         for limit in takes if isinstance(takes, tuple) else ():
             assert (f"{limit:g}" if isinstance(limit, float) else str(limit)) in line
@@ -166,7 +167,56 @@ def test_a_missing_required_option_is_named(verb, missing, dahl):
     assert code == 2 and name in line and not list(Path.cwd().iterdir())
 
 
-@pytest.mark.parametrize(("words", "named"), [("", "required"), ("x", "'x'"), ("demo -y", "-y")])
+def test_without_a_command_the_help_is_printed(dahl):
+    done = dahl()
+    assert (done.returncode, done.stdout) == (2, "") and done.stderr == dahl("--help").stdout
+
+
+SLIPS = [  # words, the nearest known word; "": none is near
+    ("demo --secne steering", "--scene"),
+    ("plan --simga0 1 --fc 1 --counts-per-turn 4 -o x", "--sigma0"),  # --sigma0 is required
+    ("plan --sigma0 1 --Fc=1 --counts-per-turn 4 -o x", "--fc"),
+    ("record -o x --chanel can0", "--channel"),
+    ("monitor --prot 3", "--port"),
+    ("--verison", "--version"),
+    ("dmeo --scene steering --verzion", "demo"),
+    ("demo -y --scnee x", "--scene"),
+    ("Monitor", "monitor"),
+    ("plan --sigma0 1 --fc 1 --counts-per-turn 4 -o x -- --fcs", ""),
+    ("data --zzz", ""),
+    ("zzz", ""),
+]
+
+
+@pytest.mark.parametrize(("words", "meant"), SLIPS)
+def test_a_slip_of_the_pen_has_a_suggestion(words, meant, dahl):
+    code, line = complaint(dahl(*words.split()))
+    assert code == 2 and re.findall(r"did you mean (\S+)\?", line) == [meant] * bool(meant)
+
+
+COMMAS = [  # --model and options of plan; whether a number with a decimal comma is the reason
+    ("dahl --sigma0 100,5 --fc 1", True),
+    ("dahl --sigma0 100 --fc 0,5", True),
+    ("slip --sigma0 100,5 --fc 0.5", True),
+    ("slip --sigma0 100,5 --fc 0,5", True),
+    ("asymmetric --sigma0 100 --fc 0,2", True),
+    ("asymmetric --sigma0 100 --fc 0,2,0,3", True),
+    ("elastoplastic --sigma0 1 --fc 1 --breakaway 0,5", True),
+    ("dahl --sigma0 100;5 --fc 1", False),
+    ("slip --sigma0 1 --fc nan", False),
+    ("asymmetric --sigma0 100 --fc 1", False),
+]
+
+
+@pytest.mark.parametrize(("words", "is_comma"), COMMAS)
+def test_a_decimal_comma_is_named_and_a_list_is_none(words, is_comma, dahl):
+    code, line = complaint(dahl("plan", "--counts-per-turn=9", "-ox", "--model", *words.split()))
+    assert code == 2 and ("decimal sign is a point" in line) == is_comma
+    lists = dahl("plan", *"--model slip --sigma0 100,40 --fc 1,5 --theta-per-count 1 -o -".split())
+    assert lists.returncode == 0
+
+
+@pytest.mark.parametrize(("words", "named"), [("x", "'x'"), ("demo -y", "-y")])
 def test_an_unknown_command_or_option_is_named(words, named, dahl):
     code, line = complaint(dahl(*words.split()))
     assert code == 2 and named in line and "--help" in line

@@ -114,7 +114,7 @@ WRONG_INPUT = {  # exit code 2
         + ("socketcand:x", "socketcand:1:2", "socketcan:a b")
     ),
     "plan": f"""
-        SLIP --sigma0=1,2 --fc=1 => sigma0 ... 2 ... Fc 1
+        SLIP --sigma0=1,2 --fc=1 => --sigma0 1,2 --fc 1: 2, 1 values ... 8
         SLIP --sigma0=1,-2 --fc=1,1 => element 1: sigma0 = -2
         SLIP --sigma0=1,1,1,1,1,1,1,1,1 --fc=1,1,1,1,1,1,1,1,1 => 9 elements ... 8
         ASYMMETRIC => --fc 0.5 ... 1 ... --model asymmetric ... 2
@@ -300,7 +300,15 @@ def test_plot_refuses_a_bad_scene(dahl, folder, text, facts):
 SUMMARY = {"scene_file": str(SCENES / "segments.ini")}
 TEXTS = ("title", "bus", "time", "log", "date", "version", "command")
 NUMBERS = ("ticks", "frames_sent", "frames_lost", "deadline_misses", "max_error_ulp_Fc")
-NUMBERS += ("rmse_measured", "r2_measured", "bus_load", "realtime_factor")
+NUMBERS += (
+    "frames_answered",
+    "late_ticks",
+    "late_answers",
+    "rmse_measured",
+    "r2_measured",
+    "bus_load",
+    "realtime_factor",
+)
 OBJECTS = ("parameters", "control", "node", "answers_by_state", "latency_us", "jitter_us", "faults")
 WRONG_SHAPES = [*((key, 5) for key in TEXTS), *((key, "5") for key in NUMBERS)]
 WRONG_SHAPES += [(key, [["x"]]) for key in (*OBJECTS, "units")]
@@ -338,6 +346,31 @@ def test_each_number_of_a_summary_has_its_shape_or_is_null(dahl, verb):
         known = {key: value for key, value in complete.items() if key != left_out}
         Path("summary.json").write_text(json.dumps({**SUMMARY, "latency_histogram": [], **known}))
         check(dahl(verb, "."), 2, "latency_histogram")
+
+
+@pytest.mark.parametrize("verb", ["report", "plot"])
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        {"scene": "park-steer"},
+        {"scene": "park-steer", "without": {}, "with": {"width_Nm": "wide"}},
+        {"scene": "compensation", "position": [], "hand": {}},
+        {"scene": "compensation", "position": {"a": {"dahl": {}}}, "hand": {"a": {"dahl": 1}}},
+    ],
+)
+def test_a_summary_of_a_simulated_scene_has_its_numbers(dahl, verb, numbers):
+    Path("summary.json").write_text(json.dumps(numbers))
+    check(dahl(verb, "."), 2, f"summary.json: ... {numbers['scene']}")
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, "1", 2**70, None])
+def test_a_seed_of_a_summary_is_a_number(dahl, seed):
+    cases = {"a": {"dahl": {"ratio": 0.5}}}
+    numbers = {"scene": "compensation", "seed": seed, "position": cases, "hand": cases}
+    Path("summary.json").write_text(json.dumps(numbers))
+    if seed is not None:  # null: the seed of the demo
+        check(dahl("plot", "."), 2, f"summary.json: seed = {seed}")
+    check(dahl("report", "."), 2, "compensation.png: ... dahl plot")
 
 
 @pytest.mark.parametrize("content", [*NO_JSON, None], ids=lambda each: str(each)[:20])

@@ -6,6 +6,7 @@ with its own torque.
 from __future__ import annotations
 
 import errno
+import re
 import shutil
 import tempfile
 from pathlib import Path
@@ -13,7 +14,8 @@ from pathlib import Path
 import log_writers
 import numpy as np
 import pytest
-from dahl.io import files
+from dahl.errors import Error, printable
+from dahl.io import can_logs, candump, files
 from log_reading import RefusedError, read, refused, signals
 from log_writers import DBC, FRAMES, LOAD, SHAFT, STEP
 
@@ -43,6 +45,153 @@ def test_frames_are_read_as_they_were_sent(kind, tmp_path):
         np.testing.assert_allclose(log.torque, torque * STEP, rtol=1e-12)
         turns = (np.degrees(log.theta) - angle * STEP) / 360
         np.testing.assert_allclose(turns, np.round(turns), atol=1e-9)
+
+
+# --- times and lines of text logs -----------------------------------------------------------------
+
+DATE = "date Mon Nov 30 10:00:00.000 2026"
+TRIGGER = "Begin Triggerblock Mon Nov 30 10:00:00.000 2026\n   0.000000 Start of measurement"
+EVENTS = "internal events logged\n// version 9.0.0"
+TIMES = np.array([0.0, 0.5, 0.75, 2.0])
+ASC_HEADS = {  # name: lines before the frames
+    "by Vector": (DATE, "base hex  timestamps absolute", EVENTS, TRIGGER),
+    "without a trigger": (DATE, "base hex  timestamps absolute", EVENTS),
+    "by log2asc": (DATE, "base hex  timestamps absolute", "no internal events logged"),
+    "without events": (DATE, "base hex  timestamps absolute"),
+    "with blank lines": ("", DATE, "", "base hex  timestamps absolute", ""),
+    "without a date": ("base hex  timestamps absolute",),
+    "decimal": (DATE, "base dec  timestamps absolute", EVENTS),
+    "with capitals": (
+        DATE.upper(),
+        "BASE HEX TIMESTAMPS ABSOLUTE",
+        EVENTS.upper(),
+        TRIGGER.upper(),
+    ),
+    "without a header": (),
+}
+
+
+def asc(path: Path, head: tuple[str, ...], times: np.ndarray) -> Path:
+    """Frame k has the byte k; other events are between the frames."""
+    lines = [f"{time:11.6f} 1  100             Rx   d 1 {k:02d}" for k, time in enumerate(times)]
+    path.write_text("\n".join([*head, *lines, "End TriggerBlock", ""]))
+    return path
+
+
+def held(path: Path) -> tuple[list[float], list[int]]:
+    frames = list(can_logs.frames_of(path, []))
+    return [one.timestamp for one in frames], [one.data[0] for one in frames]
+
+
+@pytest.mark.parametrize("head", ASC_HEADS.values(), ids=ASC_HEADS)
+@pytest.mark.parametrize("start", [0.0, 3.25, -1.25])
+def test_each_frame_of_an_asc_is_read_at_its_time(tmp_path, head, start):
+    """Also before the trigger (below 0), and if the times are those since the event before."""
+    times, numbers = held(asc(tmp_path / "x.asc", head, start + TIMES))
+    assert times == pytest.approx(start + TIMES) and numbers == [0, 1, 2, 3]
+    head = tuple(re.sub("absolute", "relative", line, flags=re.I) for line in head)
+    if any("relative" in line for line in head):
+        steps = np.diff(start + TIMES, prepend=0)
+        times, numbers = held(asc(tmp_path / "y.asc", head, steps))
+        assert times == pytest.approx(start + TIMES) and numbers == [0, 1, 2, 3]
+
+
+def test_events_between_frames_of_an_asc_count_as_time(tmp_path):
+    """Times are then those since the event before, whatever it is."""
+    path = asc(tmp_path / "x.asc", (DATE, "base hex  timestamps relative", EVENTS), TIMES)
+    text = path.read_text().replace("   0.750000 1", "   0.250000 1 Statistic: D 1\n   0.500000 1")
+    path.write_text(text)
+    assert held(path)[0] == pytest.approx(np.cumsum(TIMES))
+
+
+CANFD_LINES = [  # line after the channel, and the frame as candump writes it
+    ("Rx  123   0 0 8  8 00 11 22 33 44 55 66 77  130000 130  0 0 0 0 0 0", "123#0011223344556677"),
+    ("Rx  123   0 0 0  0  130000 130  1000 0 0 0 0 0", "123##0"),
+    ("Rx  123   0 0 0  0  130000 130  0 0 0 0 0 0", "123#"),
+    ("Rx  123   0 0 8  0  130000 130  10 0 0 0 0 0", "123#R8"),
+    ("Tx  123x  Name 1 1 9 12 00 11 22 33 44 55 66 77 88 99 AA BB  1 2  7000 0 0 0", "00000123##3"),
+    ("Rx  123   1 0 1  1 FF", "123##1FF"),  # without flags
+    ("Rx   ErrorFrame   Not Acknowledge error, dominant error flag  fffe c7", "20000000#"),
+    ("Rx   ErrorFrame", "20000000#"),
+]
+
+
+@pytest.mark.parametrize(("line", "wanted"), CANFD_LINES)
+def test_the_flags_of_a_canfd_line_decide_its_kind(tmp_path, line, wanted):
+    """Not its form, in which classic frames are written too."""
+    path = tmp_path / "x.asc"
+    path.write_text(f"{DATE}\nbase hex  timestamps absolute\n   0.100000 CANFD   1 {line}\n")
+    (frame,) = can_logs.frames_of(path, [])
+    assert candump.candump_line(frame).split()[2].startswith(wanted)
+    assert frame.is_fd == ("##" in wanted)
+
+
+def differences(count: int) -> np.ndarray:
+    """Times since the frame before of angles each ms and their answers."""
+    return np.concatenate(([0.0], np.tile([6e-5, 9.4e-4], count)))
+
+
+@pytest.mark.parametrize(
+    ("times", "line"),
+    [
+        (differences(20), 4),
+        (np.full(20, 1e-3), 2),
+        (np.random.default_rng(1).uniform(0, 1e-3, 50), None),
+        (np.full(20, 1e-3) + 1e-6 * (np.arange(20) % 3), 4),
+    ],
+)
+def test_times_since_the_frame_before_are_refused_with_the_line(tmp_path, times, line):
+    """As `candump -td` writes them. Only an ASC can say that it has such times."""
+    path = tmp_path / "x.log"
+    texts = [f"{time:010.6f}" for time in times]
+    path.write_text("".join(f"({text}) can0 100#00\n" for text in texts))
+    with pytest.raises(Error, match=re.escape(f"{path}:{line or ''}")) as said:
+        held(path)
+    assert "candump -L" in str(said.value)
+    if np.ptp(times) > 0 and (np.diff(times) < 0).sum() > 5:  # log2asc takes them for absolute
+        with pytest.raises(Error, match=re.escape(f"{path.with_suffix('.asc')}:")):
+            held(asc(path.with_suffix(".asc"), ASC_HEADS["by log2asc"], times))
+
+
+def test_a_few_frames_in_another_order_are_read(tmp_path):
+    """By two controllers, and at one time; `candump -tz` begins with 0."""
+    times = np.sort(np.random.default_rng(1).uniform(0, 1, 100)).round(6)
+    times[[10, 11, 50, 51]] = times[[11, 10, 51, 50]]
+    times[70] = times[71]
+    for form in ("{:017.6f}", "{:010.6f}"):
+        path = tmp_path / "x.log"
+        path.write_text("".join(f"({form.format(one)}) can0 100#00\n" for one in times))
+        assert held(path)[0] == pytest.approx(times)
+
+
+def test_pairs_of_one_time_are_read(tmp_path):
+    """As a simulation writes them, also in the seconds 100 to 999."""
+    times = np.repeat(np.arange(0, 400, 0.5), 2)
+    (path := tmp_path / "x.log").write_text("".join(f"({one:f}) c 100#00\n" for one in times))
+    assert held(path)[0] == pytest.approx(times)
+
+
+BAD = ["hello", "(1.0) can0 100#0", "(1.0) can0 100", "\0" * 50, "(1.0) can0 100#0\xff", "(1.0) ca"]
+
+
+@pytest.mark.parametrize("bad", BAD)
+def test_a_bad_line_of_a_candump_log_is_named_and_left_out(tmp_path, bad, dahl_here):
+    """With its number, its text and a count. The demo, which writes whole lines, refuses it."""
+    words, path = signals(tmp_path), tmp_path / "x.log"
+    log_writers.frames(path, TIME, np.arange(ROWS), wave())
+    lines = path.read_bytes().splitlines()
+    for place in (150, 60, 16):
+        lines.insert(place, bad.encode("latin-1"))
+    path.write_bytes(b"\n".join(lines))
+    log = read(path, *words)
+    assert log.rows == ROWS and log.time == pytest.approx(TIME)
+    (note,) = log.notes
+    assert note.startswith(f"{path}:17: ") and "3 such lines of 203" in note
+    assert printable(bad[:5]) in printable(note)
+    with pytest.raises(Error, match=re.escape(f"{path}:17: ")):
+        can_logs.read_candump(path)
+    path.write_bytes(b"\n".join([lines[0], *[bad.encode("latin-1")] * 2]))
+    assert f"{path}:2: " in refused(path, *words)  # no log of candump
 
 
 # --- signals and the DBC --------------------------------------------------------------------------

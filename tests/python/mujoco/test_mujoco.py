@@ -221,6 +221,7 @@ def test_the_hinge_holds_under_half_of_Fc_and_threads_change_no_bit() -> None:
     assert "1000 rollouts on 4 threads: the same bits as on one thread" in printed
 
 
+SLIP, MIX = {"model": "slip"}, {"model": "parallel", "kinds": "slip dahl"}
 EIGHT = {"sigma0": "1 " * 8, "Fc": "1 " * 8}
 BAD: list[tuple[dict[str, Any], str]] = [  # keys of an instance, words of the error
     ({"Fc": -1}, "Fc = -1 is outside 5.42101e-20 .. 1.84467e+19"),
@@ -233,6 +234,16 @@ BAD: list[tuple[dict[str, Any], str]] = [  # keys of an instance, words of the e
     ({"model": "elastoplastic", "breakaway": " "}, "model = elastoplastic needs breakaway"),
     ({"Fc": "1 1 1 1 1 1 1 1 1"}, "Fc = 1 1 1 1 1 1 1 1 1 has more than 8 values"),
     ({"Fc": "1 2"}, "model = dahl does not fit 1 sigma0 and 2 Fc"),
+    ({"model": "asymmetric", "Fc": "1"}, "model = asymmetric does not fit 1 sigma0 and 1 Fc"),
+    ({"model": "loaded", "full": 1, "sigma0": "1 2"}, "loaded does not fit 2 sigma0 and 1 Fc"),
+    (SLIP | {"sigma0": "1 2", "Fc": "1"}, "model = slip does not fit 2 sigma0 and 1 Fc"),
+    (SLIP | {"sigma0": "1", "Fc": "1 2"}, "model = slip does not fit 1 sigma0 and 2 Fc"),
+    (MIX | {"sigma0": "1 2 3", "Fc": "1 2"}, "parallel does not fit 3 sigma0 and 2 Fc"),
+    (MIX | {"sigma0": "1", "Fc": "1 2"}, "model = parallel does not fit 1 sigma0 and 2 Fc"),
+    (MIX | {"sigma0": "1 2", "Fc": "1 2", "kinds": "slip"}, "kinds = slip has 1 words for 2 Fc"),
+    ({"model": "parallel"}, "model = parallel needs kinds"),
+    ({"model": "loaded", "full": 1, "rest": 1.5}, "rest = 1.5 is outside 0 .. 1"),
+    ({"theta_per_count": "1 2"}, "theta_per_count = 1 2 has more than 1 values"),
     ({"theta_per_count": 1e-15}, "theta_per_count = 1e-15 is outside 2^-30 .. 2^20 of Fc/sigma0"),
     ({"model": "lugre"}, "model = lugre is none of dahl slip parallel"),
     ({"model": "elastoplastic", "breakaway": 1}, "breakaway = 1 is outside 1e-37 .. 1"),

@@ -8,9 +8,11 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import cantools
 import dahl
+import pytest
 import yaml
 from conftest import ROOT
 
@@ -55,6 +57,10 @@ def west_project() -> dict[str, str]:
     return project
 
 
+def citation() -> dict[str, Any]:
+    return yaml.safe_load((ROOT / "CITATION.cff").read_text())
+
+
 def test_every_manifest_has_the_version_of_the_header() -> None:
     """CMake and pyproject.toml read it. These files state it."""
     stated = {
@@ -66,6 +72,7 @@ def test_every_manifest_has_the_version_of_the_header() -> None:
         "lib/node/dahl.dbc": cantools.database.load_file(ROOT / "lib/node/dahl.dbc").version,
         "tools/dahl/version.py": dahl.__version__,
         "docs/microcontroller.md": west_project()["revision"].removeprefix("v"),
+        "CITATION.cff": citation()["version"],
         "CHANGELOG.md": re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.M)[1],
     }
     assert stated == dict.fromkeys(stated, VERSION)
@@ -107,6 +114,36 @@ def test_all_manifests_name_one_author_and_one_address() -> None:
     assert len(repositories) == 1 and ADDRESS.fullmatch(repositories.pop())
     (author,) = {one["name"] for one in pio["authors"]}
     assert [author] == idf["maintainers"] and author == arduino["author"] == arduino["maintainer"]
+
+
+CFF_KEYS = {"cff-version", "message", "type", "title", "abstract", "version", "license", "authors"}
+CFF_KEYS |= {"references"}
+CFF_PAPER = {"type", "title", "authors", "institution", "notes"}
+
+
+def test_the_citation_file_has_the_form_of_cff_1_2_and_the_author_of_the_licence() -> None:
+    """Of its schema, the rules for the keys that the file has."""
+    file = citation()
+    assert set(file) == CFF_KEYS and file["cff-version"] == "1.2.0" and file["type"] == "software"
+    assert all(
+        isinstance(file[key], str) and file[key] for key in CFF_KEYS - {"authors", "references"}
+    )
+    licence = (ROOT / "LICENSE").read_text()
+    (author,) = file["authors"]
+    assert author["name"].lower() in licence and file["license"] == licence.split()[0]
+    (paper,) = file["references"]
+    assert set(paper) == CFF_PAPER and paper["type"] == "generic"
+    assert set(paper["institution"]) == {"name"}
+    assert all(set(one) == {"family-names", "given-names"} for one in paper["authors"])
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/model.md", "lib/include/dahl.h"])
+def test_the_paper_is_cited_as_in_the_citation_file(page: str) -> None:
+    (paper,) = citation()["references"]
+    text = re.sub(r"[\s*]+", " ", (ROOT / page).read_text())
+    words = [paper["title"], *(one["family-names"] for one in paper["authors"])]
+    words += [paper["institution"]["name"].split(",")[0], "ANR-09-VTT-14"]
+    assert [word for word in words if word not in text] == []
 
 
 def test_zephyr_and_twister_find_the_module_its_options_and_samples() -> None:

@@ -116,6 +116,10 @@ TIMES = {
     "latency_us": {"p50": 150.0, "p99": 390.0, "max": 400.0},
     "jitter_us": {"p50": 1.0, "p99": 21.0, "max": 30.0},
     "deadline_misses": 5,
+    "frames_answered": 11,
+    "late_answers": 3,
+    "late_ticks": 2,
+    "ticks": 300,
 }
 FAULTS = {"faults": {"injected": {"crc": 4, "bus_off": 9}, "expected": {}}}
 
@@ -131,7 +135,8 @@ def test_latencies_faults_and_tracking_error_have_panels(steady, picture, tmp_pa
     assert [bar.get_height() for bar in latencies.patches] == [3, 7, 1]
     assert (latencies.get_xscale(), latencies.lines[0].get_xdata()[0]) == ("log", 1000)
     words = latencies.get_title(loc="left")
-    assert re.findall(r" (\d+) ", words) == ["150", "390", "21", "5"]
+    assert re.findall(r" (\d+) ", words) == ["150", "390", "21", "3", "11", "2", "300"]
+    assert "3 of 11 answers late" in words and "2 of 300 ticks late" in words
     assert "jitter" in words and "[µs]" in latencies.get_xlabel() and words.count(" µs") == 3
     assert ([bar.get_height() for bar in faults.patches], faults.get_yscale()) == ([4, 9], "symlog")
     assert [label.get_text() for label in faults.get_xticklabels()] == ["crc", "bus off"]

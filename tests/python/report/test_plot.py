@@ -94,10 +94,30 @@ def test_the_log_of_a_run_is_found_by_its_summary(dahl, log, figures):
     own, same, other, none = fits
     assert own == same != other and other and none == []
     assert not any("0.99" in words for found in fits for words in found)
+    third = Path("there/third.ini")  # its log is missing, and that of the run is of another scene
+    third.write_text(Path("there/mine.ini").read_text().replace("a.csv", "c.csv"))
+    refused(dahl("plot", "there", "--scene", third), "there/c.csv")
     Path("there/another.log").write_bytes(Path("there/run.log").read_bytes())
     refused(dahl("plot", "there/another.log"), "there/another.log", "--scene")
     Path("there/summary.json").unlink()
     refused(dahl("plot", "there"), "there/run.log", "--scene")
+
+
+def test_the_scene_of_a_run_is_its_file_if_that_is_still_there_else_the_one_beside(dahl, log):
+    Path("kept.ini").write_text(REPLAY.replace("title = mine", "title = kept"))
+    for scene, title in (("kept.ini", "kept"), ("gone/mine.ini", "mine")):
+        known = {"scene_file": str(Path(scene).resolve()), "log": str(log.with_name("a.csv"))}
+        Path("there/summary.json").write_text(json.dumps(known))
+        Path("there/kept.ini").write_text(REPLAY)
+        assert dahl("plot", "there").stdout.endswith(f", {title}\n")
+
+
+def test_the_frames_are_those_of_the_node_of_the_scene(dahl, log):
+    words = ["--scene", "there/mine.ini", "--set", "friction.node=3", "--virtual", "--log", "3.log"]
+    subprocess.run([program(), *words], check=True, timeout=60)
+    (scene := Path("there/three.ini")).write_text(REPLAY.replace("[motion]", "node = 3\n[motion]"))
+    assert ": 30 ticks" in dahl("plot", "3.log", "--scene", scene).stdout
+    refused(dahl("plot", "3.log", "--scene", "there/mine.ini"), "EncoderState")
 
 
 def test_a_log_of_two_buses_needs_the_name_of_one(dahl, log):

@@ -5,6 +5,7 @@ the fit, and the page. Most tests call dahl.report.traces, since `dahl demo` get
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 from pathlib import Path
@@ -299,17 +300,48 @@ def test_the_page_shows_each_number_in_its_unit(force, slope, tmp_path):
     latency = {"p50": 100.0, "p99": 1000.0, "max": 10000.4}
     numbers = {"title": "x", "ticks": 800, "bus_load": 0.2434, "max_error_ulp_Fc": 0.51}
     numbers |= {"bus": "a bus", "time": "real", "frames_sent": 11, "frames_lost": 0}
-    numbers |= {"deadline_misses": 13, "rmse_measured": 0.0123456, "r2_measured": 0.98765}
+    numbers |= {"deadline_misses": 13, "late_ticks": 4, "late_answers": 9, "frames_answered": 10}
+    numbers |= {"rmse_measured": 0.0123456, "r2_measured": 0.98765}
     numbers |= {"realtime_factor": 3.21, "parameters": {"sigma0": 12.5}, "node": {"jumps": 1234567}}
     numbers |= {"latency_us": latency, "jitter_us": dict.fromkeys(latency, 0.0)}
     numbers |= {"units": {"sigma0": slope, "Fc": force, "theta_per_count": "rad"}}
     cells, _ = page_of(tmp_path, numbers | {"answers_by_state": {"OK": 790}})
-    shown = f"a bus;real;800;11;0;13;0.510 ulp of Fc;0.01235 {force};0.9877;24.3%;3.2"
-    shown += f";p50 100, p99 1000, max 10000 µs;12.5 {slope};790;1234567"
+    shown = f"a bus;real;800;11;0;0.510 ulp of Fc;0.01235 {force};0.9877;24.3%;3.2"
+    shown += f";9 of 10;4 of 800;p50 100, p99 1000, max 10000 µs;12.5 {slope};790;1234567"
     assert cells[1::2] == shown.split(";")
     assert cells[-6:] == ["sigma0", f"12.5 {slope}", "OK", "790", "jumps", "1234567"]
     cells, page = page_of(tmp_path, {"version": "9"})
+    assert "simulated" not in page and "<section" not in page
     assert cells == [] and "dahl 9" in page and "a run" in page
+
+
+RATIOS = {"none": {"ratio": 1.0}, "dahl": {"ratio": 0.0625}, "sign": {"ratio": 2}}
+STEERED = {"width_Nm": 1, "drag_Nm": 2, "largest_hand_Nm": 3, "hand_J": 4, "tyres_J": 5}
+SIMULATED = [  # summary, head and first rows of the table
+    (
+        {"scene": "compensation", "position": {"fine": RATIOS}, "hand": {"slow": RATIOS}},
+        ["axis", "case", "dahl", "sign"],
+        ["position", "fine", "0.062", "2.000", "hand", "slow", "0.062", "2.000"],
+    ),
+    (
+        {"scene": "park-steer"}
+        | {name: STEERED | {"assist_J": k} for k, name in enumerate(("without", "with"))},
+        ["one cycle of the hand wheel", "without assist", "with assist"],
+        ["width of the hysteresis loop [N m]", "1.00", "1.00"],
+    ),
+]
+
+
+@pytest.mark.parametrize(("numbers", "head", "first"), SIMULATED)
+def test_the_page_of_a_simulated_scene_has_its_table(tmp_path, numbers, head, first):
+    (tmp_path / "summary.json").write_text(json.dumps(numbers))
+    (tmp_path / f"{numbers['scene']}.png").write_bytes(b"a picture")
+    assert command("report", tmp_path).returncode == 0
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert re.findall("<th>(.*?)</th>", page) == head
+    cells = re.findall("<td>(.*?)</td>", page)
+    assert cells[: len(first)] == first and len(cells) in (len(first), 6 * len(head))
+    assert base64.b64encode(b"a picture").decode() in page and numbers["scene"] in page
 
 
 def test_the_page_marks_a_wrong_counter(tmp_path):

@@ -154,6 +154,63 @@ def test_without_a_network_it_ends_with_one_line(tmp_path):
     assert all(word in error for word in [*wanted, "(pip)", "build/venv", "build/setup.log"])
 
 
+def laptop(folder: Path) -> Path:
+    """Make a PATH without apt-get, a compiler and CMake."""
+    hides = re.compile("apt-get|cc|c[89]9|gcc.*|clang.*|cmake|sudo")
+    (folder / "path").mkdir(parents=True)
+    for program in [*Path("/usr/bin").iterdir(), *Path("/bin").iterdir()]:
+        link = folder / "path" / program.name
+        if not hides.fullmatch(program.name) and not link.is_symlink():
+            link.symlink_to(program)
+    return folder / "path"
+
+
+BROKEN = {  # what the PATH gains, CC, and the start of the only line
+    "": ({}, "", "not found: cc cmake; no apt-get here"),
+    "no cmake": ({"cc": "exit 0"}, "", "not found: cmake; no apt-get here"),
+    "CC": ({}, "no-such-cc -m32", "CC=no-such-cc -m32 does not run: "),
+    "old cmake": (
+        {"cc": "", "cmake": "echo cmake version 3.21.9"},
+        "",
+        "{}/cmake has version 3.21.9",
+    ),
+    "bad cmake": ({"cc": "", "cmake": "exit 127"}, "", "{}/cmake does not run"),
+    "no library": (
+        {"cc": "exit 1", "cmake": "echo cmake version 3.100.1-rc2"},
+        "",
+        "not found: ini.h csv.h cjson/cJSON.h; no apt-get here",
+    ),
+}
+
+
+@pytest.mark.parametrize("script", ["setup", "demo", "test"])
+@pytest.mark.parametrize("case", BROKEN)
+def test_without_a_compiler_or_cmake_one_line_says_so_and_nothing_starts(tmp_path, script, case):
+    programs, compiler, line = BROKEN[case]
+    path = laptop(tmp_path)
+    for name, text in programs.items():
+        (path / name).write_text(f"#!/bin/sh\n{text}\n")
+        (path / name).chmod(0o755)
+    shutil.copytree(ROOT / "tools", tmp_path / "tools")
+    away = {"PATH": str(path), "HOME": str(tmp_path), **({"CC": compiler} if compiler else {})}
+    done = subprocess.run(
+        [tmp_path / "tools" / f"{script}.sh"], env=away, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    [error] = done.stderr.splitlines()
+    assert error.startswith("error: " + line.format(path))
+    assert not list(tmp_path.glob("build/venv")) and not list(tmp_path.glob("build/host"))
+
+
+def test_a_wheel_without_a_compiler_names_it_in_one_line(tmp_path):
+    words = ["cmake", "-S", ROOT, "-B", tmp_path, "-DDAHL_BUILD_WHEEL=ON"]
+    away = os.environ | {"CC": "no-such-cc -m32"}
+    done = subprocess.run(words, env=away, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    named = [line for line in done.stderr.splitlines() if "no-such-cc" in line]
+    assert len(named) == 1 and "dahl needs a C compiler" in named[0]
+
+
 def test_the_lock_has_the_versions_of_the_groups():
     groups = tomllib.loads((ROOT / "pyproject.toml").read_text())["dependency-groups"]
     pins = {pin for group in groups.values() for pin in group if isinstance(pin, str)}

@@ -5,10 +5,12 @@ ends, and the files that it leaves.
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -19,8 +21,8 @@ import numpy as np
 import pytest
 from dahl.binding.library import load
 from dahl.io import can_logs
-from dahl.report import traces
-from dahl.sim import scene
+from dahl.report import run_files, traces
+from dahl.sim import compensation, park_steer, scene
 from demo_tools import (
     FC,
     OFFSET,
@@ -29,9 +31,11 @@ from demo_tools import (
     TICKS,
     TURN,
     answered,
+    in_role,
     rows_of,
     summary_of,
     write_log,
+    write_loop,
 )
 from identify_tools import complaint
 from log_reading import drawing
@@ -45,6 +49,14 @@ def unpainted():
     """The figures that are drawn, saved as empty files, since drawing takes longest."""
     with drawing(rendered=False) as figures:
         yield figures
+
+
+@pytest.fixture
+def quick_scenes(monkeypatch):
+    """Scenes without dahl-loop, simulated once and shortly."""
+    compare, simulate = functools.cache(compensation.compare), functools.cache(park_steer.simulate)
+    monkeypatch.setattr(compensation, "compare", lambda seed, _progress: compare(seed))
+    monkeypatch.setattr(park_steer, "simulate", lambda gain, _progress: simulate(gain))
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +174,7 @@ def test_the_fault_storm_is_counted_and_exact(dahl, unpainted, tmp_path):
     rows = {name: " ".join(value.split()) for name, value in rows_of(done.stdout).items()}
     assert "all, to the last one" in rows["faults counted by the node"]
     assert f"drop {injected['drop']}" in rows["faults"]
-    assert not [key for key in numbers if re.search("latency|jitter|deadline", key)]
+    assert not [key for key in numbers if re.search("latency|jitter|deadline|late_", key)]
     assert " µs" not in done.stdout
     assert dahl("report", "out").returncode == 0 and dahl("plot", "out").returncode == 0
     assert "latency of" not in (tmp_path / "out" / "report.html").read_text().lower()
@@ -184,6 +196,97 @@ def test_a_closed_loop_reports_its_tracking_error(dahl, unpainted, tmp_path):
     turns = (control["torque_alternations"], control["reference_reversals"])
     assert rows["sign of the torque"] == "changed {} times, the motion {} times".format(*turns)
     assert control["rms_error_rad"] == pytest.approx(np.sqrt(np.mean(tracking**2)), rel=1e-6)
+
+
+# --- a folder with runs of several scenes ---------------------------------------------------------
+
+
+def names_in(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+SHORT = ("--seconds", 0.2)
+PAIR = {f"{role}.{kind}" for role in ("node", "encoder") for kind in ("json", "err")}
+SEGMENTS = ("--scene", "segments", "--bus", "socketcand", *SHORT)
+SCENES_IN_ONE_FOLDER = [  # words, picture, and the other files of such a run
+    (SEGMENTS, "loop.png", {"run.log", *PAIR}),
+    (("--scene", "compensation"), "compensation.png", set()),
+    (
+        ("--scene", "parking", *SHORT),
+        "loop.png",
+        {"run.log", "trace.csv", "uncompensated.csv", "both.json", "both.err"},
+    ),
+    (("--scene", "park-steer"), "park-steer.png", {"run.log"}),
+    (SEGMENTS, "loop.png", {"run.log", *PAIR}),
+]
+
+
+def test_plot_and_report_know_each_scene_and_no_file_of_another_scene_stays(dahl, quick_scenes):
+    """A file that is not of dahl, or that has changed since, stays."""
+    out, own = Path("out"), {"notes.txt", "run.csv", "node.ini", "x.json"}
+    out.mkdir()
+    for name in own:
+        (out / name).write_text("mine")
+    for words, name, left in SCENES_IN_ONE_FOLDER:
+        assert dahl("demo", *words, "-o", "out").returncode == 0
+        assert names_in(out) == {*own, *left, name, "summary.json", ".dahl-files.json"}
+        (picture := out / name).unlink()
+        done = dahl("plot", "out")
+        assert (done.returncode, done.stderr) == (0, "")
+        assert picture.exists() and done.stdout.startswith(f"{picture}: ")
+        assert dahl("report", "out").returncode == 0 and (out / "report.html").exists()
+        assert dahl("plot", "out", "-o", "out/own.svg").returncode == 0  # stays
+        own.add("own.svg")
+    (out / "loop.png").write_bytes(b"mine")
+    (out / "trace.csv").write_text("time_s,of,mine\n")
+    assert dahl("demo", "--scene", "compensation", "-o", "out").returncode == 0
+    assert (out / "loop.png").read_bytes() == b"mine" and (out / "trace.csv").exists()
+    assert all((out / name).read_text() == "mine" for name in own - {"own.svg"})
+    left = own | {"compensation.png", "summary.json", ".dahl-files.json", "loop.png", "trace.csv"}
+    assert names_in(out) == left
+
+
+def test_a_run_keeps_the_files_that_it_reads(dahl, own_log, unpainted):
+    """A scene and a table that an earlier run wrote into the folder."""
+    words = ("--bus", "socketcand", *SHORT, "-o", "out")
+    assert dahl("demo", own_log, *OWN, *words).returncode == 0
+    for _ in range(2):
+        done = dahl("demo", "--scene", "out/own.ini", "--bus", "socketcand", *SHORT, "-o", "new")
+        assert done.returncode == 0, done.stderr
+        assert {"own.ini", "own.csv"} <= names_in(Path("out"))
+    shutil.copy("out/own.ini", "new/own.ini")
+    assert dahl("demo", "--scene", "segments", *words).returncode == 0
+    assert not {"own.ini", "own.csv"} & names_in(Path("out"))
+
+
+def test_a_failed_run_leaves_files_that_the_next_run_removes(
+    dahl, unpainted, monkeypatch, tmp_path
+):
+    with monkeypatch.context() as patched:
+        script = in_role("encoder", "exit 3")
+        patched.setenv("DAHL_LOOP", str(write_loop(tmp_path / "bin", script)))
+        words = ("--scene", "segments", "--bus", "socketcand", *SHORT, "-o", "out")
+        assert dahl("demo", *words).returncode == 1
+    assert "node.err" in names_in(Path("out"))
+    assert dahl("demo", "--scene", "creep", *SHORT, "-o", "out").returncode == 0
+    assert "node.err" not in names_in(Path("out"))
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"../trace.csv": STAMP}', '{"kept": STAMP}', "{}"])
+@pytest.mark.parametrize("more", ["", ', "trace.csv": 7', ', "trace.csv": [4]'])
+def test_a_list_of_files_that_anyone_may_have_written_removes_no_other_file(tmp_path, text, more):
+    (folder := tmp_path / "out").mkdir()
+    kept = [tmp_path / "trace.csv", folder / "trace.csv", folder / "kept"]
+    for path in kept:
+        path.write_text("mine")
+        os.utime(path, ns=(10**18, 10**18))
+    text = text.replace("}", f"{more}}}").replace("{,", "{").replace("STAMP", f"[4, {10**18}]")
+    (folder / ".dahl-files.json").write_text(text)
+    run_files.remove_earlier(folder)
+    assert all(path.exists() for path in kept)
+    (folder / ".dahl-files.json").write_text(f'{{"trace.csv": [4, {10**18}]}}')
+    run_files.remove_earlier(folder)
+    assert [path.exists() for path in kept] == [True, False, True]
 
 
 # --- how a run ends -------------------------------------------------------------------------------

@@ -190,3 +190,4 @@ ABSENT = [  # bus, reason of the system
 def test_a_missing_bus_is_refused_with_the_reason_of_the_system(bus, reason):
     error = loop.run_program("--scene", STEERING, "--bus", bus).error(1)
     assert error.startswith(f"--bus {bus}: {reason}")
+    assert ("--bus socketcand:PORT" in error) == bus.startswith("socketcan:")  # the way out

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import signal
 import struct
 from collections import Counter
@@ -65,6 +66,19 @@ def test_a_node_answers_angles_and_counts_other_frames(tmp_path, join):
     assert (counts["garbage"], counts["error_frames"], counts["dropped"]) == (1, 1, 0)
     text = result.log.read_text()
     assert all(f" can0 {line}\n" in text for line in ("100#R8", "101#R", f"100##0{data}"))
+
+
+def test_frames_of_can_fd_are_logged_with_their_flags_or_counted(tmp_path, join):
+    """A line with 8 of 64 bytes would be that of another frame."""
+    process, bus = join("--role", "node", "--seconds", "0.3")
+    for flags, size in ((0, 8), (1, 0), (2, 5), (7, 8), (1, 12), (3, 64)):  # 4 marks CAN FD
+        bus.send(struct.pack("=IBB2x64s", 0x321, size, flags, bytes(range(64))))
+    result = finished(tmp_path, process)
+    seen = [line.split()[2] for line in result.log.read_text().splitlines() if "321#" in line]
+    eight, five = "0001020304050607", "0001020304"
+    assert seen == [f"321##0{eight}", "321##1", f"321##2{five}", f"321##3{eight}"]
+    assert result.summary["bus_counts"]["long_fd_frames"] == 2
+    assert result.code == 0 and re.match(r"note: --log: 2 .*8 bytes", result.err)
 
 
 def test_only_the_bus_off_of_error_frames_reaches_the_nodes(tmp_path, join, monkeypatch):

@@ -70,7 +70,8 @@ def test_the_summary_has_latencies_and_load_of_the_log(tmp_path, rate, nodes, se
     jitter = np.concatenate([np.abs(np.diff(one)) for one in latencies.values()])
     if len(jitter):
         check_histogram(summary["jitter_us"], jitter)
-    assert summary["deadline_misses"] == np.count_nonzero(every > 1000)
+    assert summary["deadline_misses"] == summary["late_answers"] == np.count_nonzero(every > 1000)
+    assert summary["late_ticks"] == 0
     edges, counts = np.array(summary["latency_histogram"]).T
     assert (np.diff(edges) > 0).all() and counts.sum() == len(every)
     below = [np.count_nonzero(every <= edge + 1e-3) for edge in edges]

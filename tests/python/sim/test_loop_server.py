@@ -17,6 +17,7 @@ from pathlib import Path
 import can
 import loop_tools as loop
 import pytest
+from dahl import bus
 from dahl.bus import open_bus
 from loop_tools import SCENES, client, ended, finished, raw_client, read_log, run, serving, start
 
@@ -156,6 +157,23 @@ def test_a_server_that_is_silent_for_5_s_is_refused(tmp_path):
     assert time.monotonic() - begun > 4.5
 
 
+def test_a_frame_of_can_fd_reaches_the_other_clients_whole(tmp_path):
+    """The server keeps 8 of its bytes, so its own log leaves it out, with a note."""
+    data = bytes(range(100, 164))
+    with serving(tmp_path, STEERING, "--role", "node") as (process, port):
+        with client(port) as one, client(port) as other:
+            for size in (12, 64):
+                message = can.Message(arbitration_id=0x321, data=data[:size], is_fd=True)
+                one.send(message)
+                while (got := bus.receive(other, 10)).arbitration_id != 0x321:
+                    pass
+                assert (got.data, got.is_fd, got.is_extended_id) == (data[:size], True, True)
+        result = ended(tmp_path, process)
+    assert result.summary["bus_counts"]["long_fd_frames"] == 2
+    assert "00000321#" not in result.log.read_text()
+    assert result.code == 0 and re.match(r"note: --log: 2 .*8 bytes", result.err)
+
+
 # --- slow clients ---------------------------------------------------------------------------------
 
 
@@ -238,3 +256,33 @@ def test_a_peer_with_another_protocol_is_refused_at_its_first_word(tmp_path, gre
                 peer.close()
             result = finished(tmp_path, process)
     assert result.error(1).startswith(f"--bus {bus}: Protocol error") and result.summary == {}
+
+
+def test_a_bus_of_any_name_is_joined(tmp_path):
+    """The log has its name."""
+    asked = b""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        spec = f"socketcand:127.0.0.1:{listener.getsockname()[1]}/slcan-7.b"
+        process = start(tmp_path, STEERING, "--bus", spec, "--role", "node", "--seconds", "0.2")
+        with listener.accept()[0] as peer:
+            for word in (b"< hi >", b"< ok >", b"< ok >< frame 7FF 1.000000 01 >"):
+                peer.sendall(word)
+                asked += peer.recv(100)
+            result = finished(tmp_path, process)
+    assert asked.startswith(b"< open slcan-7.b >< rawmode >") and result.code == 0
+    assert "(0000000001.000000) slcan-7.b 7FF#01\n" in result.log.read_text()
+
+
+@pytest.mark.parametrize("channel", ["", "a b", "a<", ">", "\t", "\x7f", "ä", "x" * 32])
+def test_a_channel_that_the_protocol_cannot_name_is_refused(channel):
+    spec = f"socketcand:127.0.0.1:1/{channel}"
+    error = loop.run_program("--scene", STEERING, "--bus", spec).error(2)
+    assert error.startswith("--bus socketcand:127.0.0.1:1/") and "1 to 31" in error
+
+
+@pytest.mark.parametrize(
+    "address", ["28600/can1", "/can1", ":1/can1", "h:/can1", "h:0/can1", "h:x"]
+)
+def test_a_server_takes_no_channel_and_a_client_needs_host_and_port(address):
+    error = loop.run_program("--scene", STEERING, "--bus", f"socketcand:{address}").error(2)
+    assert error.startswith(f"--bus socketcand:{address}: ") and "HOST:PORT[/CHANNEL]" in error

@@ -8,10 +8,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import can
 import dahl
 import pytest
 from dahl.binding import models
 from dahl.sim import scene, scene_keys
+from identify_tools import complaint
 from loop_tools import SCENES, run_program, setting
 
 GOOD = {
@@ -94,6 +96,8 @@ SCENE_ERRORS = [
     (scene_of(friction="[fricton]\nsigma0 = 1"), 3, "[fricton]"),
     (scene_of(friction="[friction\nsigma0 = 1"), 3, ""),
     (scene_of(friction="[friction]\nsigma0 = " + "1" * 300), 4, "198"),
+    (scene_of(status="[sectoin]"), 13, "[sectoin]"),
+    (scene_of(status="[measured]\ntorqe = x"), 14, '"torqe" [measured]'),
     (scene_of(motion="[motion]\nfile = x"), 7, "[motion] kind"),
     (scene_of(motion="[motion]\nkind = sine"), 8, "[motion] kind sine segments steering log"),
     (scene_of(motion=f"{REPLAY}\nspeed = 1"), 13, "[motion] speed log"),
@@ -119,6 +123,32 @@ def test_a_bad_scene_is_refused(tmp_path, text, line, words):
     if (text, line, words) in NODE_ERRORS:
         with pytest.raises(dahl.Error):
             scene.element(scene.read(path))
+
+
+NAMES = {  # sections that replace those of the good scene, and the place of the unknown name
+    "[sectoin]": {"status": "[sectoin]"},
+    "[fricton]": {"friction": "[fricton]\nsigma0 = 1"},
+    "[DEFAULT]": {"scene": "[DEFAULT]\ntitle = t"},
+    "[friction] has no key 'sgima0'": {"friction": "[friction]\nsgima0 = 1\nFc = 1"},
+    "[status] has no key 'period'": {"status": "[status]\nperiod = 1"},
+    "[motion] has no key 'File'": {"motion": "[motion]\nkind = log\nFile = x"},
+    "[measured] has no key 'torqe'": {"status": "[measured]\ntorqe = x"},
+}
+
+
+@pytest.mark.parametrize("place", NAMES)
+@pytest.mark.parametrize(
+    "words", ["node -i virtual -c x", "monitor -i virtual -c x", "plot log.csv", "demo -o out"]
+)
+def test_an_unknown_name_in_a_scene_is_found_before_a_bus_is_opened(
+    dahl_here, monkeypatch, tmp_path, words, place
+):
+    path = write(tmp_path, scene_of(**NAMES[place]))
+    monkeypatch.setattr(can, "Bus", lambda **_: pytest.fail("a bus was opened"))
+    monkeypatch.chdir(tmp_path)
+    done = dahl_here(*words.split(), "--scene", path)
+    code, line = complaint(done)
+    assert code == 2 and line.startswith(f"{path}: ") and place in line
 
 
 LOG_ERRORS = [  # text of a log, line, words of the error

@@ -9,7 +9,7 @@ from dahl.binding.compensator import Compensator
 from dahl.binding.copies import Copied, content
 from dahl.binding.library import c
 from dahl.binding.parameters import Parameter
-from dahl.errors import Error
+from dahl.errors import InputError
 
 ONE_Q24 = 2**24
 PERIOD_MAX_S = 0.02
@@ -18,7 +18,6 @@ PERIOD = "2^-64 <= period <= 0.02 (s)"
 FRICTION = ("sigma0", "Fc", "theta_per_count")
 
 
-@checks.calls_checked
 class Adaptation(Copied):
     """Follow an Fc that drifts with temperature or wear (dahl_adaptation_t), for a Compensator with
     reference=True. Viscous friction and the force of a hand look like Fc to it.
@@ -73,7 +72,7 @@ class Adaptation(Copied):
         params = c.new("dahl_compensator_params_t *", given)
         code = c.dahl_adaptation_prepare(self._prepared, params, self.inertia)
         if code != c.DAHL_COMPENSATOR_OK:
-            raise Error(self._refusal())
+            raise InputError(self._refusal())
 
     def _refusal(self) -> str:
         """Return the value and the limit that the library refused."""
@@ -108,7 +107,8 @@ class Adaptation(Copied):
 
     def apply_q30(self, ratio_q30: int) -> int:
         """Return the torque of the element times Fc_estimate/Fc, in Q30 of Fc, at most 2 Fc. Call
-        it before Compensator.torque(). Raises dahl.Error unless it is a whole number within int32.
+        it before Compensator.torque(). Raises TypeError or dahl.Error unless it is a whole number
+        within int32.
         """
         ratio_q30 = checks.whole("ratio_q30", ratio_q30, INT32_MIN, INT32_MAX)
         return int(c.dahl_adaptation_apply(self._state, ratio_q30))
@@ -127,11 +127,13 @@ class Adaptation(Copied):
         checks.instance("compensator", compensator, Compensator)
         motor_q24 = checks.whole("motor_q24", motor_q24, INT32_MIN, INT32_MAX)
         if not compensator.reference:
-            raise Error("compensator.reference = False: the adaptation would see its own output")
+            raise InputError(
+                "compensator.reference = False: the adaptation would see its own output"
+            )
         for name in ("Fc", "theta_per_count", "period"):
             if (other := getattr(compensator, name)) != self._values[name]:
                 wanted = parameters.digits(self._values[name])
-                raise Error(f"compensator.{name} = {parameters.digits(other)} is not {wanted}")
+                raise InputError(f"compensator.{name} = {parameters.digits(other)} is not {wanted}")
         c.dahl_adaptation_step(self._prepared, self._state, compensator._state, motor_q24)
 
     def __eq__(self, other: object) -> bool:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from dahl.binding.checks import INT32_MAX, INT32_MIN, ONE_Q30
 from dahl.binding.library import c
-from dahl.errors import Error
+from dahl.errors import InputError
 
 C_TYPES = {
     np.dtype(np.int32): "int32_t[]",
@@ -54,18 +54,18 @@ def is_iterable(values: object) -> bool:
 
 def moves(values: ArrayLike, dtype: type, channels: int | None = None) -> np.ndarray:
     """Return moves for C, shape (n,) or (n, channels): the same array if C can read it. Raises
-    dahl.Error with the first bad value.
+    TypeError for no numbers, and dahl.InputError with the first bad value.
     """
     array = _array("moves", values)
+    if array.size and array.dtype.kind not in "fiu":
+        raise TypeError(f"moves has type {array.dtype}, not {np.dtype(dtype)}")
     wanted = "(n,)" if channels is None else f"(n, {channels})"
     if array.ndim != (1 if channels is None else 2) or array.shape[1:] not in ((), (channels,)):
-        raise Error(f"moves has shape {array.shape}, not {wanted}")
+        raise InputError(f"moves has shape {array.shape}, not {wanted}")
     if array.dtype == dtype or array.size == 0:
         return _for_c(array, dtype)
     if dtype is np.int32:
         return _whole(array)
-    if array.dtype.kind not in "fiu":
-        raise Error(f"moves has type {array.dtype}, not float32")
     with np.errstate(over="ignore"):  # beyond a float is infinite, which saturates
         return _for_c(array, dtype)
 
@@ -78,32 +78,30 @@ def _for_c(array: np.ndarray, dtype: type) -> np.ndarray:
 
 
 def _array(name: str, values: ArrayLike) -> np.ndarray:
-    """Return the values as an array. Raises dahl.Error for masked values and for no numbers."""
+    """Return the values as an array. Raises dahl.Error for masked values and unequal rows."""
     if type(values) is np.ndarray:
         return values
     many = values if isinstance(values, (list, tuple)) else [values]
     if any(isinstance(each, np.ma.MaskedArray) and np.ma.is_masked(each) for each in many):
-        raise Error(
+        raise InputError(
             f"{name} has masked values, which C would read as numbers;"
             " .compressed() drops them, .filled(0) makes each of them 0"
         )
     try:
         return np.asarray(values)
-    except (ValueError, TypeError, OverflowError) as error:
-        raise Error(f"{name} is not an array of numbers ({error})") from None
+    except (ValueError, OverflowError) as error:
+        raise InputError(f"{name} is not an array of numbers ({error})") from None
 
 
 def _whole(array: np.ndarray) -> np.ndarray:
     """Return whole numbers as int32. Raises dahl.Error for any other value, with its place."""
-    if array.dtype.kind not in "fiu":
-        raise Error(f"moves has type {array.dtype}, not int32")
     wide = array.astype(np.float64) if array.dtype in (np.float16, np.float32) else array
     with np.errstate(invalid="ignore"):  # a narrow float would round the limits to its own
         wrong = ~((wide >= INT32_MIN) & (wide <= INT32_MAX) & (wide == np.trunc(wide)))
     if wrong.any():
         place = tuple(int(i) for i in np.argwhere(wrong)[0])
         value = array[place].item()
-        raise Error(
+        raise InputError(
             f"moves[{', '.join(map(str, place))}] = {value!r}"
             f" is not a whole number from {INT32_MIN} to {INT32_MAX}"
         )
@@ -114,35 +112,37 @@ def loads(values: ArrayLike, moves: np.ndarray) -> np.ndarray:
     """Return a load for each move in Q30. Raises dahl.Error for the first outside 0 <= load < 2."""
     array = _array("loads", values)
     if array.dtype.kind not in "fiu":
-        raise Error(f"loads has type {array.dtype}, not float64")
+        raise TypeError(f"loads has type {array.dtype}, not float64")
     if array.shape != moves.shape:
-        raise Error(f"loads has shape {array.shape}, not {moves.shape} as moves has")
+        raise InputError(f"loads has shape {array.shape}, not {moves.shape} as moves has")
     wrong = ~((array >= 0) & (array < 2))
     if wrong.any():
         place = int(np.argmax(wrong))
-        raise Error(f"loads[{place}] = {array[place].item()!r} is outside 0 <= load < 2")
+        raise InputError(f"loads[{place}] = {array[place].item()!r} is outside 0 <= load < 2")
     loads_q30 = np.rint(array.astype(np.float64) * ONE_Q30)
     return np.minimum(loads_q30, 2 * ONE_Q30 - 1).astype(np.uint32)
 
 
 def flags(name: str, values: ArrayLike) -> np.ndarray:
-    """Return one bool a tick. Raises dahl.Error for other types: a text, and NaN, would be True."""
+    """Return one bool a tick. Raises TypeError for other types: a text, and NaN, would be True."""
     array = _array(name, values)
     if array.dtype.kind not in "biu":
-        raise Error(f"{name} has type {array.dtype}, not bool")
+        raise TypeError(f"{name} has type {array.dtype}, not bool")
     return array.astype(bool)
 
 
 def output(given: np.ndarray | None, wanted: np.ndarray) -> np.ndarray:
-    """Return an array for the torques, or the given one. Raises dahl.Error if C cannot fill it."""
+    """Return an array for the torques, or the given one if C can fill it."""
     if given is None:
         return np.empty(wanted.shape, np.float32)
     if isinstance(given, np.ma.MaskedArray) or not isinstance(given, np.ndarray):
-        raise Error(f"out is a {type(given).__name__}, not a float32 array")
-    if given.dtype != np.float32 or given.shape != wanted.shape:
-        raise Error(f"out is {given.dtype} {given.shape}, not float32 {wanted.shape}")
+        raise TypeError(f"out is a {type(given).__name__}, not a float32 array")
+    if given.dtype != np.float32:
+        raise TypeError(f"out is {given.dtype}, not float32")
+    if given.shape != wanted.shape:
+        raise InputError(f"out has shape {given.shape}, not {wanted.shape}")
     if not given.flags.carray:
-        raise Error("out is not C-contiguous, aligned and writable")
+        raise InputError("out is not C-contiguous, aligned and writable")
     if np.may_share_memory(given, wanted):
-        raise Error("out and moves share memory")
+        raise InputError("out and moves share memory")
     return given

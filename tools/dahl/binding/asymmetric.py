@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dahl.binding import checks, parameters
+from dahl.binding import parameters
 from dahl.binding.bristles import Bristle
 from dahl.binding.friction import Plan
 from dahl.binding.library import c
@@ -13,7 +13,6 @@ from dahl.binding.parameters import Parameter
 from dahl.errors import Error
 
 
-@checks.calls_checked
 class Asymmetric(Bristle):
     """Friction with one Fc for each direction (dahl_asymmetric_plan_t): dF/dtheta =
     sigma0 (1 - F/Fc_forward) forward, sigma0 (1 + F/Fc_backward) backward.

@@ -5,15 +5,14 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from dahl.binding import checks, parameters
+from dahl.binding import parameters
 from dahl.binding.elements import RatioElement
 from dahl.binding.friction import State
 from dahl.binding.library import c
 from dahl.binding.parameters import Parameter
-from dahl.errors import Error
+from dahl.errors import InputError
 
 
-@checks.calls_checked
 class Bristle(RatioElement):
     """An element with parameters, each rounded to float, and the state of one bristle."""
 
@@ -35,7 +34,7 @@ class Bristle(RatioElement):
     def _prepare(self) -> None:
         self._prepared = c.new(f"dahl_{self._kind}plan_t *")
         if getattr(c, f"dahl_{self._kind}prepare")(self._prepared, *self._params()) != 0:
-            raise Error(self._refusal())
+            raise InputError(self._refusal())
 
     def _params(self) -> tuple[Any, ...]:
         """Return the arguments of dahl_.._prepare after the plan."""

@@ -1,26 +1,24 @@
 # SPDX-License-Identifier: MIT
-"""Checks of the arguments of the Python API. Each raises dahl.Error with name, value and limit."""
+"""Checks of the arguments of the Python API. Each raises TypeError for a wrong type and
+dahl.InputError for a wrong value, with name, value and limit.
+"""
 
 from __future__ import annotations
 
-import inspect
 import math
 import reprlib
 from collections.abc import Callable
 from functools import wraps
 from numbers import Integral, Real
-from types import FunctionType
-from typing import Any, ParamSpec, TypeVar, cast
+from typing import Any, TypeVar, cast
 
-from dahl.errors import Error
+from dahl.errors import InputError
 
 INT32_MIN, INT32_MAX = -(1 << 31), (1 << 31) - 1
 UINT32_MAX = 2**32 - 1
 ONE_Q30 = 2**30  # 1 in Q30
 MISSING: Any = object()  # an argument that was not given
 
-P = ParamSpec("P")
-R = TypeVar("R")
 F = TypeVar("F", bound=Callable[..., Any])
 T = TypeVar("T")
 
@@ -38,7 +36,7 @@ def real(name: str, value: object, limit: str = "finite") -> float:
     if type(value) is float:  # quick: once a tick
         return value
     if isinstance(value, bool) or not isinstance(value, Real) or _is_duration(value):
-        raise Error(f"{name} = {shown(value)} is not a number; {limit} was expected")
+        raise TypeError(f"{name} = {shown(value)} is not a number; {limit} was expected")
     try:
         return float(value)
     except OverflowError:
@@ -54,7 +52,7 @@ def finite(name: str, value: object, unit: str) -> float:
     """Return as real() does, without NaN and infinities."""
     number = real(name, value, f"a finite number of {unit}")
     if not math.isfinite(number):
-        raise Error(f"{name} = {number} is not a finite number of {unit}")
+        raise InputError(f"{name} = {number} is not a finite number of {unit}")
     return number
 
 
@@ -65,7 +63,7 @@ def whole(name: str, value: object, least: int, most: int) -> int:
     number = real(name, value, f"a whole number from {least} to {most}")
     exact = int(value) if isinstance(value, Integral) else number
     if not (least <= exact <= most and exact == math.trunc(exact)):
-        raise Error(f"{name} = {shown(value)} is not a whole number from {least} to {most}")
+        raise InputError(f"{name} = {shown(value)} is not a whole number from {least} to {most}")
     return math.trunc(exact)
 
 
@@ -81,35 +79,20 @@ def flag(name: str, value: object) -> bool:
     is_numpy_bool = str(getattr(value, "dtype", "")) == "bool" and getattr(value, "ndim", 1) == 0
     if is_numpy_bool or (isinstance(value, Integral) and not _is_duration(value)):
         return bool(value)
-    raise Error(f"{name} = {shown(value)} is not a bool")
+    raise TypeError(f"{name} = {shown(value)} is not a bool")
 
 
 def instance(name: str, value: object, wanted: type[T]) -> T:
     """Return `value` if it is of the wanted type."""
     if not isinstance(value, wanted):
-        raise Error(f"{name} = {shown(value)} is not a {wanted.__name__}")
+        raise TypeError(f"{name} = {shown(value)} is not a {wanted.__name__}")
     return value
-
-
-def names_checked(function: Callable[P, R]) -> Callable[P, R]:
-    """Raise dahl.Error, with the valid arguments, for a call that does not fit the signature."""
-
-    @wraps(function)
-    def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        try:
-            return function(*args, **kwargs)
-        except TypeError:
-            _refuse_misfit(function, args, kwargs)
-            raise
-
-    return call
 
 
 def quick_counts(method: F) -> F:
     """Call self._step, a C function that is bound to plan and state, for an int within int32. All
     other arguments go to the method. Such a call packs no tuple and makes no second Python call.
     """
-    general: Any = names_checked(method)
 
     @wraps(method)
     def call(self: Any, dcounts: Any = MISSING, /, *more: Any, **named: Any) -> Any:
@@ -119,37 +102,6 @@ def quick_counts(method: F) -> F:
             except OverflowError:
                 pass
         given = () if dcounts is MISSING else (dcounts,)
-        return general(self, *given, *more, **named)
+        return method(self, *given, *more, **named)
 
     return cast(F, call)
-
-
-def calls_checked(cls: type[T]) -> type[T]:
-    """Apply names_checked() to all public methods of a class."""
-    for name, member in list(vars(cls).items()):
-        public = name == "__init__" or not name.startswith("_")
-        if not public:
-            continue
-        if isinstance(member, FunctionType) and not hasattr(member, "__wrapped__"):
-            setattr(cls, name, names_checked(member))
-        elif isinstance(member, (staticmethod, classmethod)):
-            setattr(cls, name, type(member)(names_checked(member.__func__)))
-    return cls
-
-
-def _refuse_misfit(function: Callable[..., Any], args: Any, kwargs: dict[str, Any]) -> None:
-    """Raise dahl.Error if the arguments do not fit the signature."""
-    name, signature = function.__qualname__, inspect.signature(function)
-    wanted = [each for each in signature.parameters if each != "self"]
-    if "self" in signature.parameters and args:  # of the class that users know, not of its base
-        name = f"{type(args[0]).__name__}.{function.__name__}"
-    name = name.removesuffix(".__init__")
-    for key, value in kwargs.items():
-        if key not in wanted:
-            raise Error(
-                f"{name}: {key} = {shown(value)}: no such argument (there are: {', '.join(wanted)})"
-            ) from None
-    try:
-        signature.bind(*args, **kwargs)
-    except TypeError as error:
-        raise Error(f"{name}: {error} (arguments: {', '.join(wanted)})") from None

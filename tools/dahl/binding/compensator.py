@@ -16,7 +16,7 @@ from dahl.binding.elements import RatioElement
 from dahl.binding.friction import Friction
 from dahl.binding.library import c
 from dahl.binding.parameters import Parameter
-from dahl.errors import Error
+from dahl.errors import InputError
 
 FRICTION = ("sigma0", "Fc", "theta_per_count")
 BOUNDS = ("Fc_low", "length_long")  # the reference law needs none
@@ -25,7 +25,6 @@ NEEDED = {*BOUNDS, *AXIS} - {"load"}  # of the measured law
 POSITIVE, OPTIONAL = "2^-64 <= {} < 2^64 ({})", "0, or 2^-64 <= {} < 2^64 ({})"
 
 
-@checks.calls_checked
 class Compensator(Copied):
     """Feed-forward torque that cancels friction (dahl_compensator_t), faded out at first. It needs
     an element: call move() before the step of the element, torque() after it.
@@ -132,7 +131,7 @@ class Compensator(Copied):
         params = c.new("dahl_compensator_params_t *", given)
         code = c.dahl_compensator_prepare(self._prepared, params)
         if code != c.DAHL_COMPENSATOR_OK:
-            raise Error(self._refusal(code))
+            raise InputError(self._refusal(code))
 
     def _refusal(self, code: int) -> str:
         """Return the value and the limit that the library refused."""
@@ -238,14 +237,15 @@ class Compensator(Copied):
         For a bad or stale reading, pass is_good = False, and do not pass the reading to
         Encoder.move(). A move is used only if the reading before it was accepted too: the first
         good one after a bad one only sets the start of the next move and returns 0. Raises
-        dahl.Error for any other dcounts or flag.
+        TypeError or dahl.Error for any other dcounts or flag.
         """
         moved, flag = checks.counts(dcounts), checks.flag("is_good", is_good)
         return int(c.dahl_compensator_move(self._prepared, self._state, moved, flag))
 
     def torque_q30(self, ratio_q30: int) -> int:
         """Return the torque to add to the command over Fc, in Q30, from that of the element: the
-        result of its step_counts_q30(). Raises dahl.Error unless it is a whole number within int32.
+        result of its step_counts_q30(). Raises TypeError or dahl.Error unless it is a whole number
+        within int32.
         """
         ratio_q30 = checks.whole("ratio_q30", ratio_q30, INT32_MIN, INT32_MAX)
         return int(c.dahl_compensator_torque(self._prepared, self._state, ratio_q30))
@@ -256,11 +256,11 @@ class Compensator(Copied):
 
     def draw(self, element: Friction | Bristle, measured: Friction | Bristle) -> None:
         """Draw the state of `element`, which the reference steps, to that of `measured`, which the
-        results of move() step. Raises dahl.Error for elements that have no State.
+        results of move() step. Raises TypeError for elements that have no State.
         """
         for name, one in (("element", element), ("measured", measured)):
             if not isinstance(one, (Friction, Bristle)):
-                raise Error(f"{name} = {checks.shown(one)} has no State")
+                raise TypeError(f"{name} = {checks.shown(one)} has no State")
         c.dahl_compensator_pull(self._prepared, element.state._c, measured.state._c)
 
     def change(self, **changed: float) -> None:
@@ -293,19 +293,20 @@ class Compensator(Copied):
         element.step_counts_q30() and torque(), tick by tick. The element keeps its state.
 
         reference_moves are the counts of the reference law, is_good the encoder's flag of each
-        tick; both have the shape of moves. Raises dahl.Error, before any move, for another shape or
-        type, for a missing or surplus reference_moves, and for another kind of element.
+        tick; both have the shape of moves. Raises TypeError or dahl.Error, before any move, for
+        another shape or type, for a missing or surplus reference_moves, and for another kind of
+        element.
         """
         checks.instance("element", element, RatioElement)
         array = arrays.moves(moves, np.int32)
         if (reference_moves is not None) != self._reference:
             needed = "the counts of the reference" if self._reference else "None"
-            raise Error(f"reference = {self._reference} needs reference_moves = {needed}")
+            raise InputError(f"reference = {self._reference} needs reference_moves = {needed}")
         steps = array if reference_moves is None else arrays.moves(reference_moves, np.int32)
         flags = np.ones(len(array), bool) if is_good is None else arrays.flags("is_good", is_good)
         for name, one in (("reference_moves", steps), ("is_good", flags)):
             if one.shape != array.shape:
-                raise Error(f"{name} has shape {one.shape}, not {array.shape} as moves has")
+                raise InputError(f"{name} has shape {one.shape}, not {array.shape} as moves has")
         result, are_good = np.empty(len(array)), flags.tolist()
         for k, (dcounts, step) in enumerate(zip(array.tolist(), steps.tolist(), strict=True)):
             move = self.move(dcounts, are_good[k])

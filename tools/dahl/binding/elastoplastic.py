@@ -5,14 +5,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from dahl.binding import checks, parameters
+from dahl.binding import parameters
 from dahl.binding.bristles import Bristle
 from dahl.binding.friction import Plan
 from dahl.binding.library import c
 from dahl.binding.parameters import Parameter
 
 
-@checks.calls_checked
 class ElastoPlastic(Bristle):
     """Elasto-plastic friction (Dupont 2002; over space as in Hayward 2009;
     dahl_elastoplastic_plan_t): a spring without creep up to F = breakaway*Fc in the direction of

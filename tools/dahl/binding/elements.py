@@ -13,7 +13,6 @@ from dahl.binding.copies import Copied
 from dahl.binding.library import c
 
 
-@checks.calls_checked
 class Element(Copied):
     """An element with a state; torques in N m, with the sign of the motion."""
 
@@ -46,7 +45,6 @@ class Element(Copied):
         return arrays.run(batch, self._arguments(), arrays.moves(moves, np.int32), out)
 
 
-@checks.calls_checked
 class RatioElement(Element):
     """An element that also returns its torque in whole numbers."""
 

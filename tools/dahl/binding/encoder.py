@@ -7,10 +7,9 @@ from dahl.binding import checks
 from dahl.binding.checks import INT32_MAX, INT32_MIN, ONE_Q30, UINT32_MAX
 from dahl.binding.copies import Copied, content
 from dahl.binding.library import c
-from dahl.errors import Error
+from dahl.errors import InputError
 
 
-@checks.names_checked
 def counts_between(before: int, now: int, modulus: int = 0) -> int:
     """Return the shortest signed move in counts between two readings of a counter that wraps
     (dahl_counts_between): -modulus/2 <= move < modulus/2.
@@ -24,7 +23,6 @@ def counts_between(before: int, now: int, modulus: int = 0) -> int:
     return int(c.dahl_counts_between(first, checks.whole("now", now, 0, most), modulus))
 
 
-@checks.names_checked
 def to_units(ratio_q30: int, Fc_units: int) -> int:  # noqa: N803
     """Return a torque in whole units (dahl_to_units): ratio_q30 2^-30 Fc_units, rounded to nearest,
     a half up.
@@ -36,7 +34,6 @@ def to_units(ratio_q30: int, Fc_units: int) -> int:  # noqa: N803
     return int(c.dahl_to_units(ratio_q30, checks.whole("Fc_units", Fc_units, 0, ONE_Q30)))
 
 
-@checks.calls_checked
 class Encoder(Copied):
     """Convert the readings of a counter that wraps to the counts of each tick (dahl_encoder_t).
 
@@ -56,11 +53,13 @@ class Encoder(Copied):
     def __init__(self, modulus: int = 0, sign: int = 1, largest_step: int = 0) -> None:
         modulus = checks.whole("modulus", modulus, 0, UINT32_MAX)
         if modulus in (1, 2):
-            raise Error(f"modulus = {modulus} shows no direction; 0, or 3 to {UINT32_MAX} does")
+            raise InputError(
+                f"modulus = {modulus} shows no direction; 0, or 3 to {UINT32_MAX} does"
+            )
         most = ((modulus or 2**32) - 1) // 2
         largest_step = checks.whole("largest_step", largest_step, 0, most)
         if checks.whole("sign", sign, -1, 1) == 0:
-            raise Error("sign = 0 is neither 1 nor -1")
+            raise InputError("sign = 0 is neither 1 nor -1")
         self._encoder = c.new("dahl_encoder_t *")
         c.dahl_encoder_init(self._encoder, modulus, int(sign), largest_step)
 

@@ -16,12 +16,11 @@ from dahl.binding.checks import UINT32_MAX
 from dahl.binding.copies import Copied
 from dahl.binding.elements import RatioElement
 from dahl.binding.library import c
-from dahl.errors import Error
+from dahl.errors import InputError
 
 STATE_MIN, STATE_MAX = -(2**62) - 2**31, 2**62 + 2**31 - 1  # of w after any step
 
 
-@checks.calls_checked
 class State(Copied):
     """State of one bearing (dahl_state_t): w = F/Fc in Q62, a whole number; 0 is relaxed, +-2^62 is
     +-Fc. w must be in the range that a step can leave.
@@ -48,7 +47,6 @@ class State(Copied):
         return f"State(w={self.w})"
 
 
-@checks.calls_checked
 @dataclass(frozen=True, repr=False)
 class Plan(parameters.Counts, Copied):
     """Parameters, prepared once (dahl_prepare). Any number of Frictions may share a plan.
@@ -75,7 +73,7 @@ class Plan(parameters.Counts, Copied):
     def _prepare(self) -> None:
         object.__setattr__(self, "_prepared", c.new("dahl_plan_t *"))
         if c.dahl_prepare(self._prepared, self._params()) != 0:
-            raise Error(parameters.refusal(self.sigma0, self.Fc, self.theta_per_count))
+            raise InputError(parameters.refusal(self.sigma0, self.Fc, self.theta_per_count))
 
     def _params(self) -> Any:
         return c.new("dahl_params_t *", (self.sigma0, self.Fc, self.theta_per_count))
@@ -99,7 +97,6 @@ class Plan(parameters.Counts, Copied):
         return f"Plan({', '.join(named)})"
 
 
-@checks.calls_checked
 class Friction(RatioElement):
     """One bearing: a Plan and its state (Eqs. 7, 18, 27). Cost: 0.3 us a step, 10 ns a tick of
     run_counts().
@@ -168,7 +165,7 @@ class Friction(RatioElement):
         wanted, found = checks.finite("F", F, "N m"), c.new("int32_t *")
         if c.dahl_counts_to_torque(*self._arguments(), wanted, found) != 0:
             limit = f"a move of 2^31-1 counts reaches at most {self._plan.Fc:g} N m"
-            raise Error(f"F = {wanted!r} N m is reached by no move: {limit}")
+            raise InputError(f"F = {wanted!r} N m is reached by no move: {limit}")
         return int(found[0])
 
     def change_plan(self, plan: Plan) -> None:

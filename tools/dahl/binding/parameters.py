@@ -12,7 +12,7 @@ import numpy as np
 
 from dahl.binding import checks
 from dahl.binding.library import c
-from dahl.errors import Error
+from dahl.errors import InputError
 
 TORQUE_MIN, TORQUE_MAX = 2.0**-64, 2.0**64  # DAHL_TORQUE_MIN, _MAX: sigma0 in N m/rad and Fc in N m
 TRAVEL_MIN, TRAVEL_MAX = 2.0**-30, 2.0**20  # DAHL_TRAVEL_MIN, _MAX: sigma0/Fc * theta_per_count
@@ -40,7 +40,7 @@ class Counts:
     def _need_counts(self) -> None:
         """Raise dahl.Error without an encoder: C would read each count as no motion."""
         if self.theta_per_count == 0:
-            raise Error(
+            raise InputError(
                 "theta_per_count = 0: no encoder, so only moves in rad; for counts"
                 f" {COUNTED} is needed"
             )
@@ -71,7 +71,7 @@ def parameter(name: str, value: float, limit: str) -> float:
     number = checks.real(name, value, limit)
     rounded = float(c.cast("float", number))
     if (rounded == 0 and number != 0) or (math.isinf(rounded) and not math.isinf(number)):
-        raise Error(f"{name} = {checks.shown(value)} is outside {limit}")
+        raise InputError(f"{name} = {checks.shown(value)} is outside {limit}")
     return rounded
 
 
@@ -84,7 +84,7 @@ def need_counted(theta_per_count: float) -> None:
     """Raise dahl.Error for no encoder and for one out of range."""
     if not TORQUE_MIN <= theta_per_count < TORQUE_MAX:
         shown = _shown(theta_per_count, TORQUE_MIN, TORQUE_MAX)
-        raise Error(f"theta_per_count = {shown} is outside {COUNTED}")
+        raise InputError(f"theta_per_count = {shown} is outside {COUNTED}")
 
 
 def refusal(sigma0: float, Fc: float, theta_per_count: float) -> str:  # noqa: N803

@@ -15,7 +15,7 @@ import numpy as np
 
 from dahl.binding import models
 from dahl.binding.library import c
-from dahl.errors import Error
+from dahl.errors import InputError
 from dahl.version import __version__
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def identifier(name: str) -> str:
     """Return a name as a part of C identifiers. Raises dahl.Error if it has no letter or digit."""
     plain_name = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_").lower()
     if not plain_name:
-        raise Error(f"--name {name}: letters, digits and _ were expected")
+        raise InputError(f"--name {name}: letters, digits and _ were expected")
     return plain_name
 
 

@@ -12,7 +12,7 @@ from dahl.binding.copies import content
 from dahl.binding.elements import RatioElement
 from dahl.binding.friction import Friction, Plan
 from dahl.binding.library import c
-from dahl.errors import Error
+from dahl.errors import Error, InputError
 
 T = TypeVar("T")
 SLIP_MAX = 8  # DAHL_SLIP_MAX: slip elements in parallel
@@ -28,13 +28,13 @@ def each_element(
         try:
             yield check(sigma0, torque, theta_per_count)
         except Error as error:
-            raise Error(f"element {k}: {error}") from None
+            raise InputError(f"element {k}: {error}") from None
 
 
 def floats(name: str, values: Sequence[float], limit: str) -> tuple[float, ...]:
     """Parameters, one for each element, rounded to float."""
     if not arrays.is_list(values):
-        raise Error(f"{name} = {checks.shown(values)} is not a list of numbers, one an element")
+        raise TypeError(f"{name} = {checks.shown(values)} is not a list of numbers, one an element")
     return tuple(
         parameters.parameter(f"{name}[{k}]", value, limit) for k, value in enumerate(values)
     )
@@ -71,7 +71,6 @@ class SlipParameters:
         return f"{type(self).__name__}(sigma0=[{sigma0}], Fc=[{Fc}], theta_per_count={theta})"
 
 
-@checks.calls_checked
 class Slip(SlipParameters, RatioElement):
     """Slip elements in parallel (Maxwell slip, Prandtl-Ishlinskii; dahl_slip_plan_t) and their
     state: F is the sum of springs sigma0 that slip at Fc.
@@ -104,14 +103,14 @@ class Slip(SlipParameters, RatioElement):
         self._prepared = c.new("dahl_slip_plan_t *")
         count = len(self._sigma0)
         if not 1 <= count <= SLIP_MAX or len(self._Fc) != count:
-            raise Error(
+            raise InputError(
                 f"sigma0 has {count} elements and Fc {len(self._Fc)}; as many of each, 1 to"
                 f" {SLIP_MAX}, were expected"
             )
         if c.dahl_slip_prepare(self._prepared, self._params()) != 0:
             parameters.need_counted(self._theta_per_count)
             list(each_element((self._sigma0, self._Fc), self._theta_per_count, Plan))
-            raise Error(f"{self!r} is refused by dahl_slip_prepare")
+            raise InputError(f"{self!r} is refused by dahl_slip_prepare")
 
     def _params(self) -> Any:
         values = len(self._sigma0), self._theta_per_count, self._sigma0, self._Fc
@@ -132,7 +131,6 @@ class Slip(SlipParameters, RatioElement):
         return self._text(parameters.digits)
 
 
-@checks.calls_checked
 class Parallel(RatioElement):
     """Elements on one shaft, whose torques add (dahl_part_t): any mix of Friction and Slip, each
     given once. Moving this moves the parts. The sum in N m is rounded once, within 0.55 ulp of the
@@ -148,9 +146,11 @@ class Parallel(RatioElement):
     def __init__(self, *parts: Friction | Slip) -> None:
         for k, part in enumerate(parts):
             if not isinstance(part, (Friction, Slip)):
-                raise Error(f"parts[{k}] = {checks.shown(part)} is neither a Friction nor a Slip")
+                raise TypeError(
+                    f"parts[{k}] = {checks.shown(part)} is neither a Friction nor a Slip"
+                )
             if any(part is other for other in parts[:k]):
-                raise Error(f"parts[{k}] is given twice: it would move twice")
+                raise InputError(f"parts[{k}] is given twice: it would move twice")
         self._parts = parts
 
     @property

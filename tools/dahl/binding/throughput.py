@@ -16,10 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from dahl.binding import arrays, checks, parameters, trajectory
 from dahl.binding.library import c
 from dahl.binding.slip import Slip, SlipParameters, each_element
-from dahl.errors import Error
+from dahl.errors import InputError
 
 
-@checks.calls_checked
 @dataclass(frozen=True)
 class Throughput(parameters.Counts):
     """Parameters in double (sigma0 in N m/rad, Fc in N m, theta_per_count in rad), for logs of
@@ -42,7 +41,7 @@ class Throughput(parameters.Counts):
             object.__setattr__(self, name, checks.real(name, getattr(self, name), limit))
         check = c.dahl_throughput_counts if self.theta_per_count else c.dahl_throughput
         if check(self._params(), c.NULL, c.NULL, c.NULL, 0) != 0:
-            raise Error(parameters.refusal(self.sigma0, self.Fc, self.theta_per_count))
+            raise InputError(parameters.refusal(self.sigma0, self.Fc, self.theta_per_count))
 
     def _params(self) -> Any:
         values = self.sigma0, self.Fc, self.theta_per_count
@@ -131,7 +130,7 @@ class Throughput(parameters.Counts):
 
 def _channels(params: Iterable[Throughput]) -> list[Throughput]:
     if not arrays.is_iterable(params):
-        raise Error(f"params = {checks.shown(params)} is not a list of Throughput")
+        raise TypeError(f"params = {checks.shown(params)} is not a list of Throughput")
     return [checks.instance(f"params[{i}]", each, Throughput) for i, each in enumerate(params)]
 
 
@@ -153,7 +152,6 @@ def _state_of(F: float, Fc: float) -> int:  # noqa: N803
     return round(max(-1.0, min(1.0, ratio)) * 2.0**62)
 
 
-@checks.calls_checked
 class _Fast:
     """Several elements in double, in vectors, from rest."""
 
@@ -171,7 +169,6 @@ class _Fast:
         return arrays.run(batch, (elements, len(elements)), moves, out)
 
 
-@checks.calls_checked
 class ThroughputSlip(SlipParameters, _Fast):
     """Parameters of slip elements in double (dahl_throughput_element_t): the model, units and
     limits of Slip, about 5 times as fast as Slip.run_counts, with other bits. Error: 0.5001 ulp of
@@ -210,7 +207,6 @@ class ThroughputSlip(SlipParameters, _Fast):
         return self._text(repr)
 
 
-@checks.calls_checked
 class ThroughputParallel(_Fast):
     """Elements on one shaft, whose torques add, in double (dahl_throughput_element_t): any mix of
     Throughput and ThroughputSlip, 5 to 8 times as fast as Parallel, with other bits. Error: 0.52
@@ -225,7 +221,7 @@ class ThroughputParallel(_Fast):
         for k, part in enumerate(parts):
             if not isinstance(part, (Throughput, ThroughputSlip)):
                 shown = f"parts[{k}] = {checks.shown(part)}"
-                raise Error(f"{shown} is neither a Throughput nor a ThroughputSlip")
+                raise TypeError(f"{shown} is neither a Throughput nor a ThroughputSlip")
             if isinstance(part, Throughput):
                 part._need_counts()
         self._parts = parts

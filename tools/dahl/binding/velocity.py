@@ -11,14 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from dahl.binding import arrays, checks, parameters
 from dahl.binding.copies import Copied
 from dahl.binding.library import c
-from dahl.errors import Error
+from dahl.errors import InputError
 
 SEGMENTS = 16  # DAHL_VELOCITY_SEGMENTS: torques of a table over speed
 SEGMENT_BITS_MAX = 24
 TORQUES = "0, or 2^-64 <= |torque| < 2^64 (N m)"
 
 
-@checks.calls_checked
 class VelocityTable(Copied):
     """Friction that depends on speed (viscous, Stribeck; dahl_velocity_plan_t): an odd table over
     the counts of one tick, linear in between, the last value beyond. Add its torques to those of an
@@ -38,9 +37,9 @@ class VelocityTable(Copied):
 
     def __init__(self, torque: Sequence[float], segment_bits: int) -> None:
         if not arrays.is_list(torque):
-            raise Error(f"torque = {checks.shown(torque)} is not a list of numbers")
+            raise TypeError(f"torque = {checks.shown(torque)} is not a list of numbers")
         if len(torque) != SEGMENTS:
-            raise Error(f"torque has {len(torque)} values; {SEGMENTS} were expected")
+            raise InputError(f"torque has {len(torque)} values; {SEGMENTS} were expected")
         self._torque = tuple(
             parameters.parameter(f"torque[{k}]", value, TORQUES) for k, value in enumerate(torque)
         )
@@ -55,8 +54,8 @@ class VelocityTable(Copied):
         for k, value in enumerate(self._torque):
             if value != 0 and not parameters.TORQUE_MIN <= abs(value) < parameters.TORQUE_MAX:
                 shown = parameters.digits(value)
-                raise Error(f"torque[{k}] = {shown} is outside {TORQUES}")
-        raise Error(f"{self!r} is refused by dahl_velocity_prepare")
+                raise InputError(f"torque[{k}] = {shown} is outside {TORQUES}")
+        raise InputError(f"{self!r} is refused by dahl_velocity_prepare")
 
     @property
     def torque(self) -> tuple[float, ...]:

@@ -12,7 +12,6 @@ from dahl.binding.friction import Plan, State
 from dahl.binding.library import c
 
 
-@checks.calls_checked
 class Work(Element):
     """One bearing that adds up its work (dahl_work_t): the torques of Friction(plan), bit for bit,
     and the work along the path in J. The sums are integers that do not overflow for 2^63 ticks. The

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Buses: any that python-can opens, which one is best here, and the lines of a log that canplayer
-can replay.
-"""
+"""Buses: any that python-can opens, and which one is best here."""
 
 from __future__ import annotations
 
 import argparse
+import errno
 import logging
 import queue
 import re
@@ -19,14 +18,16 @@ from collections.abc import Generator, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl.errors import Error, RunError, Timeout
+from dahl.errors import BusError, Error, InputError, Timeout, hide
+from dahl.io import candump
 
 if TYPE_CHECKING:
     import can
 
     from dahl.interrupt import Stop
 
-VCAN = "vcan0"
+__tracebackhide__ = hide
+VCAN, candump_line = candump.VCAN, candump.candump_line  # public names
 WHICH = "which bus? Name it with -i and -c, or in python-can's own settings"
 FLAGS = {  # options of a bus, by their names in python-can
     "interface": "-i",
@@ -39,8 +40,17 @@ FLAGS = {  # options of a bus, by their names in python-can
     "port": "--port",
     "bus_kwargs": "--bus-kwargs",
 }
+SERVED = "serve a bus by `dahl node` without -i, and join it with -i socketcand"
+NO_CAN = f"this kernel has no CAN; {SERVED}, or use tools/vm.sh"
+SOCKETCAN_HINTS = {
+    errno.EAFNOSUPPORT: NO_CAN,
+    errno.EPROTONOSUPPORT: NO_CAN,
+    errno.ENODEV: f"create it as root with `ip link add NAME type vcan`, or {SERVED}",
+}
 QUIET_S = 0.05  # without a frame; then the iterator yields None
 NOTICEABLE_LAG_S = 0.5  # behind the bus; a busy machine alone causes less
+MAX_CLASSIC_BYTES = 8  # a longer frame is CAN FD
+GONE = (errno.ENETDOWN, errno.ENODEV, errno.ENXIO)  # an interface is down, or unplugged
 SO_MEMINFO = 55  # linux/socket.h; the last of its 9 numbers counts discarded frames
 
 
@@ -55,7 +65,7 @@ def keywords(options: dict[str, Any]) -> dict[str, Any]:
     first = {key: value for key, value in options.items() if key != "bus_kwargs"}
     for key, value in more.items():
         if key in first:
-            raise Error(f"--bus-kwargs {key}={value}: {FLAGS[key]} {first[key]} is given too")
+            raise InputError(f"--bus-kwargs {key}={value}: {FLAGS[key]} {first[key]} is given too")
     return first | more
 
 
@@ -75,7 +85,6 @@ def open_from(args: argparse.Namespace) -> can.BusABC:
     """Open the bus that the arguments name. Raises dahl.Error as open_bus() does."""
     import can.cli
 
-    _quiet_python_can()
     options = keywords(named(args))
     server = {key: options[key] for key in ("host", "port") if key in options}
     try:
@@ -85,12 +94,12 @@ def open_from(args: argparse.Namespace) -> can.BusABC:
 
 
 def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
-    """Open a python-can bus, trying again for `patience` seconds. Raises RunError in one line
+    """Open a python-can bus, trying again for `patience` seconds. Raises BusError in one line
     whatever the interface.
     """
     import can
 
-    _quiet_python_can()
+    logging.getLogger("can.interfaces.socketcand.socketcand").addFilter(_is_news)
     until = time.monotonic() + patience
     while True:
         try:
@@ -101,6 +110,14 @@ def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
         time.sleep(0.05)
 
 
+def _is_news(record: logging.LogRecord) -> bool:
+    """Return whether a warning of python-can names more than an attempt to connect, of which it
+    makes thousands, or a frame that arrives in two pieces.
+    """
+    text = str(record.msg)
+    return not text.startswith(("Failed to connect to server", "Got incomplete message"))
+
+
 def tuned_for(settings: dict[str, Any]) -> dict[str, Any]:
     """Settings that an interface needs: a socketcand client must send each frame at once. Its
     kernel would hold short frames back, and discard them if the bus is closed with unread frames.
@@ -108,16 +125,13 @@ def tuned_for(settings: dict[str, Any]) -> dict[str, Any]:
     return {"tcp_tune": True} if settings.get("interface") == "socketcand" else {}
 
 
-def _quiet_python_can() -> None:
-    logging.getLogger("can").setLevel(
-        logging.ERROR
-    )  # python-can warns of each frame that arrives in two pieces
-
-
 def _not_open(settings: dict[str, Any], error: object) -> Error:
     if "interface" not in settings and "Unknown interface type" in str(error):
-        return Error(WHICH)
-    return RunError(f"cannot open the bus ({shown(settings)}): {error}")
+        return InputError(WHICH)
+    hint = SOCKETCAN_HINTS.get(getattr(error, "errno", None) or 0, "")
+    if settings.get("interface", "socketcan") != "socketcan" or not hint:
+        return BusError(f"cannot open the bus ({shown(settings)}): {error}")
+    return BusError(f"cannot open the bus ({shown(settings)}): {error} ({hint})")
 
 
 def shown(settings: dict[str, Any]) -> str:
@@ -135,10 +149,10 @@ def silent(args: argparse.Namespace, seconds: float) -> Timeout:
 
 class Reception:
     """Yield each frame, or None after QUIET_S without one, until stop, finish() or a limit. Frames
-    that arrived before that moment are still yielded. Raises dahl.RunError if the bus is lost.
+    that arrived before that moment are still yielded. Raises dahl.BusError if the bus is lost.
 
     lag_s is the delay of reading: the age of a frame, minus the age of frames that were waited
-    for.
+    for. If the bus is lost, the error names the longest one: a server drops a slow client.
     """
 
     def __init__(
@@ -159,7 +173,10 @@ class Reception:
             if self._stop.asked:
                 self.finish()
             has_ended = time.monotonic() >= self._end
-            message = self._next(0.0 if has_ended else QUIET_S)
+            try:
+                message = self._next(0.0 if has_ended else QUIET_S)
+            except BusError as error:
+                raise BusError(f"{error}{self._lag_text()}") from None
             if has_ended and (message is None or self._is_after_end()):
                 return
             count += message is not None
@@ -185,6 +202,12 @@ class Reception:
         self._least_delay = min(delay, self._least_delay)
         self.lag_s = delay - self._least_delay
         self.most_lag_s = max(self.most_lag_s, self.lag_s)
+
+    def _lag_text(self) -> str:
+        if self.most_lag_s <= NOTICEABLE_LAG_S:
+            return ""
+        reason = ": a server closes the connection of a slow reader" * _hung_up(self._bus)
+        return f", and reading was up to {self.most_lag_s:.1f} s late{reason}"
 
     def _is_after_end(self) -> bool:
         return time.monotonic() - self.lag_s > self._end
@@ -232,16 +255,28 @@ def read_ahead(frames: Iterable[can.Message | None]) -> Generator[can.Message | 
 
 
 def receive(bus: can.BusABC, seconds: float) -> can.Message | None:
-    """Return the next frame, None after `seconds`. Raises dahl.RunError if the bus is lost."""
+    """Return the next frame, None after `seconds`. Raises dahl.BusError if the bus is lost.
+    socketcand does not mark CAN FD, so a frame of more than 8 bytes is marked here.
+    """
     import can
 
     try:
         message = bus.recv(seconds)
     except (can.CanError, OSError) as error:
-        raise RunError(f"the bus has gone: {error}") from None
+        raise BusError(f"the bus has gone: {error}") from None
     if message is None and _hung_up(bus):
-        raise RunError("the bus has gone: its server has closed the connection")
+        raise BusError("the bus has gone: its server has closed the connection")
+    if message is not None and len(message.data) > MAX_CLASSIC_BYTES:
+        message.is_fd = True
     return message
+
+
+def is_gone(error: BaseException) -> bool:
+    """Return whether an error of send() means that the bus is lost, such as an interface that is
+    down. The kernel reports that once, to the next call, which may be a send.
+    """
+    cause = error if isinstance(error, OSError) else error.__cause__
+    return isinstance(cause, OSError) and cause.errno in GONE
 
 
 def _hung_up(bus: can.BusABC) -> bool:
@@ -255,26 +290,6 @@ def _hung_up(bus: can.BusABC) -> bool:
         return False
     except OSError:
         return True
-
-
-def candump_line(message: can.Message) -> str:
-    """Return the line `(seconds.microseconds) bus id#data` of `candump -L`, without a direction."""
-    bus = message.channel if isinstance(message.channel, str) else VCAN
-    if message.is_error_frame:
-        head, form = f"{message.arbitration_id | 0x20000000:08X}", "#"
-    else:
-        head = (
-            f"{message.arbitration_id:08X}"
-            if message.is_extended_id
-            else f"{message.arbitration_id:03X}"
-        )
-        form = (
-            f"##{message.bitrate_switch + 2 * message.error_state_indicator:X}"
-            if message.is_fd
-            else "#"
-        )
-    data = f"R{message.dlc or ''}" if message.is_remote_frame else message.data.hex().upper()
-    return f"({message.timestamp:017.6f}) {bus} {head}{form}{data}\n"
 
 
 def has_socketcan() -> bool:
@@ -303,7 +318,7 @@ def choose(wanted: str | None) -> tuple[str, str]:
     """Return the bus of a demo, 'socketcan:vcan0' or 'socketcand', and the reason as a sentence."""
     if wanted:
         if not re.fullmatch(r"socketcand(:\d+)?|socketcan:[^\s:/]+", wanted):
-            raise Error(
+            raise InputError(
                 f"--bus {wanted}: socketcan:INTERFACE, socketcand or socketcand:PORT was expected"
             )
         return wanted, "as asked for"

@@ -40,11 +40,12 @@ from dahl.can.frames import (
     What,
     Write,
 )
-from dahl.errors import Error, RunError
+from dahl.errors import Error, InputError, RunError, hide
 
 if TYPE_CHECKING:
     import can
 
+__tracebackhide__ = hide
 __all__ = [
     "KINDS",
     "NODES",
@@ -79,26 +80,23 @@ COUNTERS = 16  # a frame's counter runs 0 .. 15 and begins again
 F = TypeVar("F", bound="Frame")
 
 
-@checks.names_checked
 def to_bytes(frame: Frame) -> bytes:
     """Return the 8 bytes of a frame, with CRC and counter."""
     return _pack_raw(frame, 0).data()
 
 
-@checks.names_checked
 def from_bytes(identifier: int, data: bytes | bytearray) -> Frame:
     """Return the frame of an 11-bit id and 8 bytes."""
     identifier = checks.whole("identifier", identifier, 0, STANDARD_MAX)
     if not isinstance(data, (bytes, bytearray)):
-        raise Error(f"data = {checks.shown(data)} is neither bytes nor a bytearray")
+        raise TypeError(f"data = {checks.shown(data)} is neither bytes nor a bytearray")
     if len(data) != 8:
-        raise Error(f"{_name_of(identifier)}: {len(data)} bytes, 8 were expected")
+        raise InputError(f"{_name_of(identifier)}: {len(data)} bytes, 8 were expected")
     raw = RawFrame()
     raw.c.id, raw.c.length, raw.c.data = identifier, 8, list(data)
     return _unpack_raw(raw)
 
 
-@checks.names_checked
 def pack(frame: Frame, node: int = 0) -> can.Message:
     """Return a message of python-can with the id of a node, 0 .. 15."""
     return _pack_raw(frame, number_of(node)).message()
@@ -113,7 +111,6 @@ def number_of(node: int, name: str = "node") -> int:
 def unpack(message: can.Message) -> Frame: ...
 @overload
 def unpack(message: can.Message, kind: type[F]) -> F: ...
-@checks.names_checked
 def unpack(message: can.Message, kind: type[Frame] = Frame) -> Frame:
     """Return the frame in a message of python-can; its node is arbitration_id & 15. Raises
     dahl.Error also if the message is no classic data frame, or the frame not of this kind.
@@ -124,12 +121,12 @@ def unpack(message: can.Message, kind: type[Frame] = Frame) -> Frame:
     if flags:
         names = ("an extended id", "a remote frame", "an error frame", "a CAN FD frame")
         what = next(name for bit, name in enumerate(names) if flags & 1 << bit)
-        raise Error(f"{_name_of(identifier)}: {what}; a classic data frame was expected")
+        raise InputError(f"{_name_of(identifier)}: {what}; a classic data frame was expected")
     if not any(kind is known for known in (Frame, *KINDS.values())):
-        raise Error(f"kind = {checks.shown(kind)} is no kind of frame, such as FrictionTorque")
+        raise TypeError(f"kind = {checks.shown(kind)} is no kind of frame, such as FrictionTorque")
     frame = from_bytes(identifier, bytes(message.data[: max(message.dlc, 0)]))
     if not isinstance(frame, kind):
-        raise Error(f"{_name_of(identifier)}: {kind.__name__} was expected")
+        raise InputError(f"{_name_of(identifier)}: {kind.__name__} was expected")
     return frame
 
 
@@ -150,12 +147,12 @@ class RawFrame:
         self._make: Any = None  # can.Message, imported when it is first used
 
     def read(self, message: can.Message) -> None:
-        """Copy a message of python-can: of CAN FD the first 8 bytes. Raises dahl.Error."""
+        """Copy a message of python-can: of CAN FD the first 8 bytes. Others: TypeError."""
         try:
             identifier, length = message.arbitration_id, message.dlc
             data: bytes | bytearray = message.data
         except AttributeError:
-            raise Error(f"message = {checks.shown(message)} is not a can.Message") from None
+            raise TypeError(f"message = {checks.shown(message)} is not a can.Message") from None
         if type(identifier) is not int or not 0 <= identifier <= EXTENDED_MAX:
             identifier = checks.whole("arbitration_id", identifier, 0, EXTENDED_MAX)
         if type(data) is not bytearray or length != 8 or len(data) != 8:
@@ -202,7 +199,7 @@ def _name_of(identifier: int) -> str:
 
 def _pack_raw(frame: Frame, node: int) -> RawFrame:
     if not isinstance(frame, Frame):
-        raise Error(f"frame = {checks.shown(frame)} is no frame of a node")
+        raise TypeError(f"frame = {checks.shown(frame)} is no frame of a node")
     values = {name: int(getattr(frame, name)) for name in frame._limits}
     raw, call = RawFrame(), f"dahl_frames_pack_{frame._calls}"
     getattr(c, call)(raw.c, node, c.new(f"{frame._structure} *", values))
@@ -213,12 +210,14 @@ def _unpack_raw(raw: RawFrame) -> Frame:
     identifier, data = raw.c.id, raw.data()
     kind = KINDS.get(identifier & ~15)
     if kind is None:
-        raise Error(f"{_name_of(identifier)}: no frame of a node; those have ids 0x100 to 0x15f")
+        raise InputError(
+            f"{_name_of(identifier)}: no frame of a node; those have ids 0x100 to 0x15f"
+        )
     values = c.new(f"{kind._structure} *")
     if getattr(c, f"dahl_frames_unpack_{kind._calls}")(raw.c, values) != 0:
         due = _crc(data, kind)
-        raise Error(f"{_name_of(identifier)}: CRC {data[0]:#04x}, {due:#04x} was expected")
+        raise InputError(f"{_name_of(identifier)}: CRC {data[0]:#04x}, {due:#04x} was expected")
     try:
         return kind(**{name: getattr(values, name) for name in kind._limits})
     except Error as error:
-        raise Error(f"{_name_of(identifier)}: {error}") from None
+        raise InputError(f"{_name_of(identifier)}: {error}") from None

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 
 from dahl.binding import checks
 from dahl.binding.checks import ONE_Q30, UINT32_MAX
-from dahl.errors import Error
+from dahl.errors import InputError
 
 
 class Frame:
@@ -37,7 +37,7 @@ def check_field(name: str, value: object, limit: Any) -> Any:
         if name == "param":  # a node answers that it has no such parameter
             return number
         known = ", ".join(f"{one.value} {one.name}" for one in limit)
-        raise Error(f"{name} = {number} is none of {known}") from None
+        raise InputError(f"{name} = {number} is none of {known}") from None
 
 
 class TorqueFrame(Frame):
@@ -77,7 +77,6 @@ class ParamFrame(Frame):
         return self.value * self._units.get(self.param, 1.0)
 
 
-@checks.calls_checked
 class ParamWriteFrame(ParamFrame):
     """A frame that asks for a parameter or sets it."""
 
@@ -92,8 +91,8 @@ class ParamWriteFrame(ParamFrame):
         steps = checks.finite("value", value, "the parameter's unit") / unit
         shown = f"value = {value:g} of parameter {getattr(known, 'name', known)}"
         if not 0 <= steps <= UINT32_MAX:
-            raise Error(f"{shown} is outside 0 .. {UINT32_MAX * unit:g}")
+            raise InputError(f"{shown} is outside 0 .. {UINT32_MAX * unit:g}")
         if known in cls._off_at_0 and steps and not round(steps):
-            raise Error(f"{shown} is less than half a step of {unit:g}: 0 would switch it off")
+            raise InputError(f"{shown} is less than half a step of {unit:g}: 0 would switch it off")
         values = {"param": known, "value": round(steps), "write": write, "counter": counter}
         return cls(**values)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import Any, ClassVar
 
-from dahl.binding import checks
 from dahl.can.frame import Frame, ParamFrame, ParamWriteFrame, StatusFrame, TorqueFrame
 
 
@@ -94,7 +93,6 @@ UNITS: dict[int, float] = {  # of one raw step
 }
 
 
-@checks.calls_checked
 @dataclass(frozen=True)
 class EncoderState(Frame):
     """Absolute encoder count, every 1 ms.
@@ -118,7 +116,6 @@ class EncoderState(Frame):
     }
 
 
-@checks.calls_checked
 @dataclass(frozen=True)
 class FrictionTorque(TorqueFrame):
     """Answer to each EncoderState that the node accepted, sent on its reception.
@@ -146,7 +143,6 @@ class FrictionTorque(TorqueFrame):
     }
 
 
-@checks.calls_checked
 @dataclass(frozen=True)
 class Status(StatusFrame):
     """Health of the node, every StatusPeriod, and at once after power-on, a timeout, a bus-off and
@@ -192,7 +188,6 @@ class Status(StatusFrame):
     _timeout_unit = 0.01  # s
 
 
-@checks.calls_checked
 @dataclass(frozen=True)
 class ParamWrite(ParamWriteFrame):
     """Sets or reads one parameter, selected by Param.
@@ -220,7 +215,6 @@ class ParamWrite(ParamWriteFrame):
     _units, _off_at_0 = UNITS, OFF_AT_0
 
 
-@checks.calls_checked
 @dataclass(frozen=True)
 class ParamReply(ParamFrame):
     """Answer to each ParamWrite: the present value.
@@ -248,7 +242,6 @@ class ParamReply(ParamFrame):
     _units, _off_at_0 = UNITS, OFF_AT_0
 
 
-@checks.calls_checked
 @dataclass(frozen=True)
 class Reset(Frame):
     """Answered by Status.

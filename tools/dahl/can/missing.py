@@ -5,6 +5,10 @@ A counter has 4 bits, so it shows a gap modulo 16: the least number of missing f
 follows from the time stamps and the mean of the last periods. A gap of 16 n frames looks like a
 pause of the sender, and is not counted.
 
+Any bytes may have a right CRC by chance. So gaps of an id count only once SENDER_FRAMES frames in a
+row had a right CRC and a counter one higher than before: random bytes do so with a probability of
+2^-44. Gaps before that moment count then too.
+
 Angles that did not reach the node either were lost on the bus, not by the recorder. The counter of
 the answers then has no gap. Without answers each gap counts.
 """
@@ -26,6 +30,7 @@ if TYPE_CHECKING:
 ANGLE, TORQUE, STATUS = codec.EncoderState.base, codec.FrictionTorque.base, codec.Status.base
 MAX_UNANSWERED = 16  # angles after a gap; after more the node does not answer
 MAX_SPOILED = 16  # frames in a row; after more this id is not of a node
+SENDER_FRAMES = 4  # in a row, with right CRC and counter; then this id is of a node
 PERIODS = 64  # last ones, of which the mean is used
 
 
@@ -69,7 +74,7 @@ class Missing:
 
     def proved(self) -> Gap:
         """Missing frames that were certainly on the bus."""
-        return _sum(node.proved for node in self._nodes.values())
+        return _sum(node.proved() for node in self._nodes.values())
 
 
 def _sum(gaps: Iterable[Gap]) -> Gap:
@@ -84,12 +89,24 @@ class _Sequence:
         self._time: float | None = None
         self._periods: deque[float] = deque(maxlen=PERIODS)  # s, of frames without a gap
         self._spoiled = 0  # frames with a wrong CRC or length since the newest
+        self._in_row = 0  # frames up to the newest whose counters follow each other
+        self.is_sender = False  # this id is of a node
+        self.proved = self._pending = NO_GAP  # missing frames; those before that was known
 
     def spoil(self) -> None:
         """Note an unreadable frame: it is recorded, so it is not missing."""
         self._spoiled += 1
+        self._in_row = 0
         if self._spoiled > MAX_SPOILED:
-            self._time = None
+            self._time, self.is_sender = None, False
+        if not self.is_sender:
+            self._pending = NO_GAP
+
+    def prove(self, gap: Gap) -> None:
+        """Count missing frames, once this id is of a node."""
+        self._pending = self._pending.plus(gap)
+        if self.is_sender:
+            self.proved, self._pending = self.proved.plus(self._pending), NO_GAP
 
     def restart(self) -> None:
         """Forget the counter of a sender that has restarted."""
@@ -108,6 +125,8 @@ class _Sequence:
                 self._periods.append(now - before)
         else:
             least = most = 1
+        self._in_row = self._in_row + 1 if least == 1 else 1
+        self.is_sender |= self._in_row >= SENDER_FRAMES
         spoiled, self._spoiled = self._spoiled, 0
         self.counter, self._time = counter, now
         return Gap(max(least - 1 - spoiled, 0), max(most - 1 - spoiled, 0))
@@ -141,16 +160,17 @@ class _Node:
 
     def __init__(self) -> None:
         self._by_kind = {kind: _Sequence() for kind in (ANGLE, TORQUE, STATUS)}
-        self.proved = self._undecided = NO_GAP
+        self._undecided = NO_GAP
         self._angles_since = 0  # the undecided gap
         self._is_answered_ahead = False  # the newest answer is to an angle not yet recorded
-        self._answers = False
 
     def feed(self, frame: can.Message) -> None:
         kind = frame.arbitration_id & ~15
         sequence, data = self._by_kind[kind], frame.data
         if not codec.is_whole(frame.arbitration_id, data):
             sequence.spoil()
+            if not self._by_kind[ANGLE].is_sender:
+                self._undecided = NO_GAP
             return
         counter, state = data[1] & 15, data[1] >> 4
         if kind != ANGLE and counter == 0 and state == codec.State.INIT:
@@ -161,10 +181,10 @@ class _Node:
             return
         if kind == ANGLE:
             self._angle(gap)
+            gap = NO_GAP
         elif kind == TORQUE:
             self._answer(gap, echo=data[2] & 15)
-        else:
-            self.proved = self.proved.plus(gap)
+        sequence.prove(gap)
 
     def _angle(self, gap: Gap) -> None:
         if gap.least:
@@ -177,8 +197,6 @@ class _Node:
             self._decide(is_missing=True)
 
     def _answer(self, gap: Gap, echo: int) -> None:
-        self._answers = True
-        self.proved = self.proved.plus(gap)
         behind = (self._by_kind[ANGLE].counter - echo) % codec.COUNTERS
         self._is_answered_ahead = behind > counters.MAX_STEPS_AHEAD
         if gap.least or self._angles_since <= behind < self._angles_since + self._undecided.least:
@@ -188,9 +206,13 @@ class _Node:
 
     def _decide(self, is_missing: bool) -> None:
         if is_missing:
-            self.proved = self.proved.plus(self._undecided)
+            self._by_kind[ANGLE].prove(self._undecided)
         self._undecided = NO_GAP
+
+    def proved(self) -> Gap:
+        return _sum(sequence.proved for sequence in self._by_kind.values())
 
     def unproved(self) -> Gap:
         """An undecided gap of a node that never answers."""
-        return NO_GAP if self._answers else self._undecided
+        is_open = self._by_kind[ANGLE].is_sender and not self._by_kind[TORQUE].is_sender
+        return self._undecided if is_open else NO_GAP

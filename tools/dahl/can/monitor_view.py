@@ -17,7 +17,7 @@ from dahl import paths
 from dahl.can import codec, counters
 from dahl.can.bus import NOTICEABLE_LAG_S
 from dahl.can.monitor_curves import panel
-from dahl.errors import Error
+from dahl.errors import InputError
 
 if TYPE_CHECKING:
     import can
@@ -275,15 +275,15 @@ def _messages(dbc: Path | None) -> list[Message]:
         database = cantools.database.load_file(path)
         found: list[Message] = list(getattr(database, "messages", []))
     except OSError as error:
-        raise Error(f"{path}: {error.strerror}") from None
+        raise InputError(f"{path}: {error.strerror}") from None
     except (cantools.Error, ValueError) as error:
-        raise Error(f"{path}: {' '.join(str(error).split())}") from None
+        raise InputError(f"{path}: {' '.join(str(error).split())}") from None
     found = _without_other_nodes(found)
     known = {message.name: {signal.name for signal in message.signals} for message in found}
     for name, signals in SHOWN.items():
         missing = sorted(signals - known.get(name, set()))
         if missing:
-            raise Error(f"{path}: no signal '{missing[0]}' in a message '{name}'")
+            raise InputError(f"{path}: no signal '{missing[0]}' in a message '{name}'")
     return found
 
 

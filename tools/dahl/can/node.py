@@ -34,12 +34,13 @@ from dahl.binding.library import c
 from dahl.binding.loaded import Loaded
 from dahl.binding.slip import SLIP_MAX, Parallel, Slip
 from dahl.can import codec
-from dahl.can.bus import receive
-from dahl.errors import Error, RunError, Timeout
+from dahl.can.bus import is_gone, receive
+from dahl.errors import BusError, Error, InputError, RunError, Timeout, hide
 
 if TYPE_CHECKING:
     import can
 
+__tracebackhide__ = hide
 __all__ = ["Counts", "Listener", "Node", "Traffic", "ask", "expect_silence", "run", "serve"]
 
 TICK_PERIOD_S = 0.005  # at most, between two calls of tick()
@@ -76,7 +77,6 @@ class Counts:
 COUNTS = tuple(Counts.__dataclass_fields__)
 
 
-@checks.calls_checked
 class Node(Copied):
     """A friction node (dahl_node_t): frames in, frames out.
 
@@ -124,7 +124,7 @@ class Node(Copied):
         use = _use_of(self._friction)
         if use is None:
             known = ", ".join(models.class_of(row).__name__ for row in models.table().values())
-            raise Error(f"friction = {checks.shown(self._friction)} is none of {known}")
+            raise TypeError(f"friction = {checks.shown(self._friction)} is none of {known}")
         first, name, arguments = use(self._friction)
         first._need_counts()
         self._node, self._kept = c.new("dahl_node_t *"), None
@@ -134,7 +134,7 @@ class Node(Copied):
             self._kept = c.new(f"dahl_node_{name}_t *")
             failed = getattr(c, f"dahl_node_use_{name}")(self._node, self._kept, *arguments)
         if failed:
-            raise Error(f"friction = {self._friction!r} is refused by the node")
+            raise InputError(f"friction = {self._friction!r} is refused by the node")
 
     @property
     def friction(self) -> Model:
@@ -237,7 +237,7 @@ class Node(Copied):
 def _within(name: str, value: float, least: float, most: float, unit: str) -> float:
     number = checks.finite(name, value, unit or "a part")
     if not least <= number <= most:
-        raise Error(f"{name} = {number:g} is outside {least:g} .. {most:g} {unit}".rstrip())
+        raise InputError(f"{name} = {number:g} is outside {least:g} .. {most:g} {unit}".rstrip())
     return number
 
 
@@ -272,17 +272,19 @@ def _use_bristle(one: Bristle) -> Use:
 
 def _use_loaded(one: Loaded) -> Use:
     if one.fixed_stiffness:
-        raise Error("friction = a Loaded with fixed_stiffness steps by angle; a node counts")
+        raise InputError("friction = a Loaded with fixed_stiffness steps by angle; a node counts")
     return one.plan, "loaded", (one.plan._params(),)
 
 
 def _use_parallel(mix: Parallel) -> Use:
     elements = [element for part in mix.parts for element in _elements(part)]
     if not 1 <= len(elements) <= SLIP_MAX:
-        raise Error(f"friction has {len(elements)} elements, 1 to {SLIP_MAX} were expected")
+        raise InputError(f"friction has {len(elements)} elements, 1 to {SLIP_MAX} were expected")
     sigma0, torques, thetas, slips = zip(*elements, strict=True)
     if len(set(thetas)) > 1:
-        raise Error(f"friction has theta_per_count {thetas[0]:g} and others; one encoder has one")
+        raise InputError(
+            f"friction has theta_per_count {thetas[0]:g} and others; one encoder has one"
+        )
     bits = sum(is_slip << k for k, is_slip in enumerate(slips))
     values = len(elements), bits, thetas[0], sigma0, torques
     params = c.new("dahl_node_parallel_params_t *", values)
@@ -365,7 +367,6 @@ class Listener:
             self._ended.wait(TICK_PERIOD_S)
 
 
-@checks.names_checked
 def run(
     bus: can.BusABC,
     *nodes: Node,
@@ -375,13 +376,14 @@ def run(
     """Serve nodes on a bus until `ended()` is true, which is checked every few ms, or for
     `seconds`. Return the counts of frames. Raises dahl.RunError if the bus fails.
     """
-    _check_bus(bus, "send", "recv")
+    check_bus(bus, "send", "recv")
     link = _Link(bus, nodes)
     end = time.monotonic() + (float("inf") if seconds is None else _span("seconds", seconds))
     if not callable(ended):
-        raise Error(f"ended = {checks.shown(ended)} cannot be called")
+        raise TypeError(f"ended = {checks.shown(ended)} cannot be called")
     while not ended() and time.monotonic() < end:
         link.tick()
+        link.check()
         message = receive(bus, TICK_PERIOD_S)
         if message is not None:
             link.receive(message)
@@ -404,11 +406,16 @@ async def serve(bus: can.BusABC, *nodes: Node) -> None:
         thread.shutdown(wait=False)
 
 
+def check_timeout(timeout: float) -> float:
+    """Return a time in s, 0 .. 60. Raises dahl.Error."""
+    return _within("timeout", timeout, 0, MAX_PARAM_S, "s")
+
+
 def _span(name: str, value: float) -> float:
     """Return a time in s, 0 to infinity. Raises dahl.Error."""
     number = checks.real(name, value, "a number of s, 0 or above,")
     if not number >= 0:
-        raise Error(f"{name} = {number:g} is not a number of s, 0 or above")
+        raise InputError(f"{name} = {number:g} is not a number of s, 0 or above")
     return number
 
 
@@ -424,33 +431,36 @@ def ask(
 def ask(
     bus: can.BusABC, frame: codec.Reset, node: int = 0, timeout: float = 1.0
 ) -> codec.Status: ...
-@checks.names_checked
 def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0) -> codec.Frame:
     """Send a frame to a node and return its answer: FrictionTorque to an EncoderState, ParamReply
     to a ParamWrite, the next Status to a Reset. Frames that wait on the bus are dropped first.
     Raises dahl.Timeout if no answer comes within `timeout` s, with the state that the node reports.
-    If that is STALE, send a Reset(What.RESTART) first. Raises dahl.RunError if the bus refuses the
-    frame.
+    If that is STALE, send a Reset(What.RESTART) first. Raises dahl.BusError if the bus is lost or
+    refuses the frame.
+
+    Threads that ask on one bus take turns; `timeout` begins with the turn. Other code that receives
+    from this bus, such as a can.Notifier, would take the answers: give it a bus of its own.
     """
     kind = ANSWER_KINDS.get(type(frame))
     if kind is None:
-        raise Error(f"frame = {checks.shown(frame)} is none that a node answers")
-    _check_bus(bus, "send", "recv")
-    timeout, node = _within("timeout", timeout, 0, MAX_PARAM_S, "s"), codec.number_of(node)
-    until, why = time.monotonic() + timeout, ""
-    _drop_waiting(bus, until)
-    _send(bus, codec.pack(frame, node), frame)
-    while (left := until - time.monotonic()) > 0:
-        message = receive(bus, left)
-        answer = _answer_in(message, kind.base + node)
-        if isinstance(answer, kind) and _answers(answer, frame):
-            return answer
-        if status := _answer_in(message, codec.Status.base + node):
-            why = _why_silent(status, frame)
+        raise TypeError(f"frame = {checks.shown(frame)} is none that a node answers")
+    check_bus(bus, "send", "recv")
+    timeout, node = check_timeout(timeout), codec.number_of(node)
+    message, why = codec.pack(frame, node), ""
+    with turn_of(bus):
+        until = time.monotonic() + timeout
+        _drop_waiting(bus, until)
+        _send(bus, message, frame)
+        while (left := until - time.monotonic()) > 0:
+            received = receive(bus, left)
+            answer = _answer_in(received, kind.base + node)
+            if isinstance(answer, kind) and _answers(answer, frame):
+                return answer
+            if status := _answer_in(received, codec.Status.base + node):
+                why = _why_silent(status, frame)
     raise Timeout(f"no {kind.__name__} of node {node} in {timeout:g} s, to {frame}{why}")
 
 
-@checks.names_checked
 def expect_silence(
     bus: can.BusABC,
     frame: codec.Frame | can.Message | None = None,
@@ -461,21 +471,31 @@ def expect_silence(
     CRC, is sent as it is; None sends no frame. Frames that wait on the bus are dropped first.
     Raises dahl.RunError if the node sends a FrictionTorque or ParamReply within `seconds`.
     """
-    _check_bus(bus, "send", "recv")
+    check_bus(bus, "send", "recv")
     seconds, node = _within("seconds", seconds, 0, MAX_PARAM_S, "s"), codec.number_of(node)
     message = codec.pack(frame, node) if isinstance(frame, codec.Frame) else frame
     if message is not None:
-        codec.RawFrame().read(message)  # raises dahl.Error if it is no can.Message
-    _drop_waiting(bus, time.monotonic() + seconds)
-    begin = time.monotonic()
-    if message is not None:
-        _send(bus, message, frame)
-    while (left := begin + seconds - time.monotonic()) > 0:
-        received = receive(bus, left)
-        for kind in (codec.FrictionTorque, codec.ParamReply):
-            if answer := _answer_in(received, kind.base + node):
-                after = f"after {time.monotonic() - begin:.3f} s"
-                raise RunError(f"node {node} must be silent, but sent {answer} {after}")
+        codec.RawFrame().read(message)  # raises TypeError if it is no can.Message
+    with turn_of(bus):
+        _drop_waiting(bus, time.monotonic() + seconds)
+        begin = time.monotonic()
+        if message is not None:
+            _send(bus, message, frame)
+        while (left := begin + seconds - time.monotonic()) > 0:
+            received = receive(bus, left)
+            for kind in (codec.FrictionTorque, codec.ParamReply):
+                if answer := _answer_in(received, kind.base + node):
+                    after = f"after {time.monotonic() - begin:.3f} s"
+                    raise RunError(f"node {node} must be silent, but sent {answer} {after}")
+
+
+def turn_of(bus: can.BusABC) -> threading.RLock:
+    """Return the lock of a bus, so that threads that ask on it take turns."""
+    held = getattr(bus, "__dict__", _WITHOUT_DICTIONARY)
+    return held.setdefault("_dahl_turn", threading.RLock())  # type: ignore[no-any-return]
+
+
+_WITHOUT_DICTIONARY: dict[str, Any] = {}  # such buses have one lock in common
 
 
 def _drop_waiting(bus: can.BusABC, until: float) -> None:
@@ -484,11 +504,17 @@ def _drop_waiting(bus: can.BusABC, until: float) -> None:
         pass
 
 
+def send(bus: can.BusABC, frame: codec.Frame | can.Message, node: int) -> None:
+    """Send a frame to a node, or a message as it is. Raises dahl.BusError if the bus refuses it."""
+    message = codec.pack(frame, node) if isinstance(frame, codec.Frame) else frame
+    _send(bus, message, frame)
+
+
 def _send(bus: can.BusABC, message: can.Message, frame: object) -> None:
     try:
         bus.send(message)
     except (codec.python_can().CanError, OSError) as error:
-        raise RunError(f"the bus does not take {frame}: {error}") from None
+        raise BusError(f"the bus does not take {frame}: {error}") from None
 
 
 ANSWER_KINDS: dict[type[codec.Frame], type[codec.Frame]] = {
@@ -530,25 +556,33 @@ def _answers(answer: codec.Frame, frame: codec.Frame) -> bool:
     return True
 
 
-def _check_bus(bus: can.BusABC, *calls: str) -> None:
+def check_bus(bus: can.BusABC, *calls: str) -> None:
+    """Raise TypeError if a bus lacks one of these methods."""
     if not all(callable(getattr(bus, name, None)) for name in calls):
-        raise Error(f"bus = {checks.shown(bus)} is not a bus of python-can")
+        raise TypeError(f"bus = {checks.shown(bus)} is not a bus of python-can")
 
 
 class _Link:
     """Nodes and the bus that they answer on, from any thread."""
 
     def __init__(self, bus: can.BusABC, nodes: tuple[Node, ...]) -> None:
-        _check_bus(bus, "send")
+        check_bus(bus, "send")
         if not nodes:
-            raise Error("no node to serve")
+            raise InputError("no node to serve")
         self._nodes = [checks.instance(f"nodes[{k}]", node, Node) for k, node in enumerate(nodes)]
         if len({node.number for node in nodes}) < len(nodes):
-            raise Error("two nodes of one number on one bus")
+            raise InputError("two nodes of one number on one bus")
         self._bus, self._lock, self.traffic = bus, threading.Lock(), Traffic()
+        self._lost: str | None = None  # why the bus is lost
         self._refusals = (codec.python_can().CanError, OSError)
 
+    def check(self) -> None:
+        """Raise dahl.BusError if a send has found that the bus is lost."""
+        if self._lost is not None:
+            raise BusError(f"the bus has gone: {self._lost}")
+
     def receive(self, message: can.Message) -> None:
+        self.check()
         with self._lock:
             self.traffic.received += 1
             for node in self._nodes:
@@ -573,5 +607,7 @@ class _Link:
         try:
             self._bus.send(message)
             self.traffic.sent += 1
-        except self._refusals:  # its queue is full, or it is gone: the next receive() reports that
+        except self._refusals as error:  # its queue is full, or it is lost
             self.traffic.refused += 1
+            if is_gone(error):
+                self._lost = str(error)

@@ -2,6 +2,8 @@
 """Fixtures for tests of a friction node, simulated in this process or on a rig (--dahl-interface).
 
     dahl_bus        a python-can bus; the report of a failed test has its frames
+    dahl_bus_settings
+                    arguments of can.Bus() for it
     dahl_node       the node that answers on it: a dahl.Node, on a rig a dahl.can.rig.RigNode, which
                     reads the same properties over the bus
     dahl_make_node  dahl_make_node(number=3, friction=None, **settings) makes one more node
@@ -24,14 +26,16 @@ import inspect
 import itertools
 import math
 import os
+import socket
 import tempfile
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeAlias, TypeVar, get_args
+from urllib.parse import urlsplit
 
 import pytest
 
-from dahl.errors import Error, Timeout
+from dahl.errors import Error, InputError, Timeout, hide
 
 if TYPE_CHECKING:
     import can
@@ -45,11 +49,16 @@ if TYPE_CHECKING:
     Settings: TypeAlias = dict[str, Any]
 
 T = TypeVar("T")
+Scope: TypeAlias = Literal["function", "class", "module", "package", "session"]
+__tracebackhide__ = hide
 VIRTUAL = "virtual"
-FIRST_ANSWER_TIMEOUT_S = 0.8  # for a rig to open and to answer first
+MAX_ANSWER_TIMEOUT_S = 60.0  # node.MAX_PARAM_S
+FRAMES = "frames on dahl_bus"  # in the report and in JUnit XML
 MARK = "dahl(plan=None, **settings): of dahl_node. Every test that uses dahl_bus has this mark."
 _numbers = itertools.count()
 _frames = pytest.StashKey["FrameLog"]()  # of a test
+_open_log = pytest.StashKey["FrameLog"]()  # of a session: that of dahl_bus while it is open
+_item = pytest.StashKey[pytest.Item]()  # of a session: the test that runs
 _in_use = pytest.StashKey[set[int]]()  # numbers of the nodes of a test
 # Of a session: the reason to skip the tests of a bus or node, "" if it has answered.
 _contacts = pytest.StashKey[dict[str, str]]()
@@ -75,19 +84,58 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="simulate dahl_node on that bus too, if it has no node (vcan0)",
     )
+    group.addoption(
+        "--dahl-require",
+        action="store_true",
+        help="fail, and do not skip, if the bus does not open or no node answers",
+    )
+    group.addoption(
+        "--dahl-answer-timeout",
+        type=float,
+        metavar="S",
+        help="seconds within which a rig must open and answer each frame (default: 1)",
+    )
+    parser.addini("dahl_require", "the same as --dahl-require", type="bool", default=False)
+    parser.addini("dahl_answer_timeout", "the same as --dahl-answer-timeout", default="1")
+    parser.addini("dahl_bus_scope", "scope of dahl_bus and dahl_bus_settings", default="function")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Reject options without effect."""
+    """Reject wrong options, and options without effect."""
     config.addinivalue_line("markers", MARK)
     config.stash[_contacts] = {}
+    _answer_timeout(config)
+    _scope("dahl_bus", config)
     words = str(config.getoption("--dahl-bus-kwargs")).split()
     if bad := next((word for word in words if "=" not in word.strip("=")), None):
         raise pytest.UsageError(f"--dahl-bus-kwargs {bad}: KEY=VALUE was expected")
     if config.getoption("--dahl-interface") is None:
-        for option in ("--dahl-channel", "--dahl-bus-kwargs", "--dahl-serve"):
+        for option in ("--dahl-channel", "--dahl-bus-kwargs", "--dahl-serve", "--dahl-require"):
             if config.getoption(option):
                 raise pytest.UsageError(f"{option} goes with --dahl-interface, such as socketcan")
+
+
+def _answer_timeout(config: pytest.Config) -> float:
+    """Return the seconds within which a rig must open and answer each frame."""
+    option = config.getoption("--dahl-answer-timeout")
+    text = config.getini("dahl_answer_timeout") if option is None else option
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not 0 < seconds <= MAX_ANSWER_TIMEOUT_S:
+        limit = f"0 < dahl_answer_timeout <= {MAX_ANSWER_TIMEOUT_S:g} (s)"
+        raise pytest.UsageError(f"dahl_answer_timeout = {text}: {limit} was expected")
+    return seconds
+
+
+def _scope(fixture_name: str, config: pytest.Config) -> Scope:
+    """Return the scope of dahl_bus and dahl_bus_settings."""
+    scope: Scope = config.getini("dahl_bus_scope")
+    if scope not in get_args(Scope):
+        wanted = ", ".join(get_args(Scope))
+        raise pytest.UsageError(f"dahl_bus_scope = {scope}: one of {wanted} was expected")
+    return scope
 
 
 def pytest_itemcollected(item: pytest.Item) -> None:
@@ -106,18 +154,40 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
     return True
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Begin the log of a test whose bus is open already."""
+    item.config.stash[_item] = item
+    frames = item.config.stash.get(_open_log, None)
+    if frames is not None and "dahl_bus" in getattr(item, "fixturenames", ()):
+        frames.start_again()
+        item.stash[_frames] = frames
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_call(item: pytest.Item) -> None:
+    """Mark the end of the set-up in the log."""
+    if (frames := item.stash.get(_frames, None)) is not None:
+        frames.end_set_up()
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Add the frames to the report of a failed test."""
+    """Add the frames to the report of a failed test, and to its properties in JUnit XML."""
     report = yield
     frames = item.stash.get(_frames, None)
     if report.failed and frames is not None:
         if call.when != "teardown":
             frames.read_rest()
         if text := frames.text():
-            report.sections.append(("frames on dahl_bus", text))
+            report.sections.append((FRAMES, text))
+            others = [one for one in item.user_properties if one[0] != FRAMES]
+            item.user_properties[:] = [*others, (FRAMES, text)]
+            report.user_properties[:] = item.user_properties
+    if call.when == "teardown" and frames is not None:
+        del item.stash[_frames]  # with its bus
     return report
 
 
@@ -164,9 +234,9 @@ def dahl_node_settings() -> Settings:
 # --- the bus --------------------------------------------------------------------------------------
 
 
-@pytest.fixture
+@pytest.fixture(scope=_scope)
 def dahl_bus_settings(request: pytest.FixtureRequest) -> Settings:
-    """Arguments of can.Bus(); a separate channel for each test if virtual."""
+    """Arguments of can.Bus(); a separate channel for each dahl_bus if virtual."""
     from dahl.can import codec
 
     with _one_line():
@@ -180,16 +250,19 @@ def dahl_bus_settings(request: pytest.FixtureRequest) -> Settings:
     return {"interface": interface, "channel": channel, **more}
 
 
-@pytest.fixture
+@pytest.fixture(scope=_scope)
 def dahl_bus(request: pytest.FixtureRequest, dahl_bus_settings: Settings) -> Iterator[can.BusABC]:
-    """Return the bus of the test."""
+    """Return the bus. If dahl_bus_scope is wider than a test, frames that wait are dropped before
+    each test.
+    """
     is_shared = dahl_bus_settings["interface"] != VIRTUAL
     with _reserve_bus(dahl_bus_settings) if is_shared else contextlib.nullcontext():
         with _one_line():
             bus = _open(request, dahl_bus_settings)
         with bus:
-            _log_of(request, bus)
+            request.config.stash[_open_log] = _log_of(request, bus)
             yield bus
+            del request.config.stash[_open_log]
 
 
 @pytest.fixture
@@ -204,10 +277,11 @@ def _log_of(request: pytest.FixtureRequest, bus: can.BusABC) -> FrameLog:
     """Return the log of the frames of a test, which may define dahl_bus itself."""
     from dahl.can import frame_log
 
-    stash = request.node.stash
-    if _frames not in stash:
-        stash[_frames] = frame_log.FrameLog(bus)
-    return stash[_frames]  # type: ignore[no-any-return]
+    stash = request.config.stash[_item].stash
+    frames = stash.get(_frames, None)
+    if frames is None or frames.bus is not bus:
+        stash[_frames] = frames = frame_log.of(bus)
+    return frames
 
 
 def _is_rig(request: pytest.FixtureRequest) -> bool:
@@ -215,15 +289,37 @@ def _is_rig(request: pytest.FixtureRequest) -> bool:
     return interface != VIRTUAL and not request.config.getoption("--dahl-serve")
 
 
-def _key(settings: Settings) -> str:
-    """Return the same short text for the same bus, in each process."""
-    return hashlib.sha256(repr(sorted(settings.items())).encode()).hexdigest()[:16]
+def _address(settings: Settings) -> str:
+    """Return the same text for the same device or server in each process, whatever its spelling and
+    settings. python-can's own settings may name it.
+    """
+    from dahl.can import codec
+
+    can = codec.python_can()
+    with contextlib.suppress(can.CanError, NotImplementedError, ValueError, TypeError):
+        settings = can.util.load_config(config=dict(settings))
+    channel = str(settings.get("channel"))
+    if os.sep in channel and not (link := urlsplit(channel)).netloc:
+        return os.path.realpath(channel.partition("@")[0])  # of a serial port, without its speed
+    if "://" in channel:
+        return f"{link.scheme} {_host(link.hostname)} {link.port}"
+    server = _host(settings.get("host")), settings.get("port")
+    return " ".join(map(str, (settings.get("interface"), channel, *server)))
+
+
+def _host(name: object) -> object:
+    """Return the address of a host by its name."""
+    try:
+        return socket.gethostbyname(str(name)) if name else name
+    except OSError:
+        return name
 
 
 @contextlib.contextmanager
 def _reserve_bus(settings: Settings) -> Iterator[None]:
     """Wait until no other test of this user has the bus."""
-    path = Path(tempfile.gettempdir(), f"dahl-bus-{os.getuid()}-{_key(settings)}.lock")
+    key = hashlib.sha256(_address(settings).encode()).hexdigest()[:16]
+    path = Path(tempfile.gettempdir(), f"dahl-bus-{os.getuid()}-{key}.lock")
     with open(os.open(path, os.O_RDWR | os.O_CREAT, 0o600), "rb") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield
@@ -236,27 +332,39 @@ def _open(request: pytest.FixtureRequest, settings: Settings) -> can.BusABC:
 
     if not _is_rig(request):
         return open_bus(**settings)
-    return _contact(request, _key(settings), lambda _: open_rig(settings, FIRST_ANSWER_TIMEOUT_S))
+    timeout = _answer_timeout(request.config)
+    return _contact(request.config, _key(settings), lambda: open_rig(settings, timeout))
 
 
-def _contact(request: pytest.FixtureRequest, key: str, call: Callable[[bool], T]) -> T:
+def _key(settings: Settings) -> str:
+    return repr(sorted(settings.items()))
+
+
+def _contact(config: pytest.Config, key: str, call: Callable[[], T]) -> T:
     """Return the result of a call to a rig; skip the test if the rig has never answered. A rig that
-    has answered before must answer. call(True) is the first call.
+    has answered before must answer.
     """
     from dahl.can.rig import NoRig
 
-    contacts = request.config.stash[_contacts]
+    contacts = config.stash[_contacts]
     if contacts.get(key):
-        pytest.skip(contacts[key])
+        _skip(config, contacts[key])
     try:
-        result = call(key not in contacts)
+        result = call()
     except (Timeout, NoRig) as error:
         if key in contacts:
             raise
         contacts[key] = f"no rig: {error}"
-        pytest.skip(contacts[key])
+        _skip(config, contacts[key])
     contacts[key] = ""
     return result
+
+
+def _skip(config: pytest.Config, reason: str) -> NoReturn:
+    """Skip the test, or fail it if the rig is required."""
+    if config.getoption("--dahl-require") or config.getini("dahl_require"):
+        pytest.fail(reason, pytrace=False)
+    pytest.skip(reason)
 
 
 # --- nodes ----------------------------------------------------------------------------------------
@@ -333,22 +441,22 @@ def _new(request: pytest.FixtureRequest, friction: Model, settings: Settings) ->
     """Return a node of these parameters. Raises dahl.Error for wrong ones."""
     from dahl.can.node import Node
 
-    node, in_use = Node(friction, **settings), request.node.stash.setdefault(_in_use, set())
+    try:
+        node = Node(friction, **settings)
+    except TypeError as error:
+        raise InputError(str(error)) from None
+    in_use = request.node.stash.setdefault(_in_use, set())
     if node.number in in_use:
-        raise Error(f"number = {node.number}: this test has a node of this number already")
+        raise InputError(f"number = {node.number}: this test has a node of this number already")
     in_use.add(node.number)
     return node
 
 
 def _reset_node(request: pytest.FixtureRequest, number: int) -> RigNode:
     """Return a node of the rig after a Reset; skip the test if it has never answered."""
-    from dahl.can.rig import ANSWER_TIMEOUT_S, RigNode
+    from dahl.can.rig import RigNode
 
     bus, settings = map(request.getfixturevalue, ("dahl_bus", "dahl_bus_settings"))
-    rig = RigNode(bus, _log_of(request, bus), number)
-
-    def restart(is_first: bool) -> None:
-        rig.restart(FIRST_ANSWER_TIMEOUT_S if is_first else ANSWER_TIMEOUT_S)
-
-    _contact(request, f"{_key(settings)} {number}", restart)
+    rig = RigNode(bus, _log_of(request, bus), number, _answer_timeout(request.config))
+    _contact(request.config, f"{_key(settings)} {number}", rig.restart)
     return rig

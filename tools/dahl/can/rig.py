@@ -14,15 +14,15 @@ from dahl.binding.friction import Plan
 from dahl.can import bus as buses
 from dahl.can import codec
 from dahl.can.codec import Errors, Param, ParamWrite, Result, State, Write
-from dahl.can.node import COUNTS, Counts, Node, ask
-from dahl.errors import Error, RunError, Timeout
+from dahl.can.node import COUNTS, Counts, Node, ask, turn_of
+from dahl.errors import BusError, Error, RunError, Timeout, hide
 
 if TYPE_CHECKING:
     import can
 
     from dahl.can.frame_log import FrameLog
 
-ANSWER_TIMEOUT_S = 1.0
+__tracebackhide__ = hide
 READ_PERIOD_S = 0.02
 EACH_TICK = ParamWrite(Param.STATUS, 1, Write.WRITE)  # a Status every ms
 MODEL = (Param.SIGMA0, Param.FC, Param.THETA)
@@ -37,15 +37,17 @@ OUT_OF_STEP = {
 }
 
 
-class NoRig(RunError):
+class NoRig(BusError):
     """The bus of a rig does not open."""
 
 
-def open_rig(settings: dict[str, Any], patience: float) -> can.BusABC:
-    """Open the bus of a rig. Raises NoRig if it is absent, RunError for wrong settings."""
+def open_rig(settings: dict[str, Any], timeout: float) -> can.BusABC:
+    """Open the bus of a rig within `timeout` s. Raises NoRig if it is absent, BusError for wrong
+    settings.
+    """
     try:
         if settings["interface"] == "socketcand":
-            return _open_in_time(settings, patience)
+            return _open_in_time(settings, timeout)
         return buses.open_bus(**settings)
     except RunError as error:
         if isinstance(error.__context__, (codec.python_can().CanInitializationError, OSError)):
@@ -53,8 +55,8 @@ def open_rig(settings: dict[str, Any], patience: float) -> can.BusABC:
         raise
 
 
-def _open_in_time(settings: dict[str, Any], patience: float) -> can.BusABC:
-    """Open a bus within `patience` s: python-can tries for 10 s to reach a socketcand server."""
+def _open_in_time(settings: dict[str, Any], timeout: float) -> can.BusABC:
+    """Open a bus within `timeout` s: python-can tries for 10 s to reach a socketcand server."""
     opened: Future[can.BusABC] = Future()
 
     def work() -> None:
@@ -65,10 +67,10 @@ def _open_in_time(settings: dict[str, Any], patience: float) -> can.BusABC:
 
     threading.Thread(target=work, daemon=True).start()
     try:
-        return opened.result(patience)
+        return opened.result(timeout)
     except TimeoutError:
         opened.add_done_callback(_close)
-        raise NoRig(f"cannot open the bus ({buses.shown(settings)}) in {patience:g} s") from None
+        raise NoRig(f"cannot open the bus ({buses.shown(settings)}) in {timeout:g} s") from None
 
 
 def _close(opened: Future[can.BusABC]) -> None:
@@ -126,14 +128,15 @@ class RigCounts:
 
 
 class RigNode:
-    """A node on a rig, with the properties of dahl.Node.
+    """A node on a rig, with the properties of dahl.Node. It must answer each frame within `timeout`
+    s.
 
     Reading `state`, `errors` or `counts` makes it send a Status; `friction` reads its parameters.
     A property that no frame carries raises dahl.RunError.
     """
 
-    def __init__(self, bus: can.BusABC, frames: FrameLog, number: int) -> None:
-        self._bus, self._frames, self._number = bus, frames, number
+    def __init__(self, bus: can.BusABC, frames: FrameLog, number: int, timeout: float) -> None:
+        self._bus, self._frames, self._number, self._timeout = bus, frames, number, timeout
         self._ok, self._counter = 0, 0
         self._own = [codec.ParamReply.base]
         self._statuses: list[codec.Status] = []
@@ -141,9 +144,9 @@ class RigNode:
         self._before: list[list[ParamWrite]] = []
         frames.listeners.append(self._listen)
 
-    def restart(self, patience: float = ANSWER_TIMEOUT_S) -> None:
+    def restart(self) -> None:
         """Reset the node, and count from here. Raises dahl.Timeout if it does not answer."""
-        ask(self._bus, codec.Reset(codec.What.RESTART), self._number, timeout=patience)
+        ask(self._bus, codec.Reset(codec.What.RESTART), self._number, timeout=self._timeout)
         self._ok = 0
 
     def configure(self, wanted: Node) -> None:
@@ -236,40 +239,40 @@ class RigNode:
         """Return a Status that covers all frames that the node has received so far. It comes at
         once, since its period is short until then.
         """
-        period = self._ask(ParamWrite(Param.STATUS)).value
-        self._own = [codec.ParamReply.base, codec.Status.base]
-        self._write([EACH_TICK])
-        self._statuses.clear()
-        try:
-            self._wait(lambda: bool(self._statuses), "Status")
-            return self._statuses[0]
-        finally:
-            self._write([replace(EACH_TICK, value=period)])
-            self._own = [codec.ParamReply.base]
+        with turn_of(self._bus):
+            period = self._ask(ParamWrite(Param.STATUS)).value
+            self._own = [codec.ParamReply.base, codec.Status.base]
+            self._write([EACH_TICK])
+            self._statuses.clear()
+            try:
+                self._wait(lambda: bool(self._statuses), "Status")
+                return self._statuses[0]
+            finally:
+                self._write([replace(EACH_TICK, value=period)])
+                self._own = [codec.ParamReply.base]
 
     def _ask(self, asked: ParamWrite) -> codec.ParamReply:
-        self._counter = (self._counter + 1) % codec.COUNTERS
-        asked = replace(asked, counter=self._counter)
-        self._replies.clear()
-        self._bus.send(codec.pack(asked, self._number))
+        with turn_of(self._bus):
+            self._counter = (self._counter + 1) % codec.COUNTERS
+            asked = replace(asked, counter=self._counter)
+            self._replies.clear()
+            self._bus.send(codec.pack(asked, self._number))
 
-        def found() -> list[codec.ParamReply]:
-            return [one for one in self._replies if one.counter == asked.counter]
+            def found() -> list[codec.ParamReply]:
+                return [one for one in self._replies if one.counter == asked.counter]
 
-        self._wait(lambda: bool(found()), f"ParamReply to {asked}")
-        return found()[0]
+            self._wait(lambda: bool(found()), f"ParamReply to {asked}")
+            return found()[0]
 
     def _wait(self, done: Callable[[], bool], what: str) -> None:
         """Read ahead until done(). Drop frames of the ids in _own, which answer this object; keep
         all others for the test.
         """
         own = [base + self._number for base in self._own]
-        until = time.monotonic() + ANSWER_TIMEOUT_S
+        until = time.monotonic() + self._timeout
         while not done():
             if time.monotonic() > until:
-                raise Timeout(
-                    f"node {self._number} of the rig: no {what} in {ANSWER_TIMEOUT_S:g} s"
-                )
+                raise Timeout(f"node {self._number} of the rig: no {what} in {self._timeout:g} s")
             self._frames.read_ahead(READ_PERIOD_S, lambda message: message.arbitration_id in own)
 
     def _change(self, wanted: list[ParamWrite]) -> None:

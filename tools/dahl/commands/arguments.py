@@ -23,6 +23,19 @@ def whole(low: int, high: int) -> Callable[[str], int]:
     return read
 
 
+def comma_hint(text: str) -> str:
+    """Return the end of an error about a number with a comma, "" if it has none."""
+    return "; the decimal sign is a point" if re.search(r"\d,\d", text) else ""
+
+
+def number(text: str) -> float:
+    """Parse any number, also infinity and NaN."""
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text}: not a number{comma_hint(text)}") from None
+
+
 def finite(text: str) -> float:
     """Parse a finite number."""
     return _number(text, -1e30, 1e30)
@@ -44,7 +57,8 @@ def _number(text: str, low: float, high: float) -> float:
     except ValueError:
         value = math.nan
     if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"{text}: not a number from {low:g} to {high:g}")
+        limits = f"from {low:g} to {high:g}"
+        raise argparse.ArgumentTypeError(f"{text}: not a number {limits}{comma_hint(text)}")
     return value
 
 

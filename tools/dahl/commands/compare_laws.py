@@ -9,15 +9,18 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dahl.errors import Error
+from dahl.report.simulated import COMPENSATION, table
 from dahl.version import __version__
 
 if TYPE_CHECKING:
     from dahl.sim.compensation import Comparison
 
-SCENE = "compensation"
+SCENE = COMPENSATION
+PICTURE = f"{SCENE}.png"
 DEFAULT_SEED = 1
 # Options of a run on a bus or of a user's own log.
 FOREIGN = (
@@ -30,20 +33,33 @@ def run(args: argparse.Namespace, console: Any) -> int:
     """Simulate, write both files and print the ratios. Returns 0."""
     from dahl.io import files
     from dahl.report import compensation as picture
+    from dahl.report import run_files, terminal
 
     refuse_options(args, SCENE, "has no bus and no log", FOREIGN)
     seed = DEFAULT_SEED if args.seed is None else args.seed
+    run_files.remove_earlier(args.output)
     comparison = _compare_with_progress(seed, console)
     numbers = {"scene": SCENE, "seed": seed, "version": __version__, **comparison.numbers}
     numbers |= {"command": shlex.join(["dahl", *args.words])}
     files.write_atomic(args.output / "summary.json", json.dumps(numbers, indent=2) + "\n")
-    picture.draw(args.output / f"{SCENE}.png", comparison)
-    console.print(_table(comparison.numbers))
-    written = (f"{SCENE}.png", "summary.json")
+    picture.draw(args.output / PICTURE, comparison)
+    console.print(terminal.table(table(numbers, args.output)))
+    written = (PICTURE, "summary.json")
     console.print("files   " + ", ".join(str(args.output / name) for name in written))
     if args.json:
         print(json.dumps(numbers, indent=2))
     return 0
+
+
+def draw(path: Path, numbers: dict[str, Any], console: Any) -> None:
+    """Simulate again with the seed of a summary, and write the picture. Raises dahl.Error."""
+    from dahl.report import compensation as picture
+
+    seed = numbers.get("seed", DEFAULT_SEED)
+    if not isinstance(seed, int) or not 0 <= seed < 2**64:
+        place = path.with_name("summary.json")
+        raise Error(f"{place}: seed = {seed}: a number from 0 to 2^64 - 1 was expected")
+    picture.draw(path, _compare_with_progress(seed, console))
 
 
 def refuse_options(
@@ -64,18 +80,3 @@ def _compare_with_progress(seed: int, console: Any) -> Comparison:
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("simulate", total=compensation.count_runs())
         return compensation.compare(seed, lambda: progress.advance(task))
-
-
-def _table(numbers: dict[str, dict[str, dict[str, dict[str, float]]]]) -> Any:
-    """Return the ratios of all laws but "none"; a lower one is better."""
-    from rich.table import Table
-
-    title = "error over that without compensation (less is better)"
-    table = Table(title=title, title_justify="left")
-    laws = [law for law in next(iter(numbers["position"].values())) if law != "none"]
-    for name in ("axis", "case", *laws):
-        table.add_column(name, justify="right" if name in laws else "left")
-    for axis, cases in numbers.items():
-        for case, values in cases.items():
-            table.add_row(axis, case, *(f"{values[law]['ratio']:.3f}" for law in laws))
-    return table

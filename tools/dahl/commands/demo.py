@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dahl import paths
-from dahl.commands.arguments import finite, seconds, whole
+from dahl.commands.arguments import finite, number, seconds, whole
 from dahl.errors import Error, RunError
 from dahl.sim import timing
 from dahl.version import __version__
@@ -38,17 +38,6 @@ EXAMPLE = """examples:
 
 PREFERRED = ("tribometer", "cycloidal")  # measured sets, best first
 WITHOUT_DATA = "steering"
-WRITTEN = (
-    "*.ini",
-    "*.json",
-    "*.err",
-    "*.bin",
-    "run.log",
-    "own.csv",
-    "trace.csv",
-    "uncompensated.csv",
-    "loop.png",
-)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,12 +58,12 @@ def _add_own(own: argparse._ActionsContainer) -> None:
     own.add_argument("--torque", metavar="COLUMN", help="the same for the measured torque")
     own.add_argument("--time", metavar="COLUMN", help="the same for the time")
     own.add_argument(
-        "--sigma0", type=float, metavar="X", help="stiffness at rest, N m/rad (mm: N/m)"
+        "--sigma0", type=number, metavar="X", help="stiffness at rest, N m/rad (mm: N/m)"
     )
-    own.add_argument("--fc", type=float, metavar="Y", help="Coulomb torque, N m (mm: N)")
+    own.add_argument("--fc", type=number, metavar="Y", help="Coulomb torque, N m (mm: N)")
     own.add_argument(
         "--counts-per-turn",
-        type=float,
+        type=number,
         metavar="N",
         help="encoder counts per turn (mm: per millimetre)",
     )
@@ -135,10 +124,10 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from dahl.commands import compare_laws, park_steer
-    from dahl.report import terminal
+    from dahl.report import run_files, terminal
 
     console = terminal.console(stderr=args.json, soft_wrap=True)
-    with paths.lock_folder(args.output):
+    with paths.lock_folder(args.output), run_files.listing(args.output):
         if args.scene == compare_laws.SCENE:
             return compare_laws.run(args, console)
         if args.scene == park_steer.SCENE:
@@ -159,8 +148,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _refuse_overwriting(log: Path | None, folder: Path) -> None:
     """Raise dahl.Error if this run would write over the log that it reads."""
-    written = [path for name in WRITTEN for path in folder.glob(name)]
-    if log and log.exists() and any(map(log.samefile, written)):
+    from dahl.report import run_files
+
+    if log and log.exists() and any(map(log.samefile, run_files.written_in(folder))):
         raise Error(f"{log}: a run in {folder} would overwrite it; choose another -o")
 
 
@@ -274,7 +264,7 @@ def _play(
     from dahl.sim import loop
 
     setup = _setup(args, scene, log, console)
-    _forget_earlier_run(args.output)
+    _forget_earlier_run(args.output, scene, log)
     numbers = _run_with_progress(setup, _expected(args, scene, recorded), console)
     if setup.trace and scene.compensates and not numbers["interrupted"]:
         loop.run_uncompensated(setup, args.output / traces.UNCOMPENSATED)
@@ -324,8 +314,13 @@ def _trace(log: Path, scene: Scene) -> Trace:
         raise RunError(f"not compared: {error}") from None
 
 
-def _forget_earlier_run(folder: Path) -> None:
-    """Remove the numbers and traces of an earlier run, since this run may fail."""
+def _forget_earlier_run(folder: Path, scene: Scene, log: Path | None) -> None:
+    """Remove the files of an earlier run, also of another scene, except those that this run reads.
+    Numbers and traces go in any case, since this run may fail.
+    """
+    from dahl.report import run_files
+
+    run_files.remove_earlier(folder, [scene.path, *([log] if log else [])])
     for name in ("summary.json", "trace.csv", "uncompensated.csv"):
         if (folder / name).is_file():
             (folder / name).unlink()
@@ -406,6 +401,8 @@ def _write_results(
 def _table(numbers: dict[str, Any], scene: Scene, not_recorded: int) -> Any:
     from rich.table import Table
 
+    from dahl.report import traces
+
     latency = numbers.get("latency_us") or {}
     error = numbers["max_error_ulp_Fc"]
     rows = {
@@ -414,6 +411,7 @@ def _table(numbers: dict[str, Any], scene: Scene, not_recorded: int) -> Any:
         "frames sent, unanswered": f"{numbers.get('frames_sent')}, {numbers.get('frames_lost')}",
         "latency": ", ".join(f"{key} {value:.0f} µs" for key, value in latency.items())
         or "none: virtual time stands still between a count and its answer",
+        **{f"{name} later than a period": text for name, text in traces.late(numbers).items()},
         "error against the exact torque": "not compared: the node answers a part of the torque"
         if error is None
         else f"{error:.3f} ulp of Fc at most",

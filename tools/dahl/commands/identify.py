@@ -23,7 +23,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl.commands.arguments import add_limits, add_output, positive, whole
+from dahl.commands.arguments import add_limits, add_output, number, positive, whole
 from dahl.commands.bus_arguments import add_bus_arguments
 from dahl.errors import Error, RunError
 
@@ -76,7 +76,7 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
     _add_text(group, "--torque-unit", "UNIT", "Nm, mNm, kNm, N, mN, uN, kN, lb, kip, ...")
     _add_text(group, "--time-unit", "UNIT", "s, ms, us")
     counts = "of the encoder (linear motion: per millimetre; default: found in the log)"
-    group.add_argument("--counts-per-turn", type=float, metavar="N", help=counts)
+    group.add_argument("--counts-per-turn", type=number, metavar="N", help=counts)
     group.add_argument("--dbc", type=Path, metavar="FILE", help="how to decode a CAN log")
     _add_flag(group, "--skip-gaps", "leave out rows without a number")
     _add_flag(group, "--trust-units", "do not check whether the units are plausible")

@@ -7,6 +7,7 @@ import argparse
 import math
 from collections.abc import Iterable
 
+from dahl.commands.arguments import comma_hint
 from dahl.errors import Error
 
 TYPE_CHECKING = False
@@ -53,10 +54,17 @@ def model_with(key: str) -> str:
 def read_numbers(args: argparse.Namespace, model: Model) -> tuple[list[float], list[float]]:
     """Return sigma0 and Fc, as many as the model needs."""
     from dahl.binding.parameters import FC, SIGMA0
+    from dahl.binding.slip import SLIP_MAX
 
     sigma0, fc = _numbers("--sigma0", args.sigma0, SIGMA0), _numbers("--fc", args.fc, FC)
     _check_count("--sigma0", args.sigma0, sigma0, model.sigma0s, args.model)
     _check_count("--fc", args.fc, fc, model.Fcs, args.model)
+    if not model.sigma0s and len(sigma0) != len(fc):
+        hint = comma_hint(f"{args.sigma0} {args.fc}")
+        raise Error(
+            f"--sigma0 {args.sigma0} --fc {args.fc}: {len(sigma0)}, {len(fc)} values; as many of"
+            f" each, 1 to {SLIP_MAX}, were expected{hint}"
+        )
     return sigma0, fc
 
 
@@ -86,18 +94,23 @@ def read_theta_per_count(args: argparse.Namespace) -> float | None:
 
 
 def _numbers(option: str, text: str, limit: str) -> list[float]:
-    """Return one number, or several separated by commas."""
-    return [_number(option, word, limit) for word in text.split(",")]
+    """Return one number, or several separated by commas. 0,5 could be meant as one."""
+    values = [_number(option, word, limit) for word in text.split(",")]
+    if len(values) > 1 and 0 in values:
+        raise Error(f"{option} {text}: 0 is outside {limit}{comma_hint(text)}")
+    return values
 
 
 def _check_count(option: str, text: str, values: list[float], count: int, model: str) -> None:
     """Raise dahl.Error unless there are `count` values; 0 allows any number."""
     if count not in (0, len(values)):
-        raise Error(f"{option} {text}: {len(values)} numbers; --model {model} needs {count}")
+        needs = f"--model {model} needs {count}{comma_hint(text)}"
+        raise Error(f"{option} {text}: {len(values)} numbers; {needs}")
 
 
 def _number(option: str, text: str, limit: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise Error(f"{option} {text}: not a number; {limit} was expected") from None
+        expected = f"{limit} was expected{comma_hint(text)}"
+        raise Error(f"{option} {text}: not a number; {expected}") from None

@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> None:
     view = View(number, args.window, args.dbc, Fc, unit)
     begin = time.monotonic()
     try:
-        with open_from(args) as bus, Stop() as stop:
+        with open_from(args) as bus, Stop(is_its_end=True) as stop:
             frames = Reception(bus, stop, args.seconds, args.frames)
             if console.is_terminal and not args.json:
                 view.fills_screen = True

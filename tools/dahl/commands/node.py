@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dahl.can.bus import keywords, named, tuned_for, words
-from dahl.commands.arguments import seconds, whole
+from dahl.commands.arguments import number, seconds, whole
 from dahl.commands.bus_arguments import add_bus_arguments
 from dahl.errors import Error, RunError
 
@@ -54,10 +54,10 @@ SENT = {"status_period": "STATUS", "timeout": "TIMEOUT", "max_step": "STEP"}  # 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", metavar="NAME", help=f"scene of the node (default: {SCENE})")
-    parser.add_argument("--sigma0", type=float, metavar="X", help="stiffness at rest, N m/rad")
-    parser.add_argument("--fc", type=float, metavar="Y", help="Coulomb torque, N m")
+    parser.add_argument("--sigma0", type=number, metavar="X", help="stiffness at rest, N m/rad")
+    parser.add_argument("--fc", type=number, metavar="Y", help="Coulomb torque, N m")
     parser.add_argument(
-        "--theta-per-count", type=float, metavar="T", help="rad per count of the encoder"
+        "--theta-per-count", type=number, metavar="T", help="rad per count of the encoder"
     )
     parser.add_argument(
         "--node", type=whole(0, 15), metavar="N", help="number, 0 to 15 (default: the scene's)"
@@ -171,10 +171,13 @@ def _refuse_second(bus: can.BusABC, number: int) -> None:
     answer each angle, with the same id.
     """
     from dahl.can import codec
-    from dahl.can.bus import receive
+    from dahl.can.bus import is_gone, receive
 
-    with contextlib.suppress(codec.python_can().CanError, OSError):  # no other node on the bus
+    try:
         bus.send(codec.pack(codec.ParamWrite(codec.Param.MODEL), number))
+    except (codec.python_can().CanError, OSError) as error:
+        if is_gone(error):
+            raise RunError(f"the bus has gone: {error}") from None  # else no other node is there
     own = {kind.base + number for kind in (codec.FrictionTorque, codec.ParamReply, codec.Status)}
     until = time.monotonic() + LISTEN_S
     while (left := until - time.monotonic()) > 0:

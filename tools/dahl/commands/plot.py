@@ -3,7 +3,8 @@
 
 RUN is a folder of `dahl demo`, whose summary.json names the scene, or a log of frames (candump
 .log, .asc, .blf, .trc, .mf4) with --scene. If several buses of the log have frames of the node, -c
-selects one. The picture is loop.png next to the log, or the file of -o.
+selects one. The picture is loop.png next to the log, or the file of -o. The scenes compensation and
+park-steer are simulated again; their pictures are compensation.png and park-steer.png.
 """
 
 from __future__ import annotations
@@ -38,18 +39,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl.report import plots, summary, traces
+    from dahl.report import plots, run_files, summary, traces
     from dahl.sim import scene
 
     if args.output and args.output.suffix.lower() not in plots.PICTURES:
         endings = ", ".join(plots.PICTURES[:-1])
         raise Error(f"-o {args.output}: no picture is written so ({endings})")
     folder = args.run_path if args.run_path.is_dir() else args.run_path.parent
+    if args.run_path.is_dir() and not args.scene and _is_simulated(folder):
+        _draw_simulated(folder, args.output)
+        return
     log = folder / "run.log" if args.run_path.is_dir() else args.run_path
     if not log.is_file():
         raise Error(f"{log}: no such file")
     of_run = log.samefile(folder / "run.log") if (folder / "run.log").exists() else False
-    known = summary.read(folder) if of_run and (folder / "summary.json").exists() else {}
+    has_summary = of_run and (folder / "summary.json").exists() and not _is_simulated(folder)
+    known = summary.read(folder) if has_summary else {}
     own = _scene_of(known, folder)
     if not (args.scene or own):
         raise Error(f"{log}: which parameters did this run have? Name its scene with --scene")
@@ -67,7 +72,28 @@ def run(args: argparse.Namespace) -> None:
         played, trace, recorded
     )  # the fit in the summary may belong to another scene
     plots.draw(output, played, trace, recorded, known, folder)
+    run_files.update(output)
     print(f"{output}: {len(trace.row)} ticks, {played.title}")
+
+
+def _is_simulated(folder: Path) -> bool:
+    """Return whether the folder has the summary of a scene without dahl-loop."""
+    from dahl.report import simulated, summary
+
+    return (folder / "summary.json").exists() and simulated.is_simulated(summary.read(folder))
+
+
+def _draw_simulated(folder: Path, output: Path | None) -> None:
+    """Simulate such a scene again, and draw it."""
+    from dahl.commands import compare_laws, park_steer
+    from dahl.report import run_files, summary, terminal
+
+    known = summary.read(folder)
+    module = {one.SCENE: one for one in (compare_laws, park_steer)}[known["scene"]]
+    output = output or folder / module.PICTURE
+    module.draw(output, known, terminal.console(stderr=True))
+    run_files.update(output)
+    print(f"{output}: scene {module.SCENE}, simulated again")
 
 
 def _trace(log: Path, node: int, channel: str | None) -> Trace:
@@ -77,8 +103,8 @@ def _trace(log: Path, node: int, channel: str | None) -> Trace:
     from dahl.io import can_logs
     from dahl.report import traces
 
-    pairing, buses = traces.Pairing(node), set()
-    for frame in can_logs.frames_of(log):
+    pairing, buses, notes = traces.Pairing(node), set(), list[str]()
+    for frame in can_logs.frames_of(log, notes):
         buses |= set() if frame.channel is None else {str(frame.channel)}  # of an error frame
         if channel in (None, str(frame.channel)):
             pairing.feed(frame)
@@ -86,7 +112,10 @@ def _trace(log: Path, node: int, channel: str | None) -> Trace:
         raise Error(f"{log}: no bus '{channel}'{can_logs.meant(channel, sorted(buses))}")
     if len(pairing.channels) > 1:
         raise Error(f"{log}: frames of {', '.join(sorted(pairing.channels))}; name one with -c")
-    return pairing.trace()
+    trace = can_logs.with_notes(notes, pairing.trace)
+    for note in notes:
+        print(note)
+    return trace
 
 
 def _scene_of(known: dict[str, Any], folder: Path) -> Path | None:

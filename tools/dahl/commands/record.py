@@ -4,17 +4,20 @@ ending of its name.
 
 Stop it with Ctrl-C, or give --frames or --seconds. A .log, .asc or .trc holds whole lines at any
 moment; .blf and .mf4 are whole once it has ended. A .trc cannot hold CAN FD, remote or error
-frames; their number is printed at the end.
+frames, and a .asc holds an error frame without its class and data; their number is printed at the
+end. If the disk is full, it prints how many frames the log holds and exits with 1.
 
 If the log lacks frames of a friction node, because this program read too slowly, it prints how many
 and exits with 1. They are counted by the 4-bit sequence counters of EncoderState, FrictionTorque
 and Status; with SocketCAN also by the kernel. "3 to 1987" means 3 by the counters and 1987 by the
-time stamps. A gap of 16, 32, ... frames looks like a pause of the sender and is not counted.
+time stamps. A gap of 16, 32, ... frames looks like a pause of the sender and is not counted. A
+sender counts as a node after four good frames in a row: CRC right, most counters one higher.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import io
 import sys
 import time
@@ -22,10 +25,12 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dahl.can.bus import NOTICEABLE_LAG_S
 from dahl.commands.arguments import add_limits
 from dahl.commands.bus_arguments import add_bus_arguments
 from dahl.errors import Error, RunError
+from dahl.io import candump
+from dahl.io.can_logs import CAN_LOGS, frames_of
+from dahl.io.files import FULL, whole_lines
 
 if TYPE_CHECKING:
     import can
@@ -36,7 +41,8 @@ EXAMPLE = """examples:
   dahl record -i socketcan -c can0 --fd -o run.blf
   dahl record -i socketcand -c vcan0 --host 127.0.0.1 --port 29536 -o run.log"""
 
-TRC = ".trc"  # the only format that cannot hold every frame
+TRC, ASC = ".trc", ".asc"  # formats that cannot hold every frame
+LOG, BLF, MF4 = ".log", ".blf", ".mf4"
 SILENCE_NOTICE_S = 3.0  # without a frame; then a line reports that it waits
 
 
@@ -68,7 +74,9 @@ def run(args: argparse.Namespace) -> None:
             try:
                 _write(args.output, tally.storable(messages))
             except RunError as error:
-                gone = f"{error}{_lag_text(messages.most_lag_s)}"
+                gone = str(error)
+            except OSError as error:
+                raise _with_held_frames(error, tally) from None
             tally.lost_in_kernel = lost_in_kernel(bus)
     finally:
         if not existed and args.output.exists() and args.output.stat().st_size == 0:
@@ -78,9 +86,11 @@ def run(args: argparse.Namespace) -> None:
     tally.report(gone)
 
 
-def _lag_text(lag_s: float) -> str:
-    """Return the delay of reading as text: a server closes the connection of a slow client."""
-    return f", and reading was up to {lag_s:.1f} s late" if lag_s > NOTICEABLE_LAG_S else ""
+def _with_held_frames(error: OSError, tally: Tally) -> OSError:
+    """Return the error of a full disk with the number of frames that the log holds."""
+    if error.errno in FULL:
+        error.strerror = f"{error.strerror}; {tally.held()} frames are in it"
+    return error
 
 
 class Tally:
@@ -93,8 +103,8 @@ class Tally:
     def __init__(self, path: Path) -> None:
         from dahl.can.missing import Missing
 
-        self.frames = self.left_out = self.lost_in_kernel = 0
-        self._path, self._is_trc = path, path.suffix.lower() == TRC
+        self.frames = self.left_out = self.reduced = self.lost_in_kernel = 0
+        self._path, self._ending = path, path.suffix.lower()
         self._missing = Missing()
 
     def storable(self, messages: Iterable[can.Message | None]) -> Iterator[can.Message | None]:
@@ -102,12 +112,25 @@ class Tally:
         for message in messages:
             if message is None:
                 yield None
-            elif self._is_trc and _is_special(message):
+            elif self._ending == TRC and _is_special(message):
                 self.left_out += 1
             else:
                 self._missing.feed(message)
                 yield message
                 self.frames += 1
+                self.reduced += self._ending == ASC and message.is_error_frame
+
+    def held(self) -> int:
+        """Return how many frames the log holds after a write has failed: a BLF is read again, and
+        an MF4 is written when it is closed.
+        """
+        if self._ending != BLF:
+            return 0 if self._ending == MF4 else self.frames
+        count = 0
+        with contextlib.suppress(Error):
+            for _ in frames_of(self._path, []):
+                count += 1
+        return count
 
     def report(self, gone: str) -> None:
         """Print the counts. Raises RunError if frames are missing or the bus has gone."""
@@ -120,6 +143,8 @@ class Tally:
             wrong.append(f"{self._path}: {special}")
         if self.frames and self.left_out:
             print(special)
+        if self.reduced:
+            print(f"{self.reduced} error frames have no class and no data in {ASC}; .blf has them")
         if wrong:
             sys.stdout.flush()  # before the error
             raise RunError("; ".join(wrong))
@@ -131,8 +156,6 @@ def _is_special(message: can.Message) -> bool:
 
 def _check(path: Path, force: bool, fd: bool) -> bool:
     """Return whether the file exists. Raises dahl.Error if it must not be written."""
-    from dahl.io.can_logs import CAN_LOGS
-
     if path.suffix.lower() not in CAN_LOGS:
         raise Error(f"{path}: {', '.join(CAN_LOGS)} was expected as its ending")
     if fd and path.suffix.lower() == TRC:
@@ -144,8 +167,6 @@ def _check(path: Path, force: bool, fd: bool) -> bool:
 
 def _write(path: Path, messages: Iterator[can.Message | None]) -> None:
     """Write each frame; the first one replaces an earlier log."""
-    from dahl.io.files import whole_lines
-
     first = _first(messages)
     if first is None:
         return
@@ -154,6 +175,10 @@ def _write(path: Path, messages: Iterator[can.Message | None]) -> None:
         writer.on_message_received(first)
         for message in messages:
             if message is not None:
+                if (
+                    path.suffix.lower() == ASC
+                ):  # python-can's writer takes an earlier one for a date
+                    message.timestamp = max(message.timestamp, first.timestamp)
                 writer.on_message_received(message)
 
 
@@ -169,9 +194,11 @@ def _first(messages: Iterator[can.Message | None]) -> can.Message | None:
     return None
 
 
-def _writer(path: Path) -> can.io.generic.MessageWriter:
+def _writer(path: Path) -> can.io.generic.MessageWriter | candump.Writer:
     import can
 
+    if path.suffix.lower() == LOG:
+        return candump.Writer(path)
     writer = can.Logger(path)
     file = getattr(writer, "file", None)
     if isinstance(file, io.TextIOWrapper):

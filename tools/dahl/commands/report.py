@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Write one self-contained page about a recorded run: loop, traces, latencies, faults, counters.
 
-RUN is a folder of `dahl demo`. The page contains the picture and needs no other file, no network
-and no script. It is report.html in that folder, or the file of -o.
+RUN is a folder of `dahl demo`, of any scene. The page contains the picture and needs no other file,
+no network and no script. It is report.html in that folder, or the file of -o.
 """
 
 from __future__ import annotations
@@ -25,14 +25,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     from dahl.io import files
-    from dahl.report import page, summary
+    from dahl.report import page, run_files, simulated, summary
 
     folder = args.run_path
     if folder.is_file():
         raise Error(f"{folder}: a file; the folder of a run was expected")
     output = args.output or folder / "report.html"
-    text = page.page(summary.read(folder), _picture(folder / "loop.png"))
+    numbers = summary.read(folder)
+    is_simulated = simulated.is_simulated(numbers)
+    picture = _picture(folder / (f"{numbers['scene']}.png" if is_simulated else "loop.png"))
+    table = simulated.table(numbers, folder) if is_simulated else None
+    text = page.page(numbers, picture, table)
     files.write_atomic(output, text)
+    run_files.update(output)
     print(f"{output}: {len(text) // 1024} KiB")
 
 

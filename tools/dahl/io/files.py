@@ -12,7 +12,7 @@ import re
 import shutil
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from dahl.errors import Error, RunError
 
@@ -37,11 +37,11 @@ def whole_lines(path: Path, file: object) -> Iterator[None]:
             error.filename = str(path)
             if path.suffix.lower() == ".mf4":
                 error.strerror = f"{error.strerror}; an MF4 is written at its close: all is lost"
-            if isinstance(file, io.TextIOWrapper):
+            if isinstance(file, io.IOBase):
                 with contextlib.suppress(OSError):
-                    file.close()  # else the rest of the line may still be written
-                if path.is_file():
-                    _cut_half_line(path)
+                    file.close()  # else the rest may still be written
+            if isinstance(file, io.TextIOBase) and path.is_file():
+                _cut_half_line(path)
         raise
 
 
@@ -79,6 +79,14 @@ def read_text(path: Path, hint: str = "") -> str:
         raise Error(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError as error:
         raise Error(f"{path}: not a text file (byte {error.start})") from None
+
+
+def opened_text(path: Path) -> TextIO:
+    """Open a text file whose bytes may be damaged. Raises dahl.Error."""
+    try:
+        return path.open(encoding="utf-8-sig", errors="replace")
+    except OSError as error:
+        raise Error(f"{path}: {error.strerror}") from None
 
 
 def read_json(path: Path, hint: str = "") -> Any:

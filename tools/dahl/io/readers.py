@@ -88,7 +88,7 @@ def read(path: Path, source: Source) -> Log:
     elif source.dbc is None and path.suffix.lower() == ".mf4":
         columns = _read_channels(path, source, notes)
     else:
-        columns = _read_frames(path, source)
+        columns = _read_frames(path, source, notes)
     return to_log(f"{path}", source, columns, notes)
 
 
@@ -112,17 +112,17 @@ def _check_file(path: Path) -> None:
         raise Error(f"{path}: empty")
 
 
-def _read_frames(path: Path, source: Source) -> Columns:
+def _read_frames(path: Path, source: Source, notes: list[str]) -> Columns:
     """Read the signals of a CAN log."""
     if source.dbc is None:
         raise Error(f"{path}: {NEEDS_DBC}")
     if not (source.angle and source.torque):
         raise Error(f"{path}: name the signals with --angle SIGNAL and --torque SIGNAL")
     signals = Signals(source.dbc, source.signals)
-    for frame in can_logs.frames_of(path):
+    for frame in can_logs.frames_of(path, notes):
         if source.channel is None or str(frame.channel) == source.channel:
             signals.feed(frame)
-    return signals.columns, signals.values(path)
+    return signals.columns, can_logs.with_notes(notes, lambda: signals.values(path))
 
 
 def _read_channels(path: Path, source: Source, notes: list[str]) -> Columns:

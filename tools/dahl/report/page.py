@@ -13,6 +13,7 @@ from typing import Any
 import jinja2
 
 from dahl.report import traces
+from dahl.report.simulated import Table
 
 NUMBERS = {  # of the summary, in the order of the page: name, unit, format
     "bus": ("bus", "", "s"),
@@ -20,7 +21,6 @@ NUMBERS = {  # of the summary, in the order of the page: name, unit, format
     "ticks": ("ticks of 1 ms", "", ".0f"),
     "frames_sent": ("frames sent", "", ".0f"),
     "frames_lost": ("frames without an answer", "", ".0f"),
-    "deadline_misses": ("answers and angles later than a period", "", ".0f"),
     "max_error_ulp_Fc": ("largest error against the exact torque", "ulp of Fc", ".3f"),
     "rmse_measured": ("rms error against the measurement", "", ".4g"),
     "r2_measured": ("R² against the measurement", "", ".4f"),
@@ -30,8 +30,10 @@ NUMBERS = {  # of the summary, in the order of the page: name, unit, format
 LATENCIES = {"latency_us": "latency of an answer", "jitter_us": "jitter"}
 
 
-def page(numbers: dict[str, Any], picture: bytes) -> str:
-    """Return the page. `numbers`: from dahl.report.summary.read(); `picture`: bytes of loop.png."""
+def page(numbers: dict[str, Any], picture: bytes, table: Table | None = None) -> str:
+    """Return the page. `numbers`: from dahl.report.summary.read(); `picture`: bytes of a PNG;
+    `table`: of a scene without dahl-loop.
+    """
     folder = jinja2.FileSystemLoader(Path(__file__).parent)
     room = jinja2.Environment(loader=folder, autoescape=True, trim_blocks=True)
     room.filters["words"] = traces.words
@@ -40,6 +42,7 @@ def page(numbers: dict[str, Any], picture: bytes) -> str:
         run=numbers,
         picture=base64.b64encode(picture).decode("ascii"),
         rows=dict(_numbers(numbers)),
+        simulated=table,
         wrong=traces.disagreements(numbers) if "faults" in numbers else {},
         made=_origin(numbers),
     )
@@ -60,6 +63,8 @@ def _numbers(numbers: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for key, (name, unit, form) in NUMBERS.items():
         if numbers.get(key) is not None:
             yield name, f"{format(numbers[key], form)} {unit or units.get(key, '')}".strip()
+    for name, text in traces.late(numbers).items():
+        yield f"{name} later than a period", text
     for key, name in LATENCIES.items():
         if numbers.get(key, {}).get("max"):
             words = (f"{each} {value:.0f}" for each, value in numbers[key].items())

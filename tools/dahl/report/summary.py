@@ -11,6 +11,7 @@ from typing import Any
 
 from dahl.errors import Error
 from dahl.io import files
+from dahl.report.simulated import is_simulated, table
 
 NUMBER, WORDS, NUMBERS, BINS = "a finite number", "a text", "an object of numbers", "pairs above 0"
 SHAPE: dict[str, Any] = {
@@ -26,7 +27,10 @@ SHAPE: dict[str, Any] = {
     "ticks": NUMBER,
     "frames_sent": NUMBER,
     "frames_lost": NUMBER,
+    "frames_answered": NUMBER,
     "deadline_misses": NUMBER,
+    "late_ticks": NUMBER,
+    "late_answers": NUMBER,
     "max_error_ulp_Fc": NUMBER,
     "rmse_measured": NUMBER,
     "r2_measured": NUMBER,
@@ -48,13 +52,19 @@ def read(folder: Path) -> dict[str, Any]:
     """Return the summary of the run in a folder, without null values. Raises dahl.Error."""
     path = folder / "summary.json"
     known = files.read_json(path, "; `dahl demo` leaves one")
-    if not isinstance(known, dict) or not isinstance(known.get("scene_file"), str):
+    if not (isinstance(known, dict) and (_has_scene_file(known) or is_simulated(known))):
         raise Error(f"{path}: not the summary of a demo (no scene_file)")
     known = {"title": "a run"} | {key: value for key, value in known.items() if value is not None}
     _check(path, "", known, SHAPE)
     if "latency_histogram" in known and not MEASURED <= known.keys():
         raise Error(f"{path}: latency_histogram without {', '.join(sorted(MEASURED))}")
+    if is_simulated(known):
+        table(known, path)  # raises if a number is missing
     return known
+
+
+def _has_scene_file(known: dict[str, Any]) -> bool:
+    return isinstance(known.get("scene_file"), str)
 
 
 def _check(path: Path, where: str, known: dict[str, Any], shape: dict[str, Any]) -> None:

@@ -8,9 +8,11 @@ from __future__ import annotations
 from typing import Any, NoReturn
 
 from rich.console import Console
+from rich.table import Table as RichTable
 from rich.text import Text
 
 from dahl.errors import printable
+from dahl.report.simulated import Table
 
 
 class PlainConsole(Console):
@@ -28,3 +30,13 @@ class PlainConsole(Console):
 def console(stderr: bool = False, soft_wrap: bool = False) -> Console:
     """Standard output, or standard error; soft_wrap leaves the folding of lines to the terminal."""
     return PlainConsole(stderr=stderr, highlight=False, soft_wrap=soft_wrap)
+
+
+def table(shown: Table) -> RichTable:
+    """Return a table for the terminal."""
+    found = RichTable(title=shown.title or None, title_justify="left")
+    for number, name in enumerate(shown.head):
+        found.add_column(name, justify="left" if number < shown.names else "right")
+    for row in shown.rows:
+        found.add_row(*row)
+    return found

@@ -243,6 +243,13 @@ def disagreements(numbers: dict[str, Any]) -> dict[str, tuple[int, int]]:
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
 
 
+def late(numbers: dict[str, Any]) -> dict[str, str]:
+    """Return the answers and ticks of a run that came later than a period, with their totals."""
+    totals = {"answers": "frames_answered", "ticks": "ticks"}
+    pairs = {name: (numbers.get(f"late_{name}"), numbers.get(totals[name])) for name in totals}
+    return {name: f"{k:.0f} of {n:.0f}" for name, (k, n) in pairs.items() if None not in (k, n)}
+
+
 def modelled_torque(scene: Scene, trace: Trace) -> np.ndarray:
     """Return received torque + spring*angle + offset in N m (N), shape (n,)."""
     measured: Measured = scene.measured

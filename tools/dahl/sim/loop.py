@@ -21,10 +21,11 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from dahl import paths
-from dahl.can.bus import VCAN, Reception, candump_line, open_bus
+from dahl.can.bus import VCAN, Reception, open_bus
 from dahl.errors import Error, RunError, Timeout
 from dahl.interrupt import Stop
 from dahl.io import files
+from dahl.io.candump import candump_line
 
 if TYPE_CHECKING:
     import can

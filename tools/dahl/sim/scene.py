@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Read scene files: the parameters of the node and the measurement to compare with.
 
-dahl-loop checks all sections except [measured], which only this module reads. A log of the user
-also becomes a scene.
+dahl-loop checks all sections, except the values of [measured], which only this module reads. A log
+of the user also becomes a scene.
 """
 
 from __future__ import annotations
@@ -27,9 +27,7 @@ SHOWN_UNITS = ("deg", "rad", "mm")  # of angles in the picture of a user's own l
 
 NODE_KEYS = scene_keys.node_settings()
 OWN_KEYS = {row.key: name for name, row in models.table().items() if row.key}  # of one model only
-KNOWN_KEYS = {  # of the sections that a node is made of
-    section: scene_keys.names(section) for section in ("friction", "status")
-}
+KNOWN_KEYS = {section: scene_keys.names(section) for section, _ in scene_keys.rows("SECTION")}
 
 
 @dataclass
@@ -148,11 +146,12 @@ class _Parser(configparser.ConfigParser):
 
 def read(path: Path) -> Scene:
     """Read a scene file. Raises dahl.Error that names file and key."""
-    parser = _Parser(inline_comment_prefixes=(";",), interpolation=None)
+    parser = _Parser(inline_comment_prefixes=(";",), interpolation=None, default_section="")
     try:
         parser.read_string(path.read_text(encoding="utf-8-sig"), source=str(path))
     except (OSError, UnicodeDecodeError, configparser.Error) as error:
         raise Error(f"{path}: {' '.join(str(error).split())}") from None
+    _check_sections(path, parser)
     scene = Scene(path, parser.get("scene", "title", fallback=path.stem))
     scene.model = parser.get("friction", "model", fallback="dahl")
     sigma0, torques = (_numbers(path, parser, "friction", key) for key in ("sigma0", "Fc"))
@@ -183,6 +182,17 @@ def read(path: Path) -> Scene:
     return scene
 
 
+def _check_sections(path: Path, parser: configparser.ConfigParser) -> None:
+    """Raise dahl.Error for a section or a key that does not exist."""
+    for section in parser.sections():
+        if section not in KNOWN_KEYS:
+            raise Error(f"{path}: unknown section [{section}] (known: {', '.join(KNOWN_KEYS)})")
+        known = KNOWN_KEYS[section]
+        for key in parser[section]:
+            if key not in known:
+                raise Error(f"{path}: [{section}] has no key '{key}' (known: {', '.join(known)})")
+
+
 def _refusal(parser: configparser.ConfigParser, model: str, sigma0: int, torques: int) -> str:
     """Return why dahl-loop would refuse [friction] or [status], "" if it would not."""
     known = models.table()
@@ -195,16 +205,9 @@ def _refusal(parser: configparser.ConfigParser, model: str, sigma0: int, torques
     kinds = parser.get("friction", "kinds", fallback="").split()
     if model == "parallel" and (len(kinds) != torques or not {*kinds} <= {"dahl", "slip"}):
         return f"[friction] kinds = {' '.join(kinds)}: not dahl or slip for each of {torques}"
-    return _unknown_key(parser, model)
-
-
-def _unknown_key(parser: configparser.ConfigParser, model: str) -> str:
-    for section, known in KNOWN_KEYS.items():
-        for key in parser[section] if parser.has_section(section) else ():
-            if key not in known:
-                return f"[{section}] has no key '{key}' (known: {', '.join(known)})"
-            if OWN_KEYS.get(key, model) != model:
-                return f"[friction] {key} has no meaning for model = {model}"
+    for key in parser["friction"]:
+        if OWN_KEYS.get(key, model) != model:
+            return f"[friction] {key} has no meaning for model = {model}"
     return ""
 
 
@@ -254,10 +257,6 @@ def _read_measured(path: Path, parser: configparser.ConfigParser) -> Measured:
     if not parser.has_section("measured"):
         return measured
     for key, text in parser["measured"].items():
-        if key not in vars(measured):
-            raise Error(
-                f"{path}: [measured] has no key '{key}' (known: {', '.join(vars(measured))})"
-            )
         kind = type(getattr(measured, key))
         number = 0.0 if kind is str else _number(path, parser, "measured", key, 0.0)
         if kind is int and not number.is_integer():
