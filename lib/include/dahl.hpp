@@ -156,8 +156,8 @@ private:
  * Compensator of one axis (dahl_compensator.h): a reference to a plan, which must outlive it, and a
  * state. Call move() before the tick of the element, and torque() after it:
  * @verbatim
- *   w = bearing.step_counts_q30(compensator.move(encoder.move(reading), is_good));
- *   command += compensator.torque(w);   // in Q30 of Fc
+ *   move = compensator.move(is_good ? encoder.move(reading) : 0, is_good);
+ *   command += compensator.torque(bearing.step_counts_q30(move));   // in Q30 of Fc
  * @endverbatim
  */
 class Compensator {
@@ -178,6 +178,15 @@ public:
     void pull(Bearing &bearing, const Bearing &measured) const
     {
         dahl_compensator_pull(plan_, &bearing.state_, &measured.state_);
+    }
+
+    /// dahl_compensator_change(): use other parameters from now on. Call it between two ticks.
+    void change(const CompensatorPlan &to) { change(to.c()); }
+    /// dahl_compensator_change() to a C plan.
+    void change(const dahl_compensator_plan_t &to)
+    {
+        dahl_compensator_change(plan_, &to, &state_);
+        plan_ = &to;
     }
 
     /// The C state, with all telemetry.

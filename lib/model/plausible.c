@@ -12,7 +12,7 @@
 static uint32_t counts_per_turn(dahl_real_t theta)
 {
     uint64_t quotient = dahl_quotient_q63(DEGREES_Q26, theta.mantissa);
-    return (uint32_t)(quotient >> (quotient >> 63 ? 32 : 31));
+    return (uint32_t)(quotient >> 63 ? quotient >> 32 : quotient >> 31);
 }
 
 /** Return true if the bits below the leading ones are 0, but for the rounding of theta to a float, which moves the

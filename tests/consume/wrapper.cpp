@@ -78,6 +78,12 @@ static bool compensator_has_the_bits_of_c()
     }
     dahl::Bearing reference(c_friction), measured(c_friction);
     dahl::Compensator again(c_plan);
+    dahl_compensator_params_t other = good;
+    other.gain = 0.5f, other.play = 4, other.friction.Fc = 0.4f;
+    dahl_compensator_plan_t other_plan = {};
+    if (dahl_compensator_prepare(&other_plan, &other) != DAHL_COMPENSATOR_OK) {
+        return false;
+    }
     for (int tick = 0; tick < 3000; tick++) {
         const std::int32_t moved = static_cast<std::int32_t>(random_word() % 700) - 350;
         const bool is_good = random_word() % 8 != 0;
@@ -92,6 +98,11 @@ static bool compensator_has_the_bits_of_c()
         const std::int32_t w = dahl_step_counts_q30(&c_friction, &c_state, moved);
         if (reference.step_counts_q30(moved) != w || compensator.torque(w) != dahl_compensator_torque(&c_plan, &c_compensator, w)) {
             return false;
+        }
+        if (tick == 1500) {
+            compensator.change(other_plan), again.change(other_plan);
+            dahl_compensator_change(&c_plan, &other_plan, &c_compensator);
+            c_plan = other_plan;
         }
     }
     return compensator.state().rejected == c_compensator.rejected && c_compensator.rejected > 100;

@@ -295,13 +295,14 @@ def _nibble(field: Field) -> str:
 
 def _unpack(dbc: Database, name: str) -> str:
     call, structure = FRAMES[name].call, FRAMES[name].structure
+    kind = f"DAHL_FRAMES_KIND_{call.upper()}"
     reads = (f"        out->{one.name} = {_unpacked(one)};" for one in dbc.fields[name])
     return "\n".join(
         [
             f"dahl_frames_check_t dahl_frames_unpack_{call}"
             f"(const dahl_can_frame_t *frame, {structure} *out)",
             "{",
-            f"    dahl_frames_check_t result = check_frame(frame, DAHL_FRAMES_KIND_{call.upper()});",
+            f"    dahl_frames_check_t result = check_frame(frame, {kind});",
             "    if (result == DAHL_FRAMES_GOOD) {",
             *reads,
             "    }",

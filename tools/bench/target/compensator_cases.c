@@ -15,6 +15,7 @@ dahl_compensator_err_t call_adaptation_prepare(dahl_adaptation_plan_t *, const d
 void call_pull(const dahl_compensator_plan_t *, dahl_state_t *, const dahl_state_t *) __asm__("bench_call");
 void call_adapt(const dahl_adaptation_plan_t *, dahl_adaptation_t *, const dahl_compensator_t *, int32_t) __asm__("bench_call");
 void call_change(const dahl_compensator_plan_t *, const dahl_compensator_plan_t *, dahl_compensator_t *) __asm__("bench_call");
+dahl_compensator_plausible_t call_plausible(const dahl_compensator_params_t *) __asm__("bench_call");
 dahl_compensator_err_t call_compensator_prepare(dahl_compensator_plan_t *,
                                                 const dahl_compensator_params_t *) __asm__("bench_call");
 
@@ -163,6 +164,9 @@ void bench_compensator(void)
         || call_compensator_prepare(&plan, &params) != DAHL_COMPENSATOR_OK) {
         return; /* the host then lacks the other cases */
     }
+    bench_case("compensator_params_plausible");
+    bench_function = (bench_function_t)dahl_compensator_params_plausible;
+    (void)call_plausible(&measured);
     bench_ticks("compensator_tick", &plan, false);
     bench_ticks("compensator_calls", &plan, true);
     search_worst_tick(&plan);

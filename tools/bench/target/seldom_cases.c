@@ -6,6 +6,7 @@
 #include "inputs.h"
 
 dahl_err_t call_prepare(void *, const void *) __asm__("bench_call");
+dahl_plausible_t call_plausible(const dahl_params_t *) __asm__("bench_call");
 dahl_err_t call_elastoplastic(dahl_elastoplastic_plan_t *, const dahl_params_t *, float) __asm__("bench_call");
 float call_torque(const dahl_plan_t *, const dahl_state_t *) __asm__("bench_call");
 void call_set_torque(const dahl_plan_t *, dahl_state_t *, float) __asm__("bench_call");
@@ -44,6 +45,8 @@ static void prepare_plans(void)
         params = random_params(magnitude(-30, 1));
         call_prepare(&plans[k], &params);
     }
+    bench_function = (bench_function_t)dahl_params_plausible;
+    (void)call_plausible(&params);
 }
 
 static void prepare_parts(void)
