@@ -296,8 +296,8 @@ def test_a_change_has_the_bits_of_c_and_a_refused_one_changes_nothing() -> None:
         c.dahl_compensator_torque(plan, state, w)
     before = compensator()
     before.run_log(ELEMENTS["dahl"](), [9, 9, 9])
-    for wrong in ({"gain": 2.0}, {"inertia": 1e-9}, {"speed": 1.0}):
-        with pytest.raises(dahl.Error):
+    for wrong in ({"gain": 2.0}, {"inertia": 1e-9}, {"speed": 1.0}, {"elastic": 1}):
+        with pytest.raises((dahl.InputError, TypeError)):
             one.change(**wrong)
         assert one == before
     params, to = params_of_c(False), c.new("dahl_compensator_plan_t *")
@@ -330,7 +330,6 @@ REFUSED: list[tuple[Callable[..., Any], dict[str, Any], tuple[str, ...]]] = [
     (compensator, {"delay": 0.0}, ("delay = 0 is outside 2^-64", "reference = False")),
     (compensator, {"sigma0_high": math.nan}, ("sigma0_high = nan ", "N m/rad")),
     (compensator, {"load": -0.1}, ("load = -0.1 is outside 0, or",)),
-    (compensator, {"elastic": 1}, ("elastic = 1",)),
     (compensator, {"play": 1}, ("play = 1 ", "2*noise = 2")),
     (compensator, {"play": 0}, ("play = 0 ", "1")),
     (compensator, {"jump": 0}, ("jump = 0 ", "1")),

@@ -284,8 +284,8 @@ class Compensator(Copied):
 
         The next torque is within the new limit, and it differs from the last one by at most
         slew*period, both in N m; if the new limit is below the torque, it falls to it at once. If
-        the friction changes, call change_plan() of the element too. Raises dahl.Error, and changes
-        nothing, for parameters that the constructor rejects.
+        the friction changes, call change_plan() of the element too. Raises TypeError or dahl.Error,
+        and changes nothing, for parameters that the constructor rejects.
         """
         to = Compensator(**{**self._parameters(), **changed})  # type: ignore[arg-type]
         c.dahl_compensator_change(self._prepared, to._prepared, self._state)
