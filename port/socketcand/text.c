@@ -209,7 +209,7 @@ size_t text_from_long_send(char *out, const char *element, const dahl_can_frame_
     for (int i = 0; i < 3; i++) { /* send, id, length */
         (void)text_word(&element, word, sizeof word);
     }
-    while (read_hex(&element, 0xFF, &byte)) {
+    while (read_hex_word(&element, 0xFF, &byte)) {
         at = put_byte(at, (uint8_t)byte);
     }
     return end_text(at, out);

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-from dahl.binding import checks, parameters
+from dahl.binding import parameters
 from dahl.binding.library import c
 
 REMARKS = {  # of dahl_plausible_t
@@ -20,7 +20,6 @@ REMARKS = {  # of dahl_plausible_t
 }
 
 
-@checks.names_checked
 def implausible(sigma0: float, Fc: float, theta_per_count: float = 0.0) -> str:  # noqa: N803
     """Return the probable mistake with a unit, or "" if the numbers are plausible. Parameters as of
     Plan, which may refuse them; dahl.h says what it cannot find.
