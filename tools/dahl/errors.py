@@ -23,16 +23,16 @@ def hide(excinfo: Any) -> bool:
 
 
 class Error(Exception):
-    """Base of all errors. Commands raise it for an input that the user can correct, and exit with
-    2.
-    """
+    """Base of all errors."""
 
     def __str__(self) -> str:
         return printable(super().__str__())
 
 
 class InputError(Error, ValueError):
-    """A value that the user can correct; one line names value, limit and place."""
+    """A value that the user can correct; one line names value, limit and place. Commands exit with
+    2.
+    """
 
 
 class RunError(Error):

@@ -12,7 +12,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl.errors import Error
+from dahl.errors import InputError
 from dahl.report.simulated import COMPENSATION, table
 from dahl.version import __version__
 
@@ -58,7 +58,7 @@ def draw(path: Path, numbers: dict[str, Any], console: Any) -> None:
     seed = numbers.get("seed", DEFAULT_SEED)
     if not isinstance(seed, int) or not 0 <= seed < 2**64:
         place = path.with_name("summary.json")
-        raise Error(f"{place}: seed = {seed}: a number from 0 to 2^64 - 1 was expected")
+        raise InputError(f"{place}: seed = {seed}: a number from 0 to 2^64 - 1 was expected")
     picture.draw(path, _compare_with_progress(seed, console))
 
 
@@ -69,7 +69,7 @@ def refuse_options(
     given = [name for name in foreign if getattr(args, name) is not None]
     if given:
         names = ", ".join("LOG" if one == "log" else f"--{one.replace('_', '-')}" for one in given)
-        raise Error(f"--scene {scene} {reason}; leave out {names}")
+        raise InputError(f"--scene {scene} {reason}; leave out {names}")
 
 
 def _compare_with_progress(seed: int, console: Any) -> Comparison:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dahl.commands.arguments import whole
-from dahl.errors import Error
+from dahl.errors import InputError
 from dahl.io import files
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     output = None if args.output == Path("-") else args.output
     if output and output.is_file() and not args.force:
-        raise Error(f"{output}: exists; --force overwrites it")
+        raise InputError(f"{output}: exists; --force overwrites it")
     text = describe(args.nodes)
     if output:
         files.write_atomic(output, text)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from dahl import paths
 from dahl.commands.arguments import finite, number, seconds, whole
-from dahl.errors import Error, RunError
+from dahl.errors import Error, InputError, RunError
 from dahl.sim import timing
 from dahl.version import __version__
 
@@ -151,7 +151,7 @@ def _refuse_overwriting(log: Path | None, folder: Path) -> None:
     from dahl.report import run_files
 
     if log and log.exists() and any(map(log.samefile, run_files.written_in(folder))):
-        raise Error(f"{log}: a run in {folder} would overwrite it; choose another -o")
+        raise InputError(f"{log}: a run in {folder} would overwrite it; choose another -o")
 
 
 def _wrong(numbers: dict[str, Any], not_recorded: int) -> list[str]:
@@ -193,7 +193,7 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
         return chosen, table, scene.read_log(chosen, table)
     given = ["--" + name.replace("_", "-") for name in _given(args) if name != "log"]
     if given:
-        raise Error(f"only with a LOG of your own: {', '.join(given)}")
+        raise InputError(f"only with a LOG of your own: {', '.join(given)}")
     others = compare_laws.SCENE, park_steer.SCENE
     chosen = scene.read(scene.find(args.scene, *others)) if args.scene else _default(console)
     if not chosen.log:
@@ -209,19 +209,21 @@ def _own(args: argparse.Namespace) -> Any:
     from dahl.sim.scene import OwnLog
 
     if not args.log.exists():
-        raise Error(f"{args.log}: no such file")
+        raise InputError(f"{args.log}: no such file")
     needed = ("angle", "sigma0", "fc", "counts_per_turn")
     missing = [
         "--" + name.replace("_", "-") for name in needed if getattr(args, name) in (None, "")
     ]
     if missing or args.scene:
-        raise Error(
+        raise InputError(
             f"{args.log}: a log of your own needs {', '.join(missing)}"
             if missing
             else "--scene with a LOG: one of both"
         )
     if args.log.suffix.lower() in CAN_LOGS:
-        raise Error(f"{args.log}: a table was expected; dahl identify --dbc makes a scene of it")
+        raise InputError(
+            f"{args.log}: a table was expected; dahl identify --dbc makes a scene of it"
+        )
     Plan(args.sigma0, args.fc)  # names a parameter that is out of range
     return OwnLog(**_given(args))
 
@@ -350,10 +352,10 @@ def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any
     from dahl.sim import firmware
 
     if not setup.bus.startswith("socketcand"):
-        raise Error(f"--target goes with --bus socketcand, not {setup.bus}")
+        raise InputError(f"--target goes with --bus socketcand, not {setup.bus}")
     if scene.model != "dahl" or scene.compensates or "faults" in scene.parts:
         words = "runs model dahl alone, without compensation and without faults"
-        raise Error(f"--target {words}, not the scene's ({scene.path.name})")
+        raise InputError(f"--target {words}, not the scene's ({scene.path.name})")
     image = firmware.build(args.target)
     board = firmware.boards()[args.target].machine
     console.print(f"node    {image.relative_to(paths.ROOT)} on {board} in QEMU, by slcan")

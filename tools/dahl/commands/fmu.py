@@ -15,7 +15,7 @@ from pathlib import Path
 
 from dahl.commands import model_arguments
 from dahl.commands.arguments import whole
-from dahl.errors import Error
+from dahl.errors import InputError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -60,10 +60,10 @@ def run(args: argparse.Namespace) -> None:
 
     path: Path = args.output
     if path.suffix != ".fmu":
-        raise Error(f"-o {path}: the name of an FMU ends in .fmu")
+        raise InputError(f"-o {path}: the name of an FMU ends in .fmu")
     contents = _contents(args)
     if path.is_file() and not args.force:
-        raise Error(f"{path}: exists; --force overwrites it")
+        raise InputError(f"{path}: exists; --force overwrites it")
     guid = fmu.write(path, contents)
     print(f"{path}: FMI {args.fmi}.0 co-simulation, model {contents.model.name}, GUID {guid}")
 
@@ -78,10 +78,12 @@ def _contents(args: argparse.Namespace) -> Fmu:
     kinds = _kinds(args, model)
     _check_elements(args, model, sigma0, fc, kinds)
     if args.fixed_stiffness and model.name != "loaded":
-        raise Error(f"--fixed-stiffness: an option of --model loaded, not of {model.name}")
+        raise InputError(f"--fixed-stiffness: an option of --model loaded, not of {model.name}")
     theta = model_arguments.read_theta_per_count(args)
     if args.fixed_stiffness and theta is not None:
-        raise Error("--fixed-stiffness: moves are by angle; leave out the option of the encoder")
+        raise InputError(
+            "--fixed-stiffness: moves are by angle; leave out the option of the encoder"
+        )
     if theta is None:
         theta = fmu.default_theta_per_count(model, sigma0, fc)
     own = kinds if breakaway is None else breakaway
@@ -89,21 +91,21 @@ def _contents(args: argparse.Namespace) -> Fmu:
     model_arguments.note_units(sigma0, fc, theta)
     name = plan_header.identifier(args.name or args.output.stem)
     if name[0].isdigit():
-        raise Error(f"--name {name}: a letter or _ was expected at its start")
+        raise InputError(f"--name {name}: a letter or _ was expected at its start")
     return fmu.Fmu(name, model, sigma0, fc, theta, breakaway, kinds, args.fixed_stiffness, args.fmi)
 
 
 def _kinds(args: argparse.Namespace, model: Model) -> list[str]:
     """Return the kind of each element, none for models other than parallel."""
     if (args.kinds is not None) != (model.key == "kinds"):
-        raise Error(
+        raise InputError(
             f"--kinds K,K is required by --model {model_arguments.model_with('kinds')} and refused"
             " by the others"
         )
     kinds = args.kinds.split(",") if args.kinds is not None else []
     for kind in kinds:
         if kind not in ("dahl", "slip"):
-            raise Error(f"--kinds {args.kinds}: {kind} is neither dahl nor slip")
+            raise InputError(f"--kinds {args.kinds}: {kind} is neither dahl nor slip")
     return kinds
 
 
@@ -119,7 +121,7 @@ def _check_elements(
     counts = [len(values) for values in (sigma0, fc, kinds) if values]
     if model.sigma0s == 0 and (len(set(counts)) > 1 or len(fc) > SLIP_MAX):
         numbers = ", ".join(map(str, counts))
-        raise Error(
+        raise InputError(
             f"--sigma0 {args.sigma0} --fc {args.fc}: {numbers} values; as many of each, 1 to"
             f" {SLIP_MAX}, were expected"
         )

@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterable
 
 from dahl.commands.arguments import comma_hint
-from dahl.errors import Error
+from dahl.errors import InputError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def read_numbers(args: argparse.Namespace, model: Model) -> tuple[list[float], l
     _check_count("--fc", args.fc, fc, model.Fcs, args.model)
     if not model.sigma0s and len(sigma0) != len(fc):
         hint = comma_hint(f"{args.sigma0} {args.fc}")
-        raise Error(
+        raise InputError(
             f"--sigma0 {args.sigma0} --fc {args.fc}: {len(sigma0)}, {len(fc)} values; as many of"
             f" each, 1 to {SLIP_MAX}, were expected{hint}"
         )
@@ -70,7 +70,7 @@ def read_numbers(args: argparse.Namespace, model: Model) -> tuple[list[float], l
 
 def read_breakaway(args: argparse.Namespace, model: Model) -> float | None:
     if (args.breakaway is not None) != (model.key == "breakaway"):
-        raise Error(
+        raise InputError(
             f"--breakaway B, 0 < B < 1, is required by --model {model_with('breakaway')} and"
             " refused by the others"
         )
@@ -89,7 +89,7 @@ def read_theta_per_count(args: argparse.Namespace) -> float | None:
         return None
     counts = _number("--counts-per-turn", args.counts_per_turn, "a number above 0")
     if not 0 < counts < math.inf:
-        raise Error(f"--counts-per-turn {args.counts_per_turn}: not a finite number above 0")
+        raise InputError(f"--counts-per-turn {args.counts_per_turn}: not a finite number above 0")
     return 2 * math.pi / counts
 
 
@@ -110,7 +110,7 @@ def _numbers(option: str, text: str, limit: str) -> list[float]:
     """Return one number, or several separated by commas. 0,5 could be meant as one."""
     values = [_number(option, word, limit) for word in text.split(",")]
     if len(values) > 1 and 0 in values:
-        raise Error(f"{option} {text}: 0 is outside {limit}{comma_hint(text)}")
+        raise InputError(f"{option} {text}: 0 is outside {limit}{comma_hint(text)}")
     return values
 
 
@@ -118,7 +118,7 @@ def _check_count(option: str, text: str, values: list[float], count: int, model:
     """Raise dahl.Error unless there are `count` values; 0 allows any number."""
     if count not in (0, len(values)):
         needs = f"--model {model} needs {count}{comma_hint(text)}"
-        raise Error(f"{option} {text}: {len(values)} numbers; {needs}")
+        raise InputError(f"{option} {text}: {len(values)} numbers; {needs}")
 
 
 def _number(option: str, text: str, limit: str) -> float:
@@ -126,4 +126,4 @@ def _number(option: str, text: str, limit: str) -> float:
         return float(text)
     except ValueError:
         expected = f"{limit} was expected{comma_hint(text)}"
-        raise Error(f"{option} {text}: not a number; {expected}") from None
+        raise InputError(f"{option} {text}: not a number; {expected}") from None

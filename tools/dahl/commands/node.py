@@ -27,7 +27,7 @@ from dahl.can.bus import keywords, named, tuned_for, words
 from dahl.commands.arguments import number, seconds, whole
 from dahl.commands.bus_arguments import add_bus_arguments
 from dahl.commands.model_arguments import note_units
-from dahl.errors import Error, RunError
+from dahl.errors import Error, InputError, RunError
 
 if TYPE_CHECKING:
     import can
@@ -97,7 +97,7 @@ def _check(args: argparse.Namespace) -> None:
     given = [name for name in OWN if getattr(args, name) is not None]
     if given and (args.scene or len(given) < len(OWN)):
         names = ", ".join("--" + name.replace("_", "-") for name in OWN)
-        raise Error(f"{names}: all three, or a --scene")
+        raise InputError(f"{names}: all three, or a --scene")
     if given:
         from dahl import Plan
         from dahl.binding import parameters
@@ -110,14 +110,16 @@ def _check_bus(args: argparse.Namespace) -> None:
     given = named(args)
     if "interface" in given:
         if args.target:
-            raise Error("-i and --target exclude each other; firmware has its own bus")
+            raise InputError("-i and --target exclude each other; firmware has its own bus")
         return
     for key in given:
         if key not in ("host", "port"):
             option = " ".join(words({key: given[key]}))
-            raise Error(f"{option}: needs an interface, -i")
+            raise InputError(f"{option}: needs an interface, -i")
     if args.host not in (None, HOST):
-        raise Error(f"--host {args.host}: it serves {HOST}; -i socketcand joins another server")
+        raise InputError(
+            f"--host {args.host}: it serves {HOST}; -i socketcand joins another server"
+        )
 
 
 def _scene(args: argparse.Namespace, folder: Path) -> Scene:
@@ -215,7 +217,7 @@ def _run_on_target(
     from dahl.sim import firmware
 
     if scene.model != "dahl" or scene.compensates:
-        raise Error(f"--target runs model dahl alone, not the scene's ({scene.path.name})")
+        raise InputError(f"--target runs model dahl alone, not the scene's ({scene.path.name})")
     image = firmware.build(args.target)
     params = (scene.sigma0, scene.Fc, scene.theta_per_count)
     other = 15 if args.node != 15 else 14  # only serves the bus
@@ -245,7 +247,7 @@ def _configure(bus: can.BusABC, number: int, scene: Scene) -> None:
         asked = ParamWrite.of_si(Param[SENT[name]], value)
         reply = ask(bus, asked, number, timeout=FIRMWARE_TIMEOUT_S)
         if not math.isclose(reply.si, value):
-            raise Error(f"{scene.path}: {name} = {value:g}: the firmware keeps {reply.si:g}")
+            raise InputError(f"{scene.path}: {name} = {value:g}: the firmware keeps {reply.si:g}")
 
 
 def _watch(args: argparse.Namespace, stop: Stop, bus: can.BusABC) -> dict[str, int]:

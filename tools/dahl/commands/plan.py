@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 
 from dahl.commands import model_arguments
-from dahl.errors import Error
+from dahl.errors import InputError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> None:
         sys.stdout.write(text)
         return
     if not args.force and path.is_file() and not plan_header.is_plan(path):
-        raise Error(f"{path}: exists and is no plan; --force overwrites it")
+        raise InputError(f"{path}: exists and is no plan; --force overwrites it")
     files.write_atomic(path, text)
     print(f"{path}: {plan}")
 

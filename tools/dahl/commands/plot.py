@@ -13,7 +13,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl.errors import Error, RunError
+from dahl.errors import Error, InputError, RunError
 
 if TYPE_CHECKING:
     from dahl.report.traces import Trace
@@ -44,27 +44,27 @@ def run(args: argparse.Namespace) -> None:
 
     if args.output and args.output.suffix.lower() not in plots.PICTURES:
         endings = ", ".join(plots.PICTURES[:-1])
-        raise Error(f"-o {args.output}: no picture is written so ({endings})")
+        raise InputError(f"-o {args.output}: no picture is written so ({endings})")
     folder = args.run_path if args.run_path.is_dir() else args.run_path.parent
     if args.run_path.is_dir() and not args.scene and _is_simulated(folder):
         _draw_simulated(folder, args.output)
         return
     log = folder / "run.log" if args.run_path.is_dir() else args.run_path
     if not log.is_file():
-        raise Error(f"{log}: no such file")
+        raise InputError(f"{log}: no such file")
     of_run = log.samefile(folder / "run.log") if (folder / "run.log").exists() else False
     has_summary = of_run and (folder / "summary.json").exists() and not _is_simulated(folder)
     known = summary.read(folder) if has_summary else {}
     own = _scene_of(known, folder)
     if not (args.scene or own):
-        raise Error(f"{log}: which parameters did this run have? Name its scene with --scene")
+        raise InputError(f"{log}: which parameters did this run have? Name its scene with --scene")
     played = scene.read(scene.find(args.scene or str(own)))
     trace = _trace(log, played.node, args.channel)
     is_own = own is not None and own.exists() and played.path.samefile(own)
     recorded = _recorded(played, known.get("log") if is_own else None)
     ticks = int(trace.row.max()) + 1
     if recorded is not None and ticks > recorded.rows:
-        raise Error(
+        raise InputError(
             f"{log}: {ticks} ticks, but {played.log} has {recorded.rows} rows: another run?"
         )
     output = args.output or folder / "loop.png"
@@ -109,9 +109,11 @@ def _trace(log: Path, node: int, channel: str | None) -> Trace:
         if channel in (None, str(frame.channel)):
             pairing.feed(frame)
     if channel is not None and channel not in buses:
-        raise Error(f"{log}: no bus '{channel}'{can_logs.meant(channel, sorted(buses))}")
+        raise InputError(f"{log}: no bus '{channel}'{can_logs.meant(channel, sorted(buses))}")
     if len(pairing.channels) > 1:
-        raise Error(f"{log}: frames of {', '.join(sorted(pairing.channels))}; name one with -c")
+        raise InputError(
+            f"{log}: frames of {', '.join(sorted(pairing.channels))}; name one with -c"
+        )
     trace = can_logs.with_notes(notes, pairing.trace)
     for note in notes:
         print(note)

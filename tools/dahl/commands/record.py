@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 
 from dahl.commands.arguments import add_limits
 from dahl.commands.bus_arguments import add_bus_arguments
-from dahl.errors import Error, RunError
+from dahl.errors import Error, InputError, RunError
 from dahl.io import candump
 from dahl.io.can_logs import CAN_LOGS, frames_of
 from dahl.io.files import FULL, whole_lines
@@ -157,11 +157,13 @@ def _is_special(message: can.Message) -> bool:
 def _check(path: Path, force: bool, fd: bool) -> bool:
     """Return whether the file exists. Raises dahl.Error if it must not be written."""
     if path.suffix.lower() not in CAN_LOGS:
-        raise Error(f"{path}: {', '.join(CAN_LOGS)} was expected as its ending")
+        raise InputError(f"{path}: {', '.join(CAN_LOGS)} was expected as its ending")
     if fd and path.suffix.lower() == TRC:
-        raise Error(f"{path}: {TRC} holds no CAN FD frames, so it does not go with --fd; .blf does")
+        raise InputError(
+            f"{path}: {TRC} holds no CAN FD frames, so it does not go with --fd; .blf does"
+        )
     if path.exists() and not force:
-        raise Error(f"{path}: exists; --force overwrites it")
+        raise InputError(f"{path}: exists; --force overwrites it")
     return path.exists()
 
 

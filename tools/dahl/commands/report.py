@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from dahl.errors import Error
+from dahl.errors import InputError
 
 HELP = "one self-contained HTML page about a run"
 EXAMPLE = """examples:
@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> None:
 
     folder = args.run_path
     if folder.is_file():
-        raise Error(f"{folder}: a file; the folder of a run was expected")
+        raise InputError(f"{folder}: a file; the folder of a run was expected")
     output = args.output or folder / "report.html"
     numbers = summary.read(folder)
     is_simulated = simulated.is_simulated(numbers)
@@ -45,6 +45,6 @@ def _picture(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except FileNotFoundError:
-        raise Error(f"{path}: no such file; `dahl plot {path.parent}` draws it") from None
+        raise InputError(f"{path}: no such file; `dahl plot {path.parent}` draws it") from None
     except OSError as error:
-        raise Error(f"{path}: {error.strerror}") from None
+        raise InputError(f"{path}: {error.strerror}") from None

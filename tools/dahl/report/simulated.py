@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dahl.errors import Error
+from dahl.errors import InputError
 
 COMPENSATION, PARK_STEER = "compensation", "park-steer"  # names of the scenes
 COLUMNS = ("without", "with")  # assist, of park-steer
@@ -71,4 +71,4 @@ def table(numbers: dict[str, Any], path: Path) -> Table:
     try:
         return TABLES[name](numbers)
     except (KeyError, TypeError, ValueError, AttributeError, StopIteration) as error:
-        raise Error(f"{path}: not the numbers of scene {name} ({error!r})") from None
+        raise InputError(f"{path}: not the numbers of scene {name} ({error!r})") from None

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from dahl.errors import Error
+from dahl.errors import InputError
 from dahl.io import files
 from dahl.report.simulated import is_simulated, table
 
@@ -53,11 +53,11 @@ def read(folder: Path) -> dict[str, Any]:
     path = folder / "summary.json"
     known = files.read_json(path, "; `dahl demo` leaves one")
     if not (isinstance(known, dict) and (_has_scene_file(known) or is_simulated(known))):
-        raise Error(f"{path}: not the summary of a demo (no scene_file)")
+        raise InputError(f"{path}: not the summary of a demo (no scene_file)")
     known = {"title": "a run"} | {key: value for key, value in known.items() if value is not None}
     _check(path, "", known, SHAPE)
     if "latency_histogram" in known and not MEASURED <= known.keys():
-        raise Error(f"{path}: latency_histogram without {', '.join(sorted(MEASURED))}")
+        raise InputError(f"{path}: latency_histogram without {', '.join(sorted(MEASURED))}")
     if is_simulated(known):
         table(known, path)  # raises if a number is missing
     return known
@@ -73,10 +73,10 @@ def _check(path: Path, where: str, known: dict[str, Any], shape: dict[str, Any])
         name, value = f"{where}{key}", known[key]
         if isinstance(wanted, dict):
             if not isinstance(value, dict) or wanted.keys() - value.keys():
-                raise Error(f"{path}: {name}: an object with {', '.join(wanted)} was expected")
+                raise InputError(f"{path}: {name}: an object with {', '.join(wanted)} was expected")
             _check(path, f"{name}.", value, wanted)
         elif not _has_shape(value, wanted):
-            raise Error(f"{path}: {name} = {str(value)[:40]}: {wanted} was expected")
+            raise InputError(f"{path}: {name} = {str(value)[:40]}: {wanted} was expected")
 
 
 def _has_shape(value: Any, wanted: str) -> bool:

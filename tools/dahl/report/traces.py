@@ -16,7 +16,7 @@ import numpy as np
 from dahl import paths
 from dahl.can import codec, counters
 from dahl.can.missing import Missing
-from dahl.errors import Error, RunError
+from dahl.errors import InputError, RunError
 from dahl.sim import reference
 from dahl.sim.scene import Measured, Recorded, Scene
 
@@ -173,7 +173,7 @@ class Pairing:
     def trace(self) -> Trace:
         """Return the answered ticks so far. Raises dahl.Error if there is no answer."""
         if not self.answers:
-            raise Error("no EncoderState with its FrictionTorque among the recorded frames")
+            raise InputError("no EncoderState with its FrictionTorque among the recorded frames")
         answered = sorted(self.answers)
         row, time, count, load = (
             np.array(column) for column in zip(*(self.ticks[i] for i in answered), strict=True)

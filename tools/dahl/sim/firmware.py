@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dahl import paths
-from dahl.errors import Error, RunError
+from dahl.errors import InputError, RunError
 
 QEMU_START_TIMEOUT_S = 20.0  # generous: a loaded machine may start QEMU slowly
 ERROR_LINE = re.compile(r"^fatal: |\berror: ", re.IGNORECASE)  # of git, cmake or a compiler
@@ -63,7 +63,7 @@ def boards() -> dict[str, Board]:
 
 def build(core: str) -> Path:
     if core not in boards():
-        raise Error(f"--target {core}: one of {' '.join(boards())} was expected")
+        raise InputError(f"--target {core}: one of {' '.join(boards())} was expected")
     folder = paths.ROOT / "build" / core
     for command in (
         ["cmake", "--preset", core],

@@ -18,7 +18,7 @@ import numpy as np
 
 from dahl import paths
 from dahl.binding import models
-from dahl.errors import Error
+from dahl.errors import InputError
 from dahl.io import files, readers, units
 from dahl.sim import scene_keys
 
@@ -111,7 +111,7 @@ class Scene:
 def element(scene: Scene) -> models.AnyModel:
     """Return the model of a Node of this scene. Raises dahl.Error if dahl-loop refuses it."""
     if scene.refusal:
-        raise Error(f"{scene.path}: {scene.refusal}")
+        raise InputError(f"{scene.path}: {scene.refusal}")
     model = models.table()[scene.model]
     sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
     own = getattr(scene, model.key) if model.key else None
@@ -135,7 +135,7 @@ def find(name: str, *others: str) -> Path:
         if path.is_file():
             return path
     known = ", ".join(sorted([*others, *(path.stem for path in paths.SCENES.glob("*.ini"))]))
-    raise Error(f"no scene '{name}' (shipped: {known}; or give the path of a scene file)")
+    raise InputError(f"no scene '{name}' (shipped: {known}; or give the path of a scene file)")
 
 
 class _Parser(configparser.ConfigParser):
@@ -150,7 +150,7 @@ def read(path: Path) -> Scene:
     try:
         parser.read_string(path.read_text(encoding="utf-8-sig"), source=str(path))
     except (OSError, UnicodeDecodeError, configparser.Error) as error:
-        raise Error(f"{path}: {' '.join(str(error).split())}") from None
+        raise InputError(f"{path}: {' '.join(str(error).split())}") from None
     _check_sections(path, parser)
     scene = Scene(path, parser.get("scene", "title", fallback=path.stem))
     scene.model = parser.get("friction", "model", fallback="dahl")
@@ -186,11 +186,15 @@ def _check_sections(path: Path, parser: configparser.ConfigParser) -> None:
     """Raise dahl.Error for a section or a key that does not exist."""
     for section in parser.sections():
         if section not in KNOWN_KEYS:
-            raise Error(f"{path}: unknown section [{section}] (known: {', '.join(KNOWN_KEYS)})")
+            raise InputError(
+                f"{path}: unknown section [{section}] (known: {', '.join(KNOWN_KEYS)})"
+            )
         known = KNOWN_KEYS[section]
         for key in parser[section]:
             if key not in known:
-                raise Error(f"{path}: [{section}] has no key '{key}' (known: {', '.join(known)})")
+                raise InputError(
+                    f"{path}: [{section}] has no key '{key}' (known: {', '.join(known)})"
+                )
 
 
 def _refusal(parser: configparser.ConfigParser, model: str, sigma0: int, torques: int) -> str:
@@ -229,7 +233,7 @@ def _numbers(path: Path, parser: configparser.ConfigParser, section: str, key: s
     try:
         return [float(word) for word in text.split()]
     except ValueError:
-        raise Error(f"{path}: [{section}] {key} = '{text}' is not a number") from None
+        raise InputError(f"{path}: [{section}] {key} = '{text}' is not a number") from None
 
 
 def _number(
@@ -239,7 +243,7 @@ def _number(
     try:
         return default if text is None else float(text)
     except ValueError:
-        raise Error(f"{path}: [{section}] {key} = '{text}' is not a number") from None
+        raise InputError(f"{path}: [{section}] {key} = '{text}' is not a number") from None
 
 
 def _node_number(path: Path, parser: configparser.ConfigParser) -> int:
@@ -248,7 +252,7 @@ def _node_number(path: Path, parser: configparser.ConfigParser) -> int:
     number = _number(path, parser, "friction", "node", key.default)
     if not (key.low <= number <= key.high and number.is_integer()):
         limits = f"from {key.low:g} to {key.high:g}"
-        raise Error(f"{path}: [friction] node = {number:g} is not a whole number {limits}")
+        raise InputError(f"{path}: [friction] node = {number:g} is not a whole number {limits}")
     return int(number)
 
 
@@ -260,7 +264,7 @@ def _read_measured(path: Path, parser: configparser.ConfigParser) -> Measured:
         kind = type(getattr(measured, key))
         number = 0.0 if kind is str else _number(path, parser, "measured", key, 0.0)
         if kind is int and not number.is_integer():
-            raise Error(f"{path}: [measured] {key} = '{text}' is not a whole number")
+            raise InputError(f"{path}: [measured] {key} = '{text}' is not a whole number")
         setattr(measured, key, text if kind is str else kind(number))
     return measured
 
@@ -282,7 +286,7 @@ def read_log(scene: Scene, log: Path) -> Recorded:
         "time": scene.motion.get("time", ""),
     }
     if not wanted["angle"]:
-        raise Error(
+        raise InputError(
             f"{scene.path}: [motion] angle is missing: which column of {log.name} holds the angle?"
         )
     _, table = readers.read_columns(log, {role: name for role, name in wanted.items() if name})
@@ -304,7 +308,7 @@ def _check_unwrapped(scene: Scene, log: Path, angle: np.ndarray) -> None:
     jumps = np.abs(np.diff(angle)) > turn / 2
     if jumps.any():
         row = int(np.argmax(jumps))
-        raise Error(
+        raise InputError(
             f"{log}: the angle goes from {angle[row]:g} to {angle[row + 1]:g} in one row, more than"
             " half a turn: does it start anew at each turn? Unwrap it, as numpy.unwrap does"
         )
@@ -332,13 +336,15 @@ def write_own(own: OwnLog, path: Path) -> tuple[Scene, str]:
     the scene and the unit of the angle. Raises dahl.Error.
     """
     if not (own.counts_per_turn > 0 and math.isfinite(own.counts_per_turn)):
-        raise Error(f"--counts-per-turn {own.counts_per_turn:g}: a number above 0 was expected")
+        raise InputError(
+            f"--counts-per-turn {own.counts_per_turn:g}: a number above 0 was expected"
+        )
     _check_names(own)
     wanted = {role: getattr(own, role) for role in ("angle", "torque", "time")}
     wanted = {role: name for role, name in wanted.items() if name}
     names, columns = readers.read_columns(own.log, wanted)
     if len(set(wanted.values())) < len(wanted):
-        raise Error(f"{own.log}: angle, torque and time need different columns")
+        raise InputError(f"{own.log}: angle, torque and time need different columns")
     # a line of numbers alone would be a row of the new table, not its names
     headers = {role: f"column {x}" if x.isdecimal() else x for role, x in wanted.items()}
     named = {"torque": "", "time": "", **headers}
@@ -411,7 +417,9 @@ def _check_names(own: OwnLog) -> None:
     columns = [("column", name) for name in (own.angle, own.time, own.torque) if name]
     for kind, name in [("log", own.log.name), *columns]:
         if not _is_representable(name):
-            raise Error(f"{kind} '{name}': a scene file cannot hold this name; rename the {kind}")
+            raise InputError(
+                f"{kind} '{name}': a scene file cannot hold this name; rename the {kind}"
+            )
 
 
 def _is_representable(name: str) -> bool:
