@@ -45,8 +45,8 @@
  * The torque depends only on the path of theta, not on time. The presliding length is 1/a.
  *
  * @par Units: three usual mistakes
- * - theta_per_count is rad per count, 2 pi over the counts per turn: not the counts per turn,
- * - and not degrees per count.
+ * - theta_per_count is not the counts per turn: it is rad per count, 2 pi over the counts per turn.
+ * - theta_per_count is not degrees per count.
  * - sigma0 is N m per rad: 1 N m/deg is 57.3 N m/rad.
  *
  * dahl_prepare() accepts such values. dahl_params_plausible() finds most of them.
@@ -74,8 +74,8 @@
  *
  * @par Plans
  * Only states may have any bits. A plan must have the bytes that its prepare function wrote, or all
- * zeros. With other bits, such as those of erased flash, the behaviour is undefined, and a torque may
- * have any size. No call checks a plan.
+ * zeros. With other bits, such as those of erased flash, the behaviour is undefined, and a torque
+ * may have any size. No call checks a plan.
  * - A `const` plan of `dahl plan` is part of the program, and as good as its image.
  * - If parameters are stored in EEPROM or flash, store dahl_params_t with a CRC. At start-up, check
  *   the CRC, then call dahl_prepare().
@@ -207,15 +207,15 @@ typedef enum {
 } dahl_plausible_t;
 
 /**
- * Check parameters for the usual mistakes with units. Call it where a person enters numbers. It is
- * a remark, and no error: dahl_prepare() may accept the parameters.
+ * Check parameters for the usual mistakes with units. Call it if a person enters numbers. A remark
+ * is no error: dahl_prepare() may accept the parameters.
  *
  * @param params parameters
  * @return the first remark of dahl_plausible_t; #DAHL_PLAUSIBLE also for #DAHL_ERR_PARAM
  * @note It has no remark on rotary axes from 4 to 2^26 counts per turn, with or without a gear, and
- *   on linear axes in m. It cannot find turns per count, degrees per count with more than 46080
- *   counts per turn that are no power of two, nor sigma0 in N m/deg if Fc/sigma0 stays below 128
- *   rad: a motor behind a gear has such values, too.
+ *   on linear axes in m. It cannot find turns per count. It finds degrees per count only up to
+ *   46080 counts per turn, or if these are a power of two. It finds sigma0 in N m/deg only if
+ *   Fc/sigma0 is 128 rad or more, because a motor behind a gear has lower values, too.
  * @note A program that does not call it does not link it. It is not for a tick.
  */
 dahl_plausible_t dahl_params_plausible(const dahl_params_t *params);

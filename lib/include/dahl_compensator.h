@@ -16,7 +16,7 @@
  *   step.
  *
  * @verbatim
- * USE (measured law; Fc_low, length_long and sigma0_high are by `dahl identify`)
+ * USE (measured law; Fc_low, length_long and sigma0_high come from `dahl identify`)
  *   static dahl_plan_t friction;           static dahl_state_t bristle;
  *   static dahl_compensator_plan_t plan;   static dahl_compensator_t compensator;   // all zeros
  *   static const dahl_compensator_params_t params = {
@@ -60,9 +60,9 @@
  * converts it. Each term can be read in dahl_compensator_t.
  *
  * @par Guarantee (measured law)
- * After a push, the speed of a free axis falls to that without the law. It exceeds that by at most
- * 0.02 rad/s, or 2 counts times sqrt(sigma0/inertia) if that is more. Three rules must hold, which
- * the prepare function enforces:
+ * After a push, a free axis comes to rest as without the law. Its end speed exceeds that without
+ * the law by at most 0.02 rad/s, or 2 counts times sqrt(sigma0/inertia) if that is more. Three
+ * rules must hold, which the prepare function enforces:
  * - 3 inertia >= sigma0_high (delay + period/2)^2: a lighter rotor swings,
  * - gain Fc <= 0.95 (Fc_low - load): otherwise a load drives the axis,
  * - Fc/sigma0 >= length_long, or 4 length_long if the axis is elastic: otherwise the motor swings
@@ -127,8 +127,8 @@ extern "C" {
 /** [1] Rounding of gain and fades, as a part of the torque of the element. */
 #define DAHL_COMPENSATOR_ERROR 1.0682e-4
 
-/** Result of dahl_compensator_prepare() and dahl_adaptation_prepare(). No code but 0 is one of
- * dahl_err_t. */
+/** Result of dahl_compensator_prepare() and dahl_adaptation_prepare(). Except 0, the codes differ
+ * from those of dahl_err_t. */
 typedef enum {
     DAHL_COMPENSATOR_OK = 0,         /**< success */
     DAHL_COMPENSATOR_PARAM = -17,     /**< a parameter is NaN, infinite, negative, or zero but must
@@ -262,7 +262,7 @@ typedef enum {
 
 /**
  * Check parameters for the usual mistakes with units: a period in us or ms, a fade_speed in rpm or
- * deg/s. Call it where a person enters numbers. It is a remark, and no error. For the friction, call
+ * deg/s. Call it if a person enters numbers. A remark is no error. For the friction, call
  * dahl_params_plausible(), too.
  *
  * @param params parameters

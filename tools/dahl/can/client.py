@@ -41,7 +41,7 @@ class Client:
 
     The first move() restarts the node. If the node stays silent for `timeout`, move(), read() and
     write() raise dahl.Timeout, a TimeoutError; if the bus is lost, dahl.BusError, a
-    ConnectionError. The counts go on: just call again. Threads may share a client.
+    ConnectionError. The move counts nevertheless: call again. Threads may share a client.
     """
 
     def __init__(self, bus: can.BusABC, number: int = 0, timeout: float = 1.0) -> None:
@@ -74,11 +74,10 @@ class Client:
         """Move by dcounts, a whole number within int32, and return the answer, whose `ratio` is
         F/Fc. The move counts even if the answer is missing.
 
-        A node that hears nothing for its timeout becomes STALE. It then answers the third good
-        frame in a row, and takes its count as a new starting point with the torque of before. So
-        after such a pause, and after a dahl.Timeout, this call first sends the count before the
-        move three times. If the node still does not answer, for example after four bus-offs,
-        restart() is needed.
+        A node that receives nothing for its timeout becomes STALE. It then answers the third good
+        frame in a row: a new starting point with the earlier torque. So after such a pause, and
+        after a dahl.Timeout, this call first sends the count before the move three times. If the
+        node still does not answer, for example after four bus-offs, call restart().
         """
         moved = checks.counts(dcounts)
         with turn_of(self._bus):
