@@ -56,7 +56,8 @@ static dahl_real_t time_of(dahl_real_t period, uint8_t shift)
     return time;
 }
 
-static DAHL_COLD void write_adaptation_plan(dahl_adaptation_plan_t *plan, const dahl_compensator_params_t *params, float inertia)
+static DAHL_COLD void write_adaptation_plan(dahl_adaptation_plan_t *plan, const dahl_compensator_params_t *params,
+                                            float inertia)
 {
     const dahl_real_t one = {DAHL_TOP_BIT, -31}, period = dahl_real_of_param(params->period);
     const dahl_real_t per_Fc = dahl_real_divide(dahl_real_of_param(inertia), dahl_real_of_param(params->friction.Fc));

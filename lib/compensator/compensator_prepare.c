@@ -36,7 +36,8 @@ static int is_measured(const dahl_compensator_params_t *params)
 /** Only the measured law needs the axis. */
 static DAHL_COLD int32_t check_axis(const dahl_compensator_params_t *params)
 {
-    return check_value(params->sigma0_high, 0) | check_value(params->load, 1) | check_value(params->inertia, 0) | check_value(params->delay, 0);
+    return check_value(params->sigma0_high, 0) | check_value(params->load, 1) | check_value(params->inertia, 0)
+        | check_value(params->delay, 0);
 }
 
 static DAHL_COLD dahl_compensator_err_t check_values(const dahl_compensator_params_t *params)
@@ -46,8 +47,9 @@ static DAHL_COLD dahl_compensator_err_t check_values(const dahl_compensator_para
     err |= is_reference || is_measured(params) ? DAHL_OK : DAHL_ERR_PARAM;
     err |= check_value(params->Fc_low, is_reference) | check_value(params->length_long, is_reference);
     err |= is_measured(params) ? check_axis(params) : DAHL_OK;
-    err |= check_value(params->gain, 1) | check_value(params->limit, 0) | check_value(params->slew, 0) | check_value(params->period, 0);
-    err |= check_value(params->rise, 1) | check_value(params->fall, 1) | check_value(params->fade_speed, 1) | check_value(params->pull, 1);
+    err |= check_value(params->gain, 1) | check_value(params->limit, 0) | check_value(params->slew, 0);
+    err |= check_value(params->period, 0) | check_value(params->rise, 1) | check_value(params->fall, 1);
+    err |= check_value(params->fade_speed, 1) | check_value(params->pull, 1);
     err |= params->jump > 0 ? DAHL_OK : DAHL_ERR_PARAM;
     return dahl_compensator_code_of(err);
 }
@@ -73,7 +75,7 @@ static uint32_t slew_step_q30(const dahl_compensator_params_t *params)
     return step_q30 > 0 ? step_q30 - 1 : 0;
 }
 
-/** Return true if the jump is below its multiple of the counts of a tick at fade_speed. Both products are exact, since
+/** The jump is below DAHL_COMPENSATOR_JUMP_SPEEDS times the counts of a tick at fade_speed. Both products are exact, since
  * floats have 24 bits. The product of jump and speed_unit is then below 2^30. */
 static DAHL_COLD int is_jump_below_speeds(const dahl_compensator_params_t *params)
 {
@@ -84,7 +86,7 @@ static DAHL_COLD int is_jump_below_speeds(const dahl_compensator_params_t *param
     const int32_t exponent = period.exponent + 8 + speed.exponent + 3 - is_fine;
     dahl_wide_t most = dahl_normalise(dahl_mul(eighth, speed.mantissa), exponent);
     dahl_wide_t jump = dahl_normalise(dahl_mul(params->jump, theta.mantissa), theta.exponent);
-    return jump.exponent != most.exponent ? jump.exponent < most.exponent : jump.mantissa < most.mantissa;
+    return dahl_wide_is_above(most, jump);
 }
 
 static int is_jump_in_range(const dahl_compensator_params_t *params)

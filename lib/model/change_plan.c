@@ -43,7 +43,8 @@ void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state
         return;
     }
     dahl_wide_t keep_F = quotient_of_scaled(from->Fc_mantissa, from->Fc_exponent, to->Fc_mantissa, to->Fc_exponent);
-    dahl_wide_t keep_deflection = quotient_of_scaled(to->a_mantissa, dahl_a_exponent(to), from->a_mantissa, dahl_a_exponent(from));
+    dahl_wide_t keep_deflection =
+        quotient_of_scaled(to->a_mantissa, dahl_a_exponent(to), from->a_mantissa, dahl_a_exponent(from));
     size = scale(size < DAHL_ONE_Q62 ? size : DAHL_ONE_Q62, minimum(keep_F, keep_deflection));
     state->w = (int64_t)(state->w < 0 ? 0u - size : size);
 }

@@ -131,7 +131,7 @@ static int32_t output(const dahl_node_t *node, int32_t torque_q30)
 }
 
 static bool answer_encoder(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, int32_t torque_q30,
-                   dahl_can_frame_t *out)
+                           dahl_can_frame_t *out)
 {
     ramp(node, node->primed ? elapsed_us(node, now_us) : 0);
     node->count = (uint32_t)encoder->count;

@@ -162,7 +162,8 @@ dahl_err_t dahl_node_use_parallel(dahl_node_t *node, dahl_node_parallel_t *stora
         }
         err = prepare_elements(storage, params);
         distribute_shares(storage);
-        storage->model = (dahl_node_model_t){step_parallel_q30, relax_parallel, DAHL_FRAMES_MODEL_PARALLEL + params->elements, 0};
+        const uint32_t number = DAHL_FRAMES_MODEL_PARALLEL + params->elements;
+        storage->model = (dahl_node_model_t){step_parallel_q30, relax_parallel, number, 0};
         relax_parallel(&storage->model);
         dahl_node_use(node, &storage->model, &sums);
     }
