@@ -2,10 +2,10 @@
 /*
  * A plugin for QEMU's code generator that counts instructions, cycles and bytes of stack of single calls. The image makes all
  * counted calls from one place (target/call_*.S). The plugin counts from the instruction after `site` up to the one at `back`.
- * At `mark` a new case begins. `out` receives a line `-` for each case, then for each of its calls the instructions, the
- * least and the most cycles, the stack, and the address of the function modulo 2 MiB. The stack is the distance from the
- * stack pointer at `site` to the lowest address above `floor` that the call reads or writes. The instruction before `site`
- * must store a word at the stack pointer.
+ * At `mark` a new case begins. `out` receives a line `-` for each case, then a line for each of its calls: instructions, least
+ * and most cycles, stack, address of the function modulo 2 MiB. The stack is the distance from the stack pointer at `site` to
+ * the lowest address above `floor` that the call reads or writes. The instruction before `site` must store a word at the stack
+ * pointer.
  * `costs` is a file with the cost of each instruction (cycles.py); without it all cycles are 0.
  *
  *   qemu-system-arm ... -plugin plugin.so,site=0x1234,back=0x1236,mark=0x1240,floor=0x20000800,costs=costs.txt,out=counts.txt

@@ -175,7 +175,7 @@ def _run_command(words: list[str], is_only_command: bool) -> int:
             args.command_parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         args.words = words
         dependencies.ensure_installed(args.command, words)
-        # python-can warns of each frame that arrives in two pieces
+        # a command prints its own errors
         logging.getLogger("can").setLevel(logging.ERROR)
         return int(args.run(args) or 0)
     except ModuleNotFoundError as error:

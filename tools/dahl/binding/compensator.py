@@ -152,11 +152,11 @@ class Compensator(Copied):
     def _refusal(self, code: int) -> str:
         """Return the value and the limit that the library refused."""
         if code in (c.DAHL_COMPENSATOR_PARAM, c.DAHL_COMPENSATOR_RANGE):
-            return self._value_out_of_range()
-        return self._broken_rules()[code]
+            return self._refusal_of_value()
+        return self._refusals_of_rules()[code]
 
-    def _broken_rules(self) -> dict[int, str]:
-        """Return the words of each code that compares several parameters."""
+    def _refusals_of_rules(self) -> dict[int, str]:
+        """Return the text of each code that compares several parameters."""
         v, is_free = self._values, not self._reference
         torque, length = v["gain"] * v["Fc"], v["Fc"] / v["sigma0"]
         most = 0.95 * (v["Fc_low"] - v["load"]) if is_free else v["Fc_low"]
@@ -175,7 +175,7 @@ class Compensator(Copied):
             f" sigma0_high*(delay + period/2)^2/3 = {inertia:.9g} kg m2",
         }
 
-    def _value_out_of_range(self) -> str:
+    def _refusal_of_value(self) -> str:
         v = self._values
         for name, value in v.items():
             if name not in FRICTION and not _is_in_range(name, value, self._reference):
@@ -187,16 +187,15 @@ class Compensator(Copied):
         return self._refusal_of_tick() or parameters.refusal(*(v[name] for name in FRICTION))
 
     def _refusal_of_tick(self) -> str:
-        """Return the value that is refused because of its part of a tick, or nothing."""
+        """Return the slew or jump of a tick that is refused, or ""."""
         v = self._values
         if not all(_is_in_range(name, v[name], False) for name in FRICTION):
             return ""
         if v["slew"] * v["period"] / v["Fc"] < 2.000001 / ONE_Q30:
             return f"slew = {v['slew']:g} N m/s is below 2^-29 Fc in a tick"
         counts = v["fade_speed"] * v["period"] / v["theta_per_count"]
-        most = c.DAHL_COMPENSATOR_JUMP_SPEEDS // (
-            2 if counts > c.DAHL_COMPENSATOR_FINE_COUNTS else 1
-        )
+        is_fine = counts > c.DAHL_COMPENSATOR_FINE_COUNTS
+        most = c.DAHL_COMPENSATOR_JUMP_SPEEDS // (2 if is_fine else 1)
         if 0 < most * counts < 1.000001 * self._jump:
             limit = f"{most} times the {counts:g} counts of a tick at fade_speed"
             return f"jump = {self._jump} is not below {limit}"

@@ -84,7 +84,7 @@ class AsyncBus:
         async with self._turn:
             if function in (ask, expect_silence):  # they drop the frames that wait
                 self._unread.clear()
-            link = _Link(self.bus)
+            link = _CancellableBus(self.bus)
             work = asyncio.get_running_loop().run_in_executor(None, link.call, function, arguments)
             try:
                 return await asyncio.shield(work)
@@ -105,7 +105,7 @@ class _Cancelled(Exception):  # noqa: N818 (nobody sees it)
     pass
 
 
-class _Link:
+class _CancellableBus:
     """The bus of one call: recv() raises _Cancelled soon after `cancelled` is set."""
 
     def __init__(self, bus: can.BusABC) -> None:

@@ -111,8 +111,8 @@ def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
 
 
 def _is_news(record: logging.LogRecord) -> bool:
-    """Return whether a warning of python-can names more than an attempt to connect, of which it
-    makes thousands, or a frame that arrives in two pieces.
+    """Return whether a warning of python-can is worth logging: not one of thousands of attempts to
+    connect, and not a frame that arrives in two pieces.
     """
     text = str(record.msg)
     return not text.startswith(("Failed to connect to server", "Got incomplete message"))

@@ -111,7 +111,7 @@ class FrameLog:
         self._lines.append(text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]}...")
 
 
-def of(bus: can.BusABC) -> FrameLog:
+def attach(bus: can.BusABC) -> FrameLog:
     """Return a new log of a bus. A bus of several tests has one already, which starts again."""
     log = getattr(bus.send, "__self__", None)
     if not isinstance(log, FrameLog):

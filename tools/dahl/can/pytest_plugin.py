@@ -280,7 +280,7 @@ def _log_of(request: pytest.FixtureRequest, bus: can.BusABC) -> FrameLog:
     stash = request.config.stash[_item].stash
     frames = stash.get(_frames, None)
     if frames is None or frames.bus is not bus:
-        stash[_frames] = frames = frame_log.of(bus)
+        stash[_frames] = frames = frame_log.attach(bus)
     return frames
 
 

@@ -127,7 +127,7 @@ def run(args: argparse.Namespace) -> int:
     from dahl.report import run_files, terminal
 
     console = terminal.console(stderr=args.json, soft_wrap=True)
-    with paths.lock_folder(args.output), run_files.listing(args.output):
+    with paths.lock_folder(args.output), run_files.track(args.output):
         if args.scene == compare_laws.SCENE:
             return compare_laws.run(args, console)
         if args.scene == park_steer.SCENE:
@@ -405,7 +405,7 @@ def _table(numbers: dict[str, Any], scene: Scene, not_recorded: int) -> Any:
 
     from dahl.report import traces
 
-    latency = numbers.get("latency_us") or {}
+    latency, late = numbers.get("latency_us") or {}, traces.format_late(numbers)
     error = numbers["max_error_ulp_Fc"]
     rows = {
         "bus": numbers["bus"],
@@ -413,7 +413,7 @@ def _table(numbers: dict[str, Any], scene: Scene, not_recorded: int) -> Any:
         "frames sent, unanswered": f"{numbers.get('frames_sent')}, {numbers.get('frames_lost')}",
         "latency": ", ".join(f"{key} {value:.0f} µs" for key, value in latency.items())
         or "none: virtual time stands still between a count and its answer",
-        **{f"{name} later than a period": text for name, text in traces.late(numbers).items()},
+        **{f"{name} later than a period": text for name, text in late.items()},
         "error against the exact torque": "not compared: the node answers a part of the torque"
         if error is None
         else f"{error:.3f} ulp of Fc at most",

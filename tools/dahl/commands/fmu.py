@@ -112,18 +112,13 @@ def _kinds(args: argparse.Namespace, model: Model) -> list[str]:
 def _check_elements(
     args: argparse.Namespace, model: Model, sigma0: list[float], fc: list[float], kinds: list[str]
 ) -> None:
-    """Raise dahl.Error if a model of several elements has different numbers of sigma0, Fc and
-    kinds, or if an element is not valid by angle.
+    """Raise dahl.Error for another number of kinds, too many elements, or an element that is not
+    valid by angle.
     """
     from dahl.binding.friction import Plan
     from dahl.binding.slip import SLIP_MAX
 
-    counts = [len(values) for values in (sigma0, fc, kinds) if values]
-    if model.sigma0s == 0 and (len(set(counts)) > 1 or len(fc) > SLIP_MAX):
-        numbers = ", ".join(map(str, counts))
-        raise InputError(
-            f"--sigma0 {args.sigma0} --fc {args.fc}: {numbers} values; as many of each, 1 to"
-            f" {SLIP_MAX}, were expected"
-        )
+    if model.sigma0s == 0 and (len(kinds or fc) != len(fc) or len(fc) > SLIP_MAX):
+        raise model_arguments.wrong_counts(args, sigma0, fc, *([kinds] if kinds else []))
     for k, torque in enumerate(fc):
         Plan(sigma0[min(k, len(sigma0) - 1)], torque)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from dahl.commands.arguments import comma_hint
 from dahl.errors import InputError
@@ -54,18 +54,26 @@ def model_with(key: str) -> str:
 def read_numbers(args: argparse.Namespace, model: Model) -> tuple[list[float], list[float]]:
     """Return sigma0 and Fc, as many as the model needs."""
     from dahl.binding.parameters import FC, SIGMA0
-    from dahl.binding.slip import SLIP_MAX
 
     sigma0, fc = _numbers("--sigma0", args.sigma0, SIGMA0), _numbers("--fc", args.fc, FC)
     _check_count("--sigma0", args.sigma0, sigma0, model.sigma0s, args.model)
     _check_count("--fc", args.fc, fc, model.Fcs, args.model)
     if not model.sigma0s and len(sigma0) != len(fc):
-        hint = comma_hint(f"{args.sigma0} {args.fc}")
-        raise InputError(
-            f"--sigma0 {args.sigma0} --fc {args.fc}: {len(sigma0)}, {len(fc)} values; as many of"
-            f" each, 1 to {SLIP_MAX}, were expected{hint}"
-        )
+        raise wrong_counts(args, sigma0, fc, hint=comma_hint(f"{args.sigma0} {args.fc}"))
     return sigma0, fc
+
+
+def wrong_counts(
+    args: argparse.Namespace, *each: Sequence[float] | Sequence[str], hint: str = ""
+) -> InputError:
+    """Return the error of a model of several elements with other numbers of values."""
+    from dahl.binding.slip import SLIP_MAX
+
+    numbers = ", ".join(str(len(values)) for values in each)
+    return InputError(
+        f"--sigma0 {args.sigma0} --fc {args.fc}: {numbers} values; as many of each, 1 to"
+        f" {SLIP_MAX}, were expected{hint}"
+    )
 
 
 def read_breakaway(args: argparse.Namespace, model: Model) -> float | None:

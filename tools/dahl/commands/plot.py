@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> None:
         played, trace, recorded
     )  # the fit in the summary may belong to another scene
     plots.draw(output, played, trace, recorded, known, folder)
-    run_files.update(output)
+    run_files.add(output)
     print(f"{output}: {len(trace.row)} ticks, {played.title}")
 
 
@@ -92,7 +92,7 @@ def _draw_simulated(folder: Path, output: Path | None) -> None:
     module = {one.SCENE: one for one in (compare_laws, park_steer)}[known["scene"]]
     output = output or folder / module.PICTURE
     module.draw(output, known, terminal.console(stderr=True))
-    run_files.update(output)
+    run_files.add(output)
     print(f"{output}: scene {module.SCENE}, simulated again")
 
 

@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> None:
             except RunError as error:
                 gone = str(error)
             except OSError as error:
-                raise _with_held_frames(error, tally) from None
+                raise _add_held_frames(error, tally) from None
             tally.lost_in_kernel = lost_in_kernel(bus)
     finally:
         if not existed and args.output.exists() and args.output.stat().st_size == 0:
@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> None:
     tally.report(gone)
 
 
-def _with_held_frames(error: OSError, tally: Tally) -> OSError:
+def _add_held_frames(error: OSError, tally: Tally) -> OSError:
     """Return the error of a full disk with the number of frames that the log holds."""
     if error.errno in FULL:
         error.strerror = f"{error.strerror}; {tally.held()} frames are in it"
@@ -177,9 +177,7 @@ def _write(path: Path, messages: Iterator[can.Message | None]) -> None:
         writer.on_message_received(first)
         for message in messages:
             if message is not None:
-                if (
-                    path.suffix.lower() == ASC
-                ):  # python-can's writer takes an earlier one for a date
+                if path.suffix.lower() == ASC:  # python-can would write an earlier time as a date
                     message.timestamp = max(message.timestamp, first.timestamp)
                 writer.on_message_received(message)
 

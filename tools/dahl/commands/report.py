@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> None:
     table = simulated.table(numbers, folder) if is_simulated else None
     text = page.page(numbers, picture, table)
     files.write_atomic(output, text)
-    run_files.update(output)
+    run_files.add(output)
     print(f"{output}: {len(text) // 1024} KiB")
 
 

@@ -81,7 +81,7 @@ def read_candump(path: Path | str) -> list[can.Message]:
 
 def _candump_frames(path: Path, notes: list[str], clock: _Clock) -> Iterator[can.Message]:
     bad, first = 0, ""
-    with files.opened_text(path) as text:
+    with files.open_text(path) as text:
         for number, line in enumerate(text, 1):
             message = candump.message_of(line)
             if message is not None:
@@ -103,8 +103,8 @@ def _shown(line: str) -> str:
 
 class _AscLines:
     """The lines of an ASC log, prepared for python-can. It would read relative times as absolute
-    ones, skip lines with a negative time, and skip the first frame if no `Begin Triggerblock` is
-    before it.
+    ones, and skip lines with a negative time. Without `Begin Triggerblock` it would skip the first
+    frame.
     """
 
     def __init__(self, text: TextIO) -> None:
@@ -147,7 +147,7 @@ def _set_kind(message: can.Message, words: list[str]) -> None:
 def _asc_frames(path: Path, clock: _Clock) -> Iterator[can.Message]:
     import can
 
-    lines = _AscLines(files.opened_text(path))
+    lines = _AscLines(files.open_text(path))
     try:
         with can.ASCReader(cast("TextIO", lines)) as reader:
             for message in reader:

@@ -81,7 +81,7 @@ def read_text(path: Path, hint: str = "") -> str:
         raise Error(f"{path}: not a text file (byte {error.start})") from None
 
 
-def opened_text(path: Path) -> TextIO:
+def open_text(path: Path) -> TextIO:
     """Open a text file whose bytes may be damaged. Raises dahl.Error."""
     try:
         return path.open(encoding="utf-8-sig", errors="replace")

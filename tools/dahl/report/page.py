@@ -63,7 +63,7 @@ def _numbers(numbers: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for key, (name, unit, form) in NUMBERS.items():
         if numbers.get(key) is not None:
             yield name, f"{format(numbers[key], form)} {unit or units.get(key, '')}".strip()
-    for name, text in traces.late(numbers).items():
+    for name, text in traces.format_late(numbers).items():
         yield f"{name} later than a period", text
     for key, name in LATENCIES.items():
         if numbers.get(key, {}).get("max"):

@@ -175,7 +175,7 @@ def _latencies(axes: Axes, numbers: dict[str, Any]) -> None:
     quantiles, jitter = numbers["latency_us"], numbers["jitter_us"]
     words = f"p50 {quantiles['p50']:.0f} µs, p99 {quantiles['p99']:.0f} µs, jitter p99"
     words += f" {jitter['p99']:.0f} µs"
-    words += "".join(f", {text} {name} late" for name, text in traces.late(numbers).items())
+    words += "".join(f", {text} {name} late" for name, text in traces.format_late(numbers).items())
     axes.set_title(words, loc="left", fontsize=10, color="#555555")
 
 

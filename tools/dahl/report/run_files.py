@@ -66,7 +66,7 @@ def _write(folder: Path, known: dict[str, Stamp]) -> None:
 
 
 @contextlib.contextmanager
-def listing(folder: Path) -> Iterator[None]:
+def track(folder: Path) -> Iterator[None]:
     """Add to the list the files that are written meanwhile, also if that fails."""
     before = _stamps(folder)
     try:
@@ -78,7 +78,7 @@ def listing(folder: Path) -> Iterator[None]:
             _write(folder, _read(folder) | changed)
 
 
-def update(path: Path) -> None:
+def add(path: Path) -> None:
     """Add a file to the list of its folder, if there is a list and dahl chose its name."""
     stamp, folder = _stamp(path), path.parent
     if stamp and (folder / LIST).is_file() and path in written_in(folder):

@@ -243,7 +243,7 @@ def disagreements(numbers: dict[str, Any]) -> dict[str, tuple[int, int]]:
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
 
 
-def late(numbers: dict[str, Any]) -> dict[str, str]:
+def format_late(numbers: dict[str, Any]) -> dict[str, str]:
     """Return the answers and ticks of a run that came later than a period, with their totals."""
     totals = {"answers": "frames_answered", "ticks": "ticks"}
     pairs = {name: (numbers.get(f"late_{name}"), numbers.get(totals[name])) for name in totals}
