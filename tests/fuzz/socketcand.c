@@ -156,7 +156,8 @@ static void check_long_send(const char *element, const dahl_can_frame_t *frame)
     char words[WORDS_MAX][WORD_SIZE], text[TEXT_LONG_MAX + 1], wanted[400];
     int count = words_of(element, words);
     size_t length = text_from_long_send(text, element, frame);
-    int at = sprintf(wanted, frame->flags & DAHL_CAN_FRAME_EXTENDED ? "< frame %08X 0.000000 " : "< frame %03X 0.000000 ", (unsigned)frame->id);
+    const int digits = frame->flags & DAHL_CAN_FRAME_EXTENDED ? 8 : 3;
+    int at = sprintf(wanted, "< frame %0*X 0.000000 ", digits, (unsigned)frame->id);
     for (int i = 3; i < count; i++) {
         at += sprintf(wanted + at, "%02X", (unsigned)strtoul(words[i], NULL, 16));
     }

@@ -28,13 +28,12 @@ static double uniform(double least, double most)
     return least + (most - least) * (random_u32(&seed) * 0x1p-32);
 }
 
-/* The logarithm is uniform. */
-static double between(double least, double most)
+static double log_uniform(double least, double most)
 {
     return least * pow(most / least, uniform(0, 1));
 }
 
-static int chosen(int choices)
+static int choose(int choices)
 {
     return (int)(random_u32(&seed) % (unsigned)choices);
 }
@@ -200,19 +199,19 @@ static axis_t random_axis(double length, double Fc, double u)
     static const double slews[] = {20, 100, 1000, 1e5}, lags[] = {0, 0, 0.3, 1};
     axis_t axis;
     memset(&axis, 0, sizeof axis);
-    const double period = (double)periods[chosen(4)], sigma0 = Fc / length;
-    axis.delay = chosen(LATEST);
-    axis.lag = lags[chosen(4)] * period;
-    axis.bits = 14 + chosen(7);
+    const double period = (double)periods[choose(4)], sigma0 = Fc / length;
+    axis.delay = choose(LATEST);
+    axis.lag = lags[choose(4)] * period;
+    axis.bits = 14 + choose(7);
     const double delay = axis.delay * period + axis.lag + 1e-9, late = delay + period / 2;
     axis.Fc[MOTOR] = Fc;
     axis.sigma0[MOTOR] = sigma0;
     axis.inertia[MOTOR] = fmax(sigma0 * late * late / 3 / u / u, sigma0 * period * period / 9);
     axis.params = (dahl_compensator_params_t){.law = DAHL_COMPENSATOR_MEASURED, .sigma0_high = (float)(sigma0 * 1.000001),
                                               .inertia = (float)(axis.inertia[MOTOR] * 0.999999), .delay = (float)delay,
-                                              .gain = gains[chosen(5)], .slew = (float)(slews[chosen(4)] * Fc),
+                                              .gain = gains[choose(5)], .slew = (float)(slews[choose(4)] * Fc),
                                               .limit = (float)(1.2 * Fc), .period = (float)period, .jump = 1u << 30};
-    axis.params.noise = (uint32_t)chosen(3);
+    axis.params.noise = (uint32_t)choose(3);
     return axis;
 }
 
@@ -239,7 +238,7 @@ static axis_t random_rigid_axis(double least_u, double most_u, int is_known)
 {
     axis_t axis;
     do {
-        const double length = between(0.5e-3, 20e-3), Fc = between(0.02, 5);
+        const double length = log_uniform(0.5e-3, 20e-3), Fc = log_uniform(0.02, 5);
         axis = random_axis(length, Fc, uniform(least_u, most_u));
         set_bounds(&axis, Fc * (is_known ? 1 : uniform(0.7, 1)), length * (is_known ? 1.000001 : uniform(1.000001, 1.5)), 1);
     } while (!is_play_short(&axis));
@@ -287,7 +286,7 @@ static void test_a_lighter_rotor_is_refused_and_can_swing(void)
 static void set_load(axis_t *axis, double share, double part)
 {
     const double Fc_low = (double)axis->params.Fc_low, load = share * Fc_low;
-    axis->load = chosen(2) == 0 ? load : -load;
+    axis->load = choose(2) == 0 ? load : -load;
     axis->params.load = (float)load;
     axis->params.gain = (float)(part * (Fc_low - load) / Fc_low);
 }
@@ -327,11 +326,11 @@ static axis_t random_elastic_axis(int lengths, int is_known)
 {
     static const double shares[] = {0, 0, 0.3, 0.6, 1};
     for (;;) {
-        const double length = between(1e-3, 20e-3), Fc = 0.5, sigma0 = Fc / length;
-        axis_t axis = random_axis(length, Fc, is_known ? 0.999 : between(0.03, 0.999));
+        const double length = log_uniform(1e-3, 20e-3), Fc = 0.5, sigma0 = Fc / length;
+        axis_t axis = random_axis(length, Fc, is_known ? 0.999 : log_uniform(0.03, 0.999));
         const double late = (double)axis.params.delay + period_of(&axis) / 2, rotor = uniform(0.1, 0.9);
-        const double hertz = is_known ? uniform(0.3, 1) / TWO_PI / late : between(20, 300);
-        const double reduced = axis.inertia[MOTOR] * (1 - rotor), share = is_known ? 0 : shares[chosen(5)];
+        const double hertz = is_known ? uniform(0.3, 1) / TWO_PI / late : log_uniform(20, 300);
+        const double reduced = axis.inertia[MOTOR] * (1 - rotor), share = is_known ? 0 : shares[choose(5)];
         axis.inertia[LOAD] = axis.inertia[MOTOR] * (1 - rotor) / rotor;
         axis.shaft = TWO_PI * hertz * TWO_PI * hertz * reduced;
         axis.damping = 2 * (is_known ? 0.01 : uniform(0.01, 0.03)) * sqrt(axis.shaft * reduced);

@@ -276,7 +276,8 @@ static void test_a_client_joins_within_its_time_or_gives_up_however_slow_the_ser
 
 static void test_a_client_refuses_another_server_at_once(void)
 {
-    static const char *const words[] = {"SSH-2.0< hi >< ok >< ok >", "< hello >< ok >< ok >", "< hi >< error >< ok >", "< hi >< ok >x< ok >"};
+    static const char *const words[] = {"SSH-2.0< hi >< ok >< ok >", "< hello >< ok >< ok >", "< hi >< error >< ok >",
+                                        "< hi >< ok >x< ok >"};
     for (size_t i = 0; i < sizeof words / sizeof words[0]; i++) {
         memset(&member, 0, sizeof member);
         play = (play_t){.now_ns = 1};

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Zephyr 3.7, and 4.5 if MOCK_ZEPHYR_4_5 is defined, as far as examples/zephyr_node uses it. Its functions are pointers, which the test sets. */
+/* Zephyr 3.7, and 4.5 if MOCK_ZEPHYR_4_5 is defined, as far as examples/zephyr_node uses it. Its functions are pointers, which
+ * the test sets. */
 #ifndef ZEPHYR_MOCK_H
 #define ZEPHYR_MOCK_H
 
