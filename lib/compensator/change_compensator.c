@@ -2,9 +2,8 @@
 /**
  * New parameters of a compensator between two ticks.
  *
- * Torques are fractions of Fc, and the speed is one of fade_speed, so each is multiplied by the quotient of the old and
- * the new unit. The product is truncated, so a torque never grows. It loses less than one unit, and prepare reserves one
- * unit of the slew for it.
+ * Torques are fractions of Fc, and the speed is one of fade_speed. Each is multiplied by the old unit over the new one.
+ * The product is truncated, so a torque never grows. It loses less than one unit, which prepare reserves of the slew.
  */
 #include "../arith/fixed.h"
 #include "../arith/scale.h"

@@ -46,8 +46,8 @@
  * A move is used only if the reading before it was accepted too. The first good reading after a
  * rejected one returns 0: it sets the start of the next move, and may shift the counts within the
  * play. So no way back from a wrong count steps the element, even if dahl_encoder_move() read it.
- * - A bad reading loses the motion of its tick and of the next one, and that of a third tick if the
- *   next move is longer than `jump`.
+ * - A bad reading loses the motion of its tick and of the next one. If the next move is longer than
+ *   `jump`, it loses that of a third tick.
  * - The torque is held. From #DAHL_COMPENSATOR_BAD_TICKS bad readings without a used move on, it
  *   fades out in `fall`, also if good and bad readings take turns.
  * - If dahl_encoder_move() reads bad readings again and again, a free axis trembles: each time, the
@@ -268,8 +268,8 @@ typedef enum {
  * @param params parameters
  * @return the first remark of dahl_compensator_plausible_t; #DAHL_COMPENSATOR_PLAUSIBLE also if
  *   dahl_compensator_prepare() rejects them
- * @note It cannot find a fade_speed in rpm or deg/s that stays below the speed of `jump`, nor a
- *   period in ms that stays below 0.04, rise and fall.
+ * @note It cannot find a fade_speed in rpm or deg/s that stays below the speed of `jump`. It cannot
+ *   find a period in ms that stays below 0.04, rise and fall.
  * @note A program that does not call it does not link it. It is not for a tick.
  */
 dahl_compensator_plausible_t dahl_compensator_params_plausible(
@@ -311,9 +311,9 @@ int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
  * @param compensator state: torque, wanted, ratio and speed are converted to the units of `to`, and
  *   the distance to the nearer end of the play is kept. The fade and the counters stay.
  * @note The next torque is within the limit of `to`, and it differs from the last one by at most
- *   the slew of `to`, both in N m, for any new Fc, gain, limit, slew, fade_speed, play or period.
- *   If the new limit is below the torque, both cannot hold: the limit does. The torque falls to it
- *   at once, and from there by the slew at most.
+ *   the slew of `to`, both in N m. Fc, gain, limit, slew, fade_speed, play and period may change. If
+ *   the new limit is below the torque, both cannot hold: the torque falls to the limit at once, then
+ *   by the slew at most.
  * @note A state converts to 0 torque if one of the plans is all zeros. If `from` has no fade over
  *   speed, the speed begins with that of the last move. Interrupts: only the context of the ticks
  *   may call it. `from` may be written again after it returns; `to` must stay until the next

@@ -15,8 +15,8 @@ static uint32_t counts_per_turn(dahl_real_t theta)
     return (uint32_t)(quotient >> 63 ? quotient >> 32 : quotient >> 31);
 }
 
-/** Return true if the bits below the leading ones are 0, but for the rounding of theta to a float, which moves the
- * quotient by up to 2^8. */
+/** Return true if the bits below the leading ones are 0. The rounding of theta to a float moves the quotient by up to
+ * 2^8. */
 static int has_leading_bits(uint32_t quotient, int bits)
 {
     return ((quotient + 0x100) & UINT32_MAX >> bits) <= 0x200;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The driver keeps the pointer of each frame that it sends, and sends the frames of its own queue after a recovery from bus-off,
- * when their torques are old. It therefore gets one frame at a time; the others wait in a queue of this file. */
+/* The driver keeps the pointer of each frame that it sends. After a recovery from bus-off it sends the frames of its queue, whose
+ * torques are then old. It therefore gets one frame at a time; the others wait in a queue of this file. */
 #include <esp_idf_version.h>
 #if ESP_IDF_VERSION >= ESP_IDF_VERSION_VAL(5, 5, 0)
 #include <stdatomic.h>
