@@ -311,9 +311,9 @@ int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
  * @param compensator state: torque, wanted, ratio and speed are converted to the units of `to`, and
  *   the distance to the nearer end of the play is kept. The fade and the counters stay.
  * @note The next torque is within the limit of `to`, and it differs from the last one by at most
- *   the slew of `to`, both in N m. Fc, gain, limit, slew, fade_speed, play and period may change. If
- *   the new limit is below the torque, both cannot hold: the torque falls to the limit at once, then
- *   by the slew at most.
+ *   the slew of `to`, both in N m. Fc, gain, limit, slew, fade_speed, play and period may change.
+ *   If the new limit is below the torque, both cannot hold: the torque falls to the limit at once,
+ *   then by the slew at most.
  * @note A state converts to 0 torque if one of the plans is all zeros. If `from` has no fade over
  *   speed, the speed begins with that of the last move. Interrupts: only the context of the ticks
  *   may call it. `from` may be written again after it returns; `to` must stay until the next

@@ -172,6 +172,14 @@ static void bench_receive(void)
     }
 }
 
+#define USE_DIRECTED(name, ...) \
+    { \
+        const dahl_##name##_params_t directed = {100.0f, 0.5f, 0.4f, params.theta_per_count}; \
+        bench_case("node_use_" #name); \
+        bench_function = (bench_function_t)dahl_node_use_##name; \
+        (void)!call_use(&node, &storage.name, &directed); \
+    }
+
 static void bench_start_up(void)
 {
     dahl_slip_params_t slip = {DAHL_SLIP_MAX, params.theta_per_count, {0}, {0}};
@@ -185,10 +193,7 @@ static void bench_start_up(void)
     bench_case("node_use_slip");
     bench_function = (bench_function_t)dahl_node_use_slip;
     (void)!call_use(&node, &storage.slip, &slip);
-    bench_case("node_use_asymmetric");
-    const dahl_asymmetric_params_t asymmetric = {100.0f, 0.5f, 0.4f, params.theta_per_count};
-    bench_function = (bench_function_t)dahl_node_use_asymmetric;
-    (void)!call_use(&node, &storage.asymmetric, &asymmetric);
+    DAHL_FRAMES_DIRECTED_MODELS(USE_DIRECTED)
     bench_case("node_use_elastoplastic");
     bench_function = (bench_function_t)dahl_node_use_elastoplastic;
     (void)!call_use_elastoplastic(&node, &storage.elastoplastic, &params, 0.5f);

@@ -2,6 +2,7 @@
 /* Searches for the worst call at start-up or at a change of parameters: parameters, states and torques of all magnitudes. */
 #include "bench.h"
 #include "dahl_encoder.h"
+#include "dahl_frames.h"
 #include "dahl_parts.h"
 #include "inputs.h"
 
@@ -49,14 +50,21 @@ static void prepare_plans(void)
     (void)call_plausible(&params);
 }
 
+#define PREPARE_DIRECTED(name, ...) \
+    { \
+        static dahl_##name##_plan_t plan; \
+        const dahl_##name##_params_t directed = {one.sigma0, one.Fc, less_Fc, one.theta_per_count}; \
+        bench_function = (bench_function_t)dahl_##name##_prepare; \
+        call_prepare(&plan, &directed); \
+    }
+
 static void prepare_parts(void)
 {
     static dahl_slip_plan_t slip;
-    static dahl_asymmetric_plan_t asymmetric;
     static dahl_elastoplastic_plan_t elastoplastic;
     static dahl_velocity_plan_t velocity;
     const dahl_params_t one = random_params(magnitude(-30, 1));
-    const dahl_asymmetric_params_t both = {one.sigma0, one.Fc, one.Fc * magnitude(-1, 0), one.theta_per_count};
+    const float less_Fc = one.Fc * magnitude(-1, 0);
     dahl_slip_params_t elements = {DAHL_SLIP_MAX, one.theta_per_count, {0}, {0}};
     dahl_velocity_params_t table = {next_random() % 25u, {0}};
     for (int k = 0; k < DAHL_SLIP_MAX; k++) {
@@ -69,8 +77,7 @@ static void prepare_parts(void)
     }
     bench_function = (bench_function_t)dahl_slip_prepare;
     call_prepare(&slip, &elements);
-    bench_function = (bench_function_t)dahl_asymmetric_prepare;
-    call_prepare(&asymmetric, &both);
+    DAHL_FRAMES_DIRECTED_MODELS(PREPARE_DIRECTED)
     bench_function = (bench_function_t)dahl_velocity_prepare;
     call_prepare(&velocity, &table);
     bench_function = (bench_function_t)dahl_elastoplastic_prepare;

@@ -13,7 +13,7 @@ int32_t call_loaded(const dahl_plan_t *, dahl_loaded_state_t *, int32_t, uint32_
 
 static const dahl_params_t params = {100.0f, 0.5f, 3.8349519e-4f}; /* 14-bit encoder, travel .077 a count */
 
-/* A model with one Fc for each direction: cases NAME_q30, NAME_float and NAME_prepare, number NAME_plan_bytes. */
+/* A model with one Fc for each direction: cases NAME_q30, NAME_float and NAME_prepare, and the bytes of its plan. */
 #define BENCH_DIRECTED(name, ...) \
     int32_t call_##name(const dahl_##name##_plan_t *, dahl_state_t *, int32_t) __asm__("bench_call"); \
     dahl_err_t call_##name##_prepare(dahl_##name##_plan_t *, const dahl_##name##_params_t *) __asm__("bench_call"); \
