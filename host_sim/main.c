@@ -159,10 +159,8 @@ static void configure_loop(program_t *p)
 static void note_cut_frames(const program_t *p)
 {
     if (p->log.cut > 0) {
-        char text[120];
-        snprintf(text, sizeof text, "--log: %llu CAN FD frames of more than 8 bytes are left out; dahl record writes them",
+        log_note("--log: %llu CAN FD frames of more than 8 bytes are left out; dahl record writes them",
                  (unsigned long long)p->log.cut);
-        log_warning(text);
     }
 }
 
