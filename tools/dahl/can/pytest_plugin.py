@@ -355,9 +355,10 @@ def _contact(config: pytest.Config, key: str, call: Callable[[], T]) -> T:
         if key in contacts:
             raise
         contacts[key] = f"no rig: {error}"
-        _skip(config, contacts[key])
-    contacts[key] = ""
-    return result
+    else:
+        contacts[key] = ""
+        return result
+    _skip(config, contacts[key])
 
 
 def _skip(config: pytest.Config, reason: str) -> NoReturn:

@@ -51,7 +51,8 @@ def run(args: argparse.Namespace) -> None:
         return
     log = folder / "run.log" if args.run_path.is_dir() else args.run_path
     if not log.is_file():
-        raise InputError(f"{log}: no such file")
+        hint = "; `dahl demo` leaves one" if args.run_path.is_dir() else ""
+        raise InputError(f"{log}: no such file{hint}")
     of_run = log.samefile(folder / "run.log") if (folder / "run.log").exists() else False
     has_summary = of_run and (folder / "summary.json").exists() and not _is_simulated(folder)
     known = summary.read(folder) if has_summary else {}
