@@ -95,7 +95,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="S",
         help="seconds within which a rig must open and answer each frame (default: 1)",
     )
-    parser.addini("dahl_require", "with --dahl-interface, the same as --dahl-require", type="bool", default=False)
+    parser.addini(
+        "dahl_require",
+        "with --dahl-interface, the same as --dahl-require",
+        type="bool",
+        default=False,
+    )
     parser.addini("dahl_answer_timeout", "the same as --dahl-answer-timeout", default="1")
     parser.addini("dahl_bus_scope", "scope of dahl_bus and dahl_bus_settings", default="function")
 
