@@ -31,7 +31,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--scene", help="scene (name or file) whose parameters the run had")
     parser.add_argument(
-        "-c", "--channel", metavar="BUS", help="of a log that holds several, such as can0"
+        "-c",
+        "--channel",
+        metavar="BUS",
+        help="of a log that holds several, such as can0; of an .asc, 0 for its channel 1",
     )
     parser.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="picture to write: .png, .svg, .pdf"
