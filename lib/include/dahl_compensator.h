@@ -78,7 +78,6 @@
  *   noise. (Prepare enforces 2 noise.)
  * - slew is at least 20 Fc in a second.
  *
- * Closed form behind it: a loop of amplitude A has the area 4 Fc (A - tanh(a A)/a), a = sigma0/Fc.
  * If slip elements make the presliding, give three times the measured length.
  *
  * A smaller play makes small motions lighter, but a free axis can keep moving.
@@ -149,7 +148,7 @@ typedef enum {
     DAHL_COMPENSATOR_REFERENCE = 2 /**< the reference of a position loop */
 } dahl_compensator_law_t;
 
-/** Parameters. Every float is 0 if that is allowed, or 2^-64 <= x < 2^64. */
+/** Parameters. Every float is 2^-64 <= x < 2^64, or 0 if its comment gives 0 a meaning. */
 typedef struct {
     dahl_params_t friction;     /**< Fc [N m] and steepest sigma0 [N m/rad] of the element, and
                                      theta_per_count [rad/count]; none may be 0. For several
@@ -201,8 +200,8 @@ typedef struct {
                                      tick at fade_speed. */
 } dahl_compensator_params_t;
 
-/** Values that dahl_compensator_prepare() derives from the parameters. Integers only; may be
- * `const` in flash. */
+/** Values that dahl_compensator_prepare() derives from the parameters. Integers only. `dahl plan`
+ * does not write it. */
 typedef struct {
     uint32_t gain_q16;      /**< [Q16] gain, rounded down */
     int32_t limit_q30;      /**< [Q30 of Fc] limit */

@@ -23,7 +23,7 @@
  *   in that tick. The next move covers both ticks; largest_step must allow it.
  * - In front of a compensator, pass largest_step 0, because its `jump` rejects the same moves and
  *   fades out. Report a bad reading to dahl_compensator_move(): it uses no move from or to a
- *   rejected reading, even if you gave that reading to dahl_encoder_move().
+ *   rejected reading.
  *
  * @par Interrupts
  * If a tick runs between the code that sets the counter and dahl_encoder_home(), it takes the new

@@ -291,9 +291,11 @@ def test_without_a_rig_the_tests_are_skipped_after_one_try(outcome, tmp_path, da
     assert (done.code, done.last[:9]) == (0, "3 skipped"), done.said
     [reason] = re.findall(r"no rig: (.*)", done.said)
     assert ("node 0" if what == "no node" else options[what][3]) in reason
+    assert what != "no bus" or "`dahl node --port" in reason
     for failed in (required, in_file):
         assert (failed.code, failed.last[:8]) == (1, "3 errors"), failed.said
         assert f"no rig: {reason}" in failed.said and "pytest_plugin.py" not in failed.said
+        assert "During handling" not in failed.said
 
 
 def test_a_rig_that_stops_answering_fails_the_tests(outcome, tmp_path, dahl_loop):

@@ -47,6 +47,7 @@ SOCKETCAN_HINTS = {
     errno.EPROTONOSUPPORT: NO_CAN,
     errno.ENODEV: f"create it as root with `ip link add NAME type vcan`, or {SERVED}",
 }
+NO_SERVER = "no server answers there; `dahl node --port N` starts one"
 QUIET_S = 0.05  # without a frame; then the iterator yields None
 NOTICEABLE_LAG_S = 0.5  # behind the bus; a busy machine alone causes less
 MAX_CLASSIC_BYTES = 8  # a longer frame is CAN FD
@@ -128,10 +129,12 @@ def tuned_for(settings: dict[str, Any]) -> dict[str, Any]:
 def _not_open(settings: dict[str, Any], error: object) -> Error:
     if "interface" not in settings and "Unknown interface type" in str(error):
         return InputError(WHICH)
-    hint = SOCKETCAN_HINTS.get(getattr(error, "errno", None) or 0, "")
-    if settings.get("interface", "socketcan") != "socketcan" or not hint:
-        return BusError(f"cannot open the bus ({shown(settings)}): {error}")
-    return BusError(f"cannot open the bus ({shown(settings)}): {error} ({hint})")
+    hint = ""
+    if settings.get("interface", "socketcan") == "socketcan":
+        hint = SOCKETCAN_HINTS.get(getattr(error, "errno", None) or 0, "")
+    elif settings["interface"] == "socketcand" and "Failed to connect" in str(error):
+        hint = NO_SERVER
+    return BusError(f"cannot open the bus ({shown(settings)}): {error}" + f" ({hint})" * bool(hint))
 
 
 def shown(settings: dict[str, Any]) -> str:

@@ -95,7 +95,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="S",
         help="seconds within which a rig must open and answer each frame (default: 1)",
     )
-    parser.addini("dahl_require", "the same as --dahl-require", type="bool", default=False)
+    parser.addini(
+        "dahl_require",
+        "with --dahl-interface, the same as --dahl-require",
+        type="bool",
+        default=False,
+    )
     parser.addini("dahl_answer_timeout", "the same as --dahl-answer-timeout", default="1")
     parser.addini("dahl_bus_scope", "scope of dahl_bus and dahl_bus_settings", default="function")
 
@@ -355,9 +360,10 @@ def _contact(config: pytest.Config, key: str, call: Callable[[], T]) -> T:
         if key in contacts:
             raise
         contacts[key] = f"no rig: {error}"
-        _skip(config, contacts[key])
-    contacts[key] = ""
-    return result
+    else:
+        contacts[key] = ""
+        return result
+    _skip(config, contacts[key])
 
 
 def _skip(config: pytest.Config, reason: str) -> NoReturn:

@@ -70,7 +70,8 @@ def _open_in_time(settings: dict[str, Any], timeout: float) -> can.BusABC:
         return opened.result(timeout)
     except TimeoutError:
         opened.add_done_callback(_close)
-        raise NoRig(f"cannot open the bus ({buses.shown(settings)}) in {timeout:g} s") from None
+        why = f"in {timeout:g} s ({buses.NO_SERVER}; --dahl-answer-timeout waits longer)"
+        raise NoRig(f"cannot open the bus ({buses.shown(settings)}) {why}") from None
 
 
 def _close(opened: Future[can.BusABC]) -> None:

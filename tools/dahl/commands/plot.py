@@ -31,7 +31,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--scene", help="scene (name or file) whose parameters the run had")
     parser.add_argument(
-        "-c", "--channel", metavar="BUS", help="of a log that holds several, such as can0"
+        "-c",
+        "--channel",
+        metavar="BUS",
+        help="of a log that holds several, such as can0; of an .asc, 0 for its channel 1",
     )
     parser.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="picture to write: .png, .svg, .pdf"
@@ -51,7 +54,8 @@ def run(args: argparse.Namespace) -> None:
         return
     log = folder / "run.log" if args.run_path.is_dir() else args.run_path
     if not log.is_file():
-        raise InputError(f"{log}: no such file")
+        hint = "; `dahl demo` leaves one" if args.run_path.is_dir() else ""
+        raise InputError(f"{log}: no such file{hint}")
     of_run = log.samefile(folder / "run.log") if (folder / "run.log").exists() else False
     has_summary = of_run and (folder / "summary.json").exists() and not _is_simulated(folder)
     known = summary.read(folder) if has_summary else {}

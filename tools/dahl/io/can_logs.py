@@ -42,7 +42,7 @@ def meant(name: str, known: Sequence[str]) -> str:
     hint = f"; did you mean '{lower[near[0]]}'?" if near else ""
     more = len(known) - MAX_LISTED_NAMES
     shown = ", ".join(known[:MAX_LISTED_NAMES]) + (f", and {more} more" if more > 0 else "")
-    return f"{hint} (there are: {shown})"
+    return f"{hint} (known: {shown})"
 
 
 class _Clock:

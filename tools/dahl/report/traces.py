@@ -100,6 +100,7 @@ class Pairing:
     """
 
     def __init__(self, node: int = 0) -> None:
+        self._node = node
         names = ("EncoderState", "FrictionTorque", "Reset", "ParamWrite")
         self.messages = {
             database().get_message_by_name(name).frame_id + node: name for name in names
@@ -173,7 +174,10 @@ class Pairing:
     def trace(self) -> Trace:
         """Return the answered ticks so far. Raises dahl.Error if there is no answer."""
         if not self.answers:
-            raise InputError("no EncoderState with its FrictionTorque among the recorded frames")
+            raise InputError(
+                f"no EncoderState of node {self._node} (that of the scene) with its FrictionTorque"
+                " among the recorded frames"
+            )
         answered = sorted(self.answers)
         row, time, count, load = (
             np.array(column) for column in zip(*(self.ticks[i] for i in answered), strict=True)
