@@ -129,8 +129,8 @@ static int close_with(int fd, int why)
     return -1;
 }
 
-/* Wait for an event until the deadline. */
-static bool wait_until(uint64_t deadline_ms, int fd, short events)
+/* Wait until the deadline at most. */
+static bool wait_for_event(uint64_t deadline_ms, int fd, short events)
 {
     struct pollfd ready = {.fd = fd, .events = events};
     const uint64_t now = monotonic_ms();
@@ -149,7 +149,7 @@ static int connect_one(const struct addrinfo *address, uint64_t deadline_ms)
     if (connect(fd, address->ai_addr, address->ai_addrlen) != 0 && errno != EINPROGRESS) {
         return close_with(fd, errno);
     }
-    if (!wait_until(deadline_ms, fd, POLLOUT)) {
+    if (!wait_for_event(deadline_ms, fd, POLLOUT)) {
         return close_with(fd, ETIMEDOUT);
     }
     if (getsockopt(fd, SOL_SOCKET, SO_ERROR, &why, &size) != 0 || why != 0) {
@@ -174,7 +174,7 @@ static int connect_to(const struct addrinfo *list, uint64_t deadline_ms)
 static bool next_element(socketcand_member_t *self, uint64_t deadline_ms)
 {
     char c;
-    while (wait_until(deadline_ms, self->fd, POLLIN) && recv(self->fd, &c, 1, 0) == 1) {
+    while (wait_for_event(deadline_ms, self->fd, POLLIN) && recv(self->fd, &c, 1, 0) == 1) {
         if (text_feed(&self->input, c)) {
             return true;
         }
