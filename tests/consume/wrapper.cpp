@@ -16,8 +16,8 @@ static_assert(std::is_trivially_destructible<dahl::Bearing>::value && std::is_tr
 static_assert(std::is_standard_layout<dahl::Plan>::value && std::is_trivially_copyable<dahl::Encoder>::value, "");
 
 static_assert(sizeof(dahl::CompensatorPlan) == sizeof(dahl_compensator_plan_t) && sizeof(dahl::Node) == sizeof(dahl_node_t), "");
-static_assert(sizeof(dahl::Compensator) == (sizeof(dahl_compensator_t) + 15) / 8 * 8 || sizeof(void *) != 8,
-              "a state and a pointer");
+struct PointerAndState { const void *plan; dahl_compensator_t state; };
+static_assert(sizeof(dahl::Compensator) == sizeof(PointerAndState), "");
 static_assert(std::is_trivially_copyable<dahl::Compensator>::value && std::is_trivially_destructible<dahl::Node>::value, "");
 
 static dahl::Plan plan, softer;

@@ -53,7 +53,7 @@ check_without_apt() {
     if command -v "${compiler%% *}" >/dev/null; then
         for file in ini.h csv.h cjson/cJSON.h; do
             # shellcheck disable=SC2086 # CC may have options
-            echo "#include <$file>" | $compiler -E - >/dev/null 2>&1 || missing+=("$file")
+            $compiler -E - <<<"#include <$file>" >/dev/null 2>&1 || missing+=("$file")
         done
     fi
     [ "${#missing[@]}" -eq 0 ] && { say "no apt-get here, but all programs and libraries of the build are in place"; return; }

@@ -62,14 +62,14 @@ needs_pip() { [ "$VENV_STATE" != complete ]; }
 pip() { "$VENV/bin/python" -m pip --disable-pip-version-check --quiet "$@"; }
 
 # Download one small package with pip's own settings and proxies. Without a network pip gives up after 10 s; on a busy machine it
-# needs more than 15 s to start. If there is no pip yet, create_venv checks again.
+# needs more than 25 s to start. If there is no pip yet, create_venv checks again.
 reach_pip() {
     local python
     for python in "$VENV/bin/python" "$PYTHON"; do
         if [ -n "$python" ] && "$python" -m pip --version >/dev/null 2>&1; then break; else python=; fi
     done
     [ -n "$python" ] || return 0
-    timeout 25 "$python" -m pip --disable-pip-version-check --quiet download --no-deps --no-cache-dir --retries 1 --timeout 5 \
+    timeout 60 "$python" -m pip --disable-pip-version-check --quiet download --no-deps --no-cache-dir --retries 1 --timeout 5 \
         --dest "$BUILD/deps" --require-hashes -r <(smallest_package) >>"$BUILD/setup.log" 2>&1
     local code=$?
     rm -f "$BUILD"/deps/mdurl-*
