@@ -129,7 +129,7 @@ static int close_with(int fd, int why)
     return -1;
 }
 
-/* Wait for an event until the deadline. */
+/* Wait until the deadline at most. */
 static bool wait_for_event(uint64_t deadline_ms, int fd, short events)
 {
     struct pollfd ready = {.fd = fd, .events = events};

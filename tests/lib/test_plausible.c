@@ -61,44 +61,27 @@ static void test_the_presliding_length(void)
     expect(DAHL_PLAUSIBLE, 0.0078126f, 1.0f, 0.0f);
 }
 
-static dahl_compensator_params_t base(void)
+static void expect_of(dahl_compensator_plausible_t wanted, float period, float rise, float fall, float fade_speed, uint32_t jump)
 {
-    dahl_compensator_params_t params = {
+    const dahl_compensator_params_t params = {
         .friction = {100.0f, 0.5f, TURN / 16384}, .law = DAHL_COMPENSATOR_REFERENCE, .gain = 0.9f, .limit = 1.0f,
-        .slew = 50.0f, .period = 1e-3f, .rise = 0.5f, .fall = 0.02f, .fade_speed = 5.0f, .play = 1, .jump = 200};
-    return params;
-}
-
-static void expect_of(dahl_compensator_plausible_t wanted, const dahl_compensator_params_t *params)
-{
-    TEST_ASSERT_EQUAL_INT(wanted, dahl_compensator_params_plausible(params));
+        .slew = 50.0f, .period = period, .rise = rise, .fall = fall, .fade_speed = fade_speed, .play = 1, .jump = jump};
+    TEST_ASSERT_EQUAL_INT(wanted, dahl_compensator_params_plausible(&params));
 }
 
 static void test_the_period_of_a_compensator(void)
 {
-    dahl_compensator_params_t params = base();
-    expect_of(DAHL_COMPENSATOR_PLAUSIBLE, &params);
-    params.fade_speed = 0.0f;
-    params.period = 0.021f;
-    expect_of(DAHL_COMPENSATOR_LONG_PERIOD, &params);
-    params.fall = 0.0f;
-    expect_of(DAHL_COMPENSATOR_PLAUSIBLE, &params);
-    params.rise = 0.02f;
-    expect_of(DAHL_COMPENSATOR_LONG_PERIOD, &params);
-    params.rise = 0.0f;
-    params.period = 0.04f;
-    expect_of(DAHL_COMPENSATOR_PLAUSIBLE, &params);
-    params.period = 0.05f;
-    expect_of(DAHL_COMPENSATOR_LONG_PERIOD, &params);
-    params.period = -1.0f; /* rejected */
-    expect_of(DAHL_COMPENSATOR_PLAUSIBLE, &params);
+    expect_of(DAHL_COMPENSATOR_PLAUSIBLE, 1e-3f, 0.5f, 0.02f, 5.0f, 200);
+    expect_of(DAHL_COMPENSATOR_LONG_PERIOD, 0.021f, 0.5f, 0.02f, 0.0f, 200);
+    expect_of(DAHL_COMPENSATOR_PLAUSIBLE, 0.021f, 0.5f, 0.0f, 0.0f, 200);
+    expect_of(DAHL_COMPENSATOR_LONG_PERIOD, 0.021f, 0.02f, 0.0f, 0.0f, 200);
+    expect_of(DAHL_COMPENSATOR_PLAUSIBLE, 0.04f, 0.0f, 0.0f, 0.0f, 200);
+    expect_of(DAHL_COMPENSATOR_LONG_PERIOD, 0.05f, 0.0f, 0.0f, 0.0f, 200);
+    expect_of(DAHL_COMPENSATOR_PLAUSIBLE, -1.0f, 0.0f, 0.0f, 0.0f, 200); /* rejected */
 }
 
 static void test_the_fade_speed_of_a_compensator(void)
 {
-    dahl_compensator_params_t params = base();
-    params.fade_speed = 5.0f * 57.3f;
-    expect_of(DAHL_COMPENSATOR_FAST_FADE, &params);
-    params.jump = 750;
-    expect_of(DAHL_COMPENSATOR_PLAUSIBLE, &params);
+    expect_of(DAHL_COMPENSATOR_FAST_FADE, 1e-3f, 0.5f, 0.02f, 5.0f * 57.3f, 200);
+    expect_of(DAHL_COMPENSATOR_PLAUSIBLE, 1e-3f, 0.5f, 0.02f, 5.0f * 57.3f, 750);
 }

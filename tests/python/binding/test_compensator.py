@@ -153,12 +153,8 @@ def near(chance: random.Random, value: Fraction) -> float:
 def random_axis(chance: random.Random) -> dict[str, float]:
     """Return parameters of which each of the three rules is near its limit."""
     Fc = random_float(chance, 1e-6, 1e6)  # noqa: N806
-    length = Fc * random_float(chance, 1e-4, 1e-2)
-    one: dict[str, float] = {
-        "Fc": Fc,
-        "sigma0": float32(Fc / length),
-        "elastic": chance.random() < 0.5,
-    }
+    sigma0 = float32(Fc / (Fc * random_float(chance, 1e-4, 1e-2)))
+    one: dict[str, float] = {"Fc": Fc, "sigma0": sigma0, "elastic": chance.random() < 0.5}
     one |= {"gain": random_float(chance, 0.2, 1), "period": random_float(chance, 1e-5, 1e-2)}
     share = Fraction(chance.choice([0.0, 1e-12, 1e-3, 0.5, 0.999]))
     Fc_low = Fraction(one["gain"]) * Fraction(Fc) / Fraction(95, 100) / (1 - share)  # noqa: N806
@@ -166,8 +162,7 @@ def random_axis(chance: random.Random) -> dict[str, float]:
     one["Fc_low"] = near(chance, Fc_low)
     seen = Fraction(Fc) / Fraction(one["sigma0"]) / (4 if one["elastic"] else 1)
     one["length_long"] = near(chance, seen)
-    one["delay"] = one["period"] * random_float(chance, 1e-9, 1e9)
-    one["delay"] = float32(one["delay"])
+    one["delay"] = float32(one["period"] * random_float(chance, 1e-9, 1e9))
     one["sigma0_high"] = random_float(chance, 1e-3, 1e6)
     late = Fraction(one["delay"]) + Fraction(one["period"]) / 2
     one["inertia"] = near(chance, Fraction(one["sigma0_high"]) * late**2 / 3)
@@ -198,13 +193,8 @@ def test_the_rules_of_an_axis_are_decided_as_by_fractions() -> None:
         one = random_axis(chance)
         friction = {name: one[name] for name in ("sigma0", "Fc")} | {"theta_per_count": 1e-5}
         rest = {name: value for name, value in one.items() if name not in friction}
-        rest |= {
-            "law": c.DAHL_COMPENSATOR_MEASURED,
-            "limit": 1.0,
-            "slew": 100 * one["Fc"],
-            "play": 1,
-            "jump": 1,
-        }
+        rest |= {"law": c.DAHL_COMPENSATOR_MEASURED, "limit": 1.0, "slew": 100 * one["Fc"]}
+        rest |= {"play": 1, "jump": 1}
         params = c.new("dahl_compensator_params_t *", {"friction": friction, **rest})
         code, is_near = exact_code(one)
         got = c.dahl_compensator_prepare(c.new("dahl_compensator_plan_t *"), params)
@@ -220,12 +210,15 @@ def random_plan(chance: random.Random) -> dict[str, Any]:
     Fc = chance.choice([0.5, 0.25, random_float(chance, 0.02, 20)])  # noqa: N806
     one = {"sigma0": 100.0, "Fc": Fc, "theta_per_count": THETA, "reference": True}
     one |= {"gain": random_float(chance, 0.1, 1), "limit": random_float(chance, 0.05, 5) * Fc}
-    one |= {
-        "slew": random_float(chance, 1e-4, 1e4) * Fc,
-        "period": random_float(chance, 1e-4, 2e-2),
-    }
+    one |= {"slew": random_float(chance, 1e-4, 1e4) * Fc}
+    one |= {"period": random_float(chance, 1e-4, 2e-2)}
     one |= {"fade_speed": chance.choice([0.0, random_float(chance, 1, 100)]), "jump": 100}
     return one | {"play": chance.choice([1, 2, 7, 100])}
+
+
+def torque_of(one: dahl.Compensator, ratio_q30: int) -> Fraction:
+    """Return the torque of a tick in 2^-30 N m."""
+    return Fraction(one.torque_q30(ratio_q30)) * Fraction(one.Fc)
 
 
 def test_limit_and_slew_hold_in_newton_metres_across_a_change() -> None:
@@ -236,33 +229,29 @@ def test_limit_and_slew_hold_in_newton_metres_across_a_change() -> None:
     for _ in range(5000):
         for _ in range(chance.choice([1, 3, 10])):
             move = one.move(chance.randint(-3, 20), chance.random() < 0.9)
-            last = Fraction(one.torque_q30(chance.choice([-(2**30), 2**30, 2**29]))) * Fraction(
-                one.Fc
-            )
+            last = torque_of(one, chance.choice([-(2**30), 2**30, 2**29]))
         params = random_plan(chance)
         one.change(**params)
         assert abs(one.terms["play_position"] - one.play / 2) <= one.play / 2
         one.move(move)
-        torque = Fraction(one.torque_q30(chance.choice([-(2**30), 2**30, 0]))) * Fraction(one.Fc)
+        torque = torque_of(one, chance.choice([-(2**30), 2**30, 0]))
         limit = Fraction(one.limit) * 2**30
         slew = Fraction(one.slew) * Fraction(one.period) * 2**30
-        assert abs(torque) <= limit and (one.Fc, one.play) == (
-            float32(params["Fc"]),
-            params["play"],
-        )
-        if abs(last) <= min(limit, 2**31 * Fraction(one.Fc)):
+        assert abs(torque) <= limit and one.play == params["play"]
+        assert one.Fc == float32(params["Fc"])
+        limit = min(limit, 2**31 * Fraction(one.Fc))
+        if abs(last) <= limit:
             assert abs(torque - last) <= slew
         else:
             parted += abs(torque - last) > slew
-            assert abs(torque) >= min(limit, 2**31 * Fraction(one.Fc)) * Fraction(999, 1000) - slew
+            assert abs(torque) >= limit * Fraction(999, 1000) - slew
     assert parted > 100
 
 
 def test_a_change_converts_the_speed_and_keeps_the_end_of_the_play() -> None:
     """At 1.9 rad/s the torque is off with a fade speed of 0.9 rad/s, and half with 1.27 rad/s."""
-    one = compensator(
-        reference=True, rise=0.0, fade_speed=0.9, play=7, slew=1e4, gain=1.0, Fc_low=0.5
-    )
+    given = {"reference": True, "rise": 0.0, "fade_speed": 0.9, "play": 7, "slew": 1e4}
+    one = compensator(**given, gain=1.0, Fc_low=0.5)
     for _ in range(200):
         one.move(5)
     assert one.torque_q30(2**30) == 0 and one.terms["play_position"] == 7
@@ -272,10 +261,8 @@ def test_a_change_converts_the_speed_and_keeps_the_end_of_the_play() -> None:
     one.change(fade_speed=0.0)
     assert one.torque(2**30) == pytest.approx(0.3, rel=1e-6)  # its limit
     one.change(fade_speed=0.9)  # the speed is that of the last move
-    assert (
-        one.terms["speed"] == pytest.approx(5 * THETA / 1e-3, rel=1e-3)
-        and one.torque_q30(2**30) == 0
-    )
+    assert one.terms["speed"] == pytest.approx(5 * THETA / 1e-3, rel=1e-3)
+    assert one.torque_q30(2**30) == 0
 
 
 def test_a_change_keeps_each_torque_and_the_speed_in_their_units() -> None:
@@ -304,13 +291,11 @@ def test_a_change_has_the_bits_of_c_and_a_refused_one_changes_nothing() -> None:
     params.friction.Fc, params.friction.sigma0, params.gain = 0.41, 80.0, 0.9
     assert c.dahl_compensator_prepare(to, params) == c.DAHL_COMPENSATOR_OK
     c.dahl_compensator_change(plan, to, state)
-    one.change(Fc=0.41, sigma0=80.0, gain=0.9)
+    changes = {"Fc": 0.41, "sigma0": 80.0, "gain": 0.9}
+    one.change(**changes)
     assert one.torque_q30(2**30) == c.dahl_compensator_torque(to, state, 2**30) != 0
     assert bytes(c.buffer(one._state)) == bytes(c.buffer(state))
-    again = dahl.Compensator(
-        **(FRICTION | VALUES | COUNTS | {"Fc": 0.41, "sigma0": 80.0, "gain": 0.9})
-    )
-    assert repr(one) == repr(again)
+    assert repr(one) == repr(dahl.Compensator(**(FRICTION | VALUES | COUNTS | changes)))
 
 
 # --- refusals -------------------------------------------------------------------------------------

@@ -116,13 +116,7 @@ KINDS = {
         Kind(dahl.Work, PLANNED, step),
     )
 }
-EXCEPTIONS = {
-    "BusError",
-    "Error",
-    "InputError",
-    "RunError",
-    "Timeout",
-}  # equal only to themselves, like all exceptions
+EXCEPTIONS = {"BusError", "Error", "InputError", "RunError", "Timeout"}  # equal only to themselves
 ON_A_BUS = {"Client"}  # it has no value: equal only to itself
 CLASSES = {name for name in dahl.__all__ if inspect.isclass(getattr(dahl, name))}
 

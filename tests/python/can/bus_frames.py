@@ -34,6 +34,14 @@ def frames(dbc: Path, *messages: tuple[str, float, dict[str, Any]]) -> Iterator[
         )
 
 
+@contextlib.contextmanager
+def two_ends() -> Iterator[tuple[can.BusABC, can.BusABC]]:
+    """Two clients of a bus of this process."""
+    settings = {"interface": "virtual", "channel": new_channel()}
+    with can.Bus(**settings) as one, can.Bus(**settings) as other:
+        yield one, other
+
+
 def is_joined(channel: str) -> bool:
     return len(channels[channel]) == 2
 

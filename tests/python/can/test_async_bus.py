@@ -15,6 +15,7 @@ from pathlib import Path
 import can
 import dahl
 import pytest
+from bus_frames import two_ends
 from dahl import codec, node
 from dahl.can.async_bus import AsyncBus
 from dahl.codec import Param, ParamWrite, Write
@@ -47,10 +48,7 @@ def bus(request: pytest.FixtureRequest, tmp_path: Path, dahl_loop: Path) -> Iter
         ):
             yield ours
         return
-    with (
-        can.Bus(interface="virtual", channel="test_async") as ours,
-        can.Bus(interface="virtual", channel="test_async") as theirs,
-    ):
+    with two_ends() as (ours, theirs):
         nodes = [dahl.Node(PLAN, number, timeout=60) for number in (0, 3)]
         notifier = can.Notifier(theirs, [Slow(theirs, *nodes)], timeout=0.02)
         yield ours
@@ -121,10 +119,7 @@ def test_calls_that_wait_for_their_turn_are_cancelled_too(bus):
 
 
 def test_a_cancelled_recv_loses_no_frame():
-    with (
-        can.Bus(interface="virtual", channel="test_recv") as ours,
-        can.Bus(interface="virtual", channel="test_recv") as theirs,
-    ):
+    with two_ends() as (ours, theirs):
         chance, calls = random.Random(4), AsyncBus(ours)
 
         def send() -> None:
@@ -149,11 +144,7 @@ def test_a_cancelled_recv_loses_no_frame():
 def test_a_cancelled_call_ends_soon_and_leaves_no_thread_on_the_bus(bus):
     async def work() -> None:
         calls = AsyncBus(bus)
-        for call in (
-            calls.ask(write(1), 7, 60),
-            calls.recv(60),
-            calls.expect_silence(None, 7, 60),
-        ):
+        for call in (calls.ask(write(1), 7, 60), calls.recv(60), calls.expect_silence(None, 7, 60)):
             with pytest.raises(TimeoutError):
                 await asyncio.wait_for(call, 0.02)
         begin = time.monotonic()

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import can
 import dahl
 import pytest
+from bus_frames import two_ends
 from can_socket import BUS_OFF
 from dahl import codec, node
 from dahl.can import client as client_module
@@ -240,10 +241,7 @@ def test_a_lost_bus_is_a_connection_error(wired, error):
 
 @contextlib.contextmanager
 def served(*nodes: dahl.Node) -> Iterator[can.BusABC]:
-    with (
-        can.Bus(interface="virtual", channel="test_client") as ours,
-        can.Bus(interface="virtual", channel="test_client") as theirs,
-    ):
+    with two_ends() as (ours, theirs):
         notifier = can.Notifier(theirs, [node.Listener(theirs, *nodes)], timeout=0.02)
         yield ours
         notifier.stop()

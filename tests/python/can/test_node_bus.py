@@ -19,6 +19,7 @@ import can
 import dahl
 import numpy as np
 import pytest
+from bus_frames import two_ends
 from can_socket import BUS_OFF
 from dahl import codec, node
 from dahl.can import bus as buses
@@ -34,11 +35,8 @@ Ends = tuple[can.BusABC, can.BusABC]
 
 @pytest.fixture
 def ends() -> Iterator[Ends]:
-    with (
-        can.Bus(interface="virtual", channel="test_node") as one,
-        can.Bus(interface="virtual", channel="test_node") as other,
-    ):
-        yield one, other
+    with two_ends() as pair:
+        yield pair
 
 
 @contextlib.contextmanager

@@ -110,16 +110,11 @@ def test_friction_and_compensator_change_together(rig: ctypes.CDLL) -> None:
         assert abs(torque - last) <= slew + max(0, abs(last) - limit) + 1e-7
         last = torque
         if chance.random() < 0.3:
-            numbers = (
-                chance.uniform(50, 200),
-                chance.uniform(0.1, 1),
-                1.0,
-                chance.uniform(0.1, 0.9),
-            )
+            numbers = chance.uniform(50, 200), chance.uniform(0.1, 1), 1.0, chance.uniform(0.1, 0.9)
             numbers += chance.uniform(0.05, 0.5), chance.uniform(5, 500)
             values = dict(zip(CHANGING, numbers, strict=True))
             assert not rig.set(*(values | {"Fc_low": 0.001}).values(), ctypes.byref(code))
-            assert code.value == -19
+            assert code.value == -19  # DAHL_COMPENSATOR_GAIN
             assert rig.set(*values.values(), ctypes.byref(code)) and code.value == 0
             assert not rig.set(*values.values(), ctypes.byref(code)) and code.value == 0  # it waits
             law.change(**values)

@@ -18,16 +18,7 @@ from dahl.identify.models import LAWS, OPTIONS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from identify_tools import (
-    FC,
-    SIGMA0,
-    behind_play,
-    chirp,
-    dahl_torque,
-    log_of,
-    shaft,
-    springs,
-)
+from identify_tools import FC, SIGMA0, behind_play, chirp, dahl_torque, log_of, shaft, springs
 from scipy.integrate import solve_ivp
 from scipy.signal import filtfilt, lfilter
 
