@@ -84,7 +84,7 @@ class Client:
         with turn_of(self._bus):
             if not self._is_started:
                 self.restart()
-            elif not self._is_answered or time.monotonic() - self._sent_s > self._silence_s / 2:
+            if not self._is_answered or time.monotonic() - self._sent_s > self._silence_s / 2:
                 for _ in range(REARM - 1):
                     send(self._bus, self._next_state(), self._number)
                 self._ask_torque()
@@ -94,10 +94,10 @@ class Client:
     def restart(self) -> None:
         """Restart the node: its bristle relaxes, and the present count is its starting point."""
         with turn_of(self._bus):
-            status = ask(self._bus, Reset(What.RESTART), self._number, self._timeout)
-            self._silence_s = status.timeout_s
-            self._ask_torque()
+            ask(self._bus, Reset(What.RESTART), self._number, self._timeout)
+            self._silence_s = self.read(Param.TIMEOUT)  # Status has it in steps of 10 ms
             self._Fc = self.read(Param.FC)
+            self._ask_torque()
             self._is_started = True
 
     def read(self, param: int) -> float:
