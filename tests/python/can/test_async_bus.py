@@ -154,6 +154,41 @@ def test_a_cancelled_call_ends_soon_and_leaves_no_thread_on_the_bus(bus):
     asyncio.run(work())
 
 
+def test_each_loop_may_call_and_busy_threads_of_the_caller_do_not_matter(bus):
+    calls, free = AsyncBus(bus), threading.Event()
+
+    async def work() -> None:
+        asked = [calls.ask(write(number), timeout=60) for number in range(4)]
+        assert all(map(is_answer, await asyncio.gather(*asked), range(4)))
+
+    async def work_beside_threads() -> None:
+        busy = [asyncio.create_task(asyncio.to_thread(free.wait, 60)) for _ in range(99)]
+        await asyncio.sleep(0)
+        await work()
+        free.set()
+        await asyncio.gather(*busy)
+
+    for each in (work, work_beside_threads, work):
+        asyncio.run(each())
+
+
+@pytest.mark.parametrize(
+    ("call", "kind", "words"),
+    [
+        (lambda calls: AsyncBus(5).recv(), TypeError, "bus = 5"),
+        (lambda calls: calls.send(5), TypeError, "message = 5"),
+        (lambda calls: calls.recv("1"), TypeError, "timeout = '1'"),
+        (lambda calls: calls.recv(float("nan")), dahl.InputError, "timeout = nan"),
+    ],
+)
+def test_a_wrong_argument_is_refused(bus, call, kind, words):
+    async def work() -> None:
+        with pytest.raises(kind, match=words):
+            await asyncio.wait_for(call(AsyncBus(bus)), 60)
+
+    asyncio.run(work())
+
+
 def test_a_lost_bus_is_a_connection_error_of_each_call():
     class Gone:
         def send(self, message: can.Message) -> None:

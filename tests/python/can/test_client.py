@@ -151,6 +151,16 @@ def test_after_a_pause_the_node_answers_again_and_the_move_is_not_lost(wired, kn
     assert one.counts.stale == 3
 
 
+@pytest.mark.parametrize("timeout_ms", [4, 11, 2600])
+def test_a_pause_is_that_of_the_node_to_the_millisecond(wired, timeout_ms):
+    """Status has the timeout in steps of 10 ms, and only up to 2.55 s."""
+    wire, alone = wired(dahl.Node(PLAN, timeout=timeout_ms / 1000)), dahl.Friction(PLAN)
+    client = dahl.Client(wire)
+    for pause in (0.51, 0.9, 1.1, 2):
+        assert client.move(3).torque_q30 == alone.step_counts_q30(3)
+        wire.now += pause * timeout_ms / 1000
+
+
 def test_restart_ends_a_silence_that_three_good_frames_do_not_end(wired):
     one = dahl.Node(PLAN, timeout=10)
     wire = wired(one)
@@ -164,6 +174,16 @@ def test_restart_ends_a_silence_that_three_good_frames_do_not_end(wired):
             client.move(1)
     client.restart()
     assert client.torque == 0
+    assert client.move(5).torque_q30 == dahl.Friction(PLAN).step_counts_q30(5)
+
+
+def test_a_node_that_restarts_by_itself_says_so(wired):
+    wire = wired(dahl.Node(PLAN, timeout=10))
+    client = dahl.Client(wire)
+    client.move(100)
+    wire.nodes = (dahl.Node(PLAN, timeout=10),)
+    answer = client.move(30)
+    assert (answer.state, answer.ratio) == (State.INIT, 0)
     assert client.move(5).torque_q30 == dahl.Friction(PLAN).step_counts_q30(5)
 
 

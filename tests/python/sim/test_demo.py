@@ -246,6 +246,18 @@ def test_plot_and_report_know_each_scene_and_no_file_of_another_scene_stays(dahl
     assert names_in(out) == left
 
 
+@pytest.mark.parametrize("words", [words for words, *_ in SCENES_IN_ONE_FOLDER[:4]])
+def test_files_of_the_user_survive_a_run_that_writes_the_same_names(dahl, quick_scenes, words):
+    (out := Path("out")).mkdir()
+    own = {"summary.json", "run.log", "trace.csv", "loop.png", "park-steer.png", "own.csv"}
+    for name in own:
+        (out / name).write_text(f"mine: {name}")
+    for _ in range(2):  # the second run removes the files of the first one only
+        assert dahl("demo", *words, "-o", "out").returncode == 0
+        kept = {path.read_bytes() for path in out.iterdir()}
+        assert {f"mine: {name}".encode() for name in own} <= kept
+
+
 def test_a_run_keeps_the_files_that_it_reads(dahl, own_log, unpainted):
     """A scene and a table that an earlier run wrote into the folder."""
     words = ("--bus", "socketcand", *SHORT, "-o", "out")

@@ -10,11 +10,13 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any, TypeVar, overload
+from weakref import WeakKeyDictionary
 
 from dahl.can import bus as buses
 from dahl.can import codec
-from dahl.can.node import ask, expect_silence, send, turn_of
+from dahl.can.node import ask, check_bus, check_span, expect_silence, send, turn_of
 from dahl.errors import Error, hide
 
 if TYPE_CHECKING:
@@ -30,11 +32,15 @@ class AsyncBus:
     the other. `bus` is the bus itself.
 
     A call may be cancelled, for example by asyncio.timeout(). It has then stopped reading, and the
-    next call gets its own answer. A frame that it had sent stays sent.
+    next call gets its own answer, if its frame has another counter. A frame that a call had sent
+    stays sent.
     """
 
     def __init__(self, bus: can.BusABC) -> None:
-        self.bus, self._turn = bus, asyncio.Lock()
+        check_bus(bus, "send", "recv")
+        self.bus = bus
+        self._turns = WeakKeyDictionary[asyncio.AbstractEventLoop, asyncio.Lock]()
+        self._threads = ThreadPoolExecutor()  # those of asyncio are few, and belong to the caller
         self._unread: deque[can.Message] = deque()  # received by a recv() that was cancelled
 
     @overload
@@ -73,19 +79,20 @@ class AsyncBus:
 
     async def recv(self, timeout: float | None = 1.0) -> can.Message | None:
         """Return the next message, None after `timeout` s; a timeout of None is endless."""
-        return await self._call(self._receive, timeout)
+        seconds = math.inf if timeout is None else check_span("timeout", timeout)
+        return await self._call(self._receive, seconds)
 
-    def _receive(self, bus: can.BusABC, timeout: float | None) -> can.Message | None:
-        timeout = math.inf if timeout is None else timeout
+    def _receive(self, bus: can.BusABC, timeout: float) -> can.Message | None:
         return self._unread.popleft() if self._unread else buses.receive(bus, timeout)
 
     async def _call(self, function: Callable[..., T], *arguments: Any) -> T:
         """Call function(bus, *arguments) in a thread, and wait for its end, also if cancelled."""
-        async with self._turn:
+        loop = asyncio.get_running_loop()
+        async with self._turns.setdefault(loop, asyncio.Lock()):
             if function in (ask, expect_silence):  # they drop the frames that wait
                 self._unread.clear()
             link = _CancellableBus(self.bus)
-            work = asyncio.get_running_loop().run_in_executor(None, link.call, function, arguments)
+            work = loop.run_in_executor(self._threads, link.call, function, arguments)
             try:
                 return await asyncio.shield(work)
             except Error as error:  # without the frames of its thread

@@ -42,6 +42,9 @@ class Client:
     The first move() restarts the node. If the node stays silent for `timeout`, move(), read() and
     write() raise dahl.Timeout, a TimeoutError; if the bus is lost, dahl.BusError, a
     ConnectionError. The move counts nevertheless: call again. Threads may share a client.
+
+    A node that restarts by itself answers the next move with state INIT: its bristle has relaxed,
+    and this move is lost.
     """
 
     def __init__(self, bus: can.BusABC, number: int = 0, timeout: float = 1.0) -> None:
@@ -83,7 +86,7 @@ class Client:
         with turn_of(self._bus):
             if not self._is_started:
                 self.restart()
-            elif not self._is_answered or time.monotonic() - self._sent_s > self._silence_s / 2:
+            if not self._is_answered or time.monotonic() - self._sent_s > self._silence_s / 2:
                 for _ in range(REARM - 1):
                     send(self._bus, self._next_state(), self._number)
                 self._ask_torque()
@@ -93,10 +96,10 @@ class Client:
     def restart(self) -> None:
         """Restart the node: its bristle relaxes, and the present count is its starting point."""
         with turn_of(self._bus):
-            status = ask(self._bus, Reset(What.RESTART), self._number, self._timeout)
-            self._silence_s = status.timeout_s
-            self._ask_torque()
+            ask(self._bus, Reset(What.RESTART), self._number, self._timeout)
+            self._silence_s = self.read(Param.TIMEOUT)  # Status has it in steps of 10 ms
             self._Fc = self.read(Param.FC)
+            self._ask_torque()
             self._is_started = True
 
     def read(self, param: int) -> float:
@@ -105,7 +108,7 @@ class Client:
 
     def write(self, param: int, value: float) -> float:
         """Set a parameter, in the unit of read(), and return the value that the node has now: the
-        nearest step. Raises dahl.InputError if the node refuses it. node.ask() with Write.HOLD
+        nearest step, of large values the nearest float (24 bits). Raises dahl.InputError if the node refuses it. node.ask() with Write.HOLD
         changes several at once.
         """
         with turn_of(self._bus):

@@ -378,7 +378,7 @@ def run(
     """
     check_bus(bus, "send", "recv")
     link = _Link(bus, nodes)
-    end = time.monotonic() + (float("inf") if seconds is None else _span("seconds", seconds))
+    end = time.monotonic() + (float("inf") if seconds is None else check_span("seconds", seconds))
     if not callable(ended):
         raise TypeError(f"ended = {checks.shown(ended)} cannot be called")
     while not ended() and time.monotonic() < end:
@@ -411,7 +411,7 @@ def check_timeout(timeout: float) -> float:
     return _within("timeout", timeout, 0, MAX_PARAM_S, "s")
 
 
-def _span(name: str, value: float) -> float:
+def check_span(name: str, value: float) -> float:
     """Return a time in s, 0 to infinity. Raises dahl.Error."""
     number = checks.real(name, value, "a number of s, 0 or above,")
     if not number >= 0:
@@ -473,9 +473,7 @@ def expect_silence(
     """
     check_bus(bus, "send", "recv")
     seconds, node = _within("seconds", seconds, 0, MAX_PARAM_S, "s"), codec.number_of(node)
-    message = codec.pack(frame, node) if isinstance(frame, codec.Frame) else frame
-    if message is not None:
-        codec.RawFrame().read(message)  # raises TypeError if it is no can.Message
+    message = None if frame is None else _message_of(frame, node)
     with turn_of(bus):
         _drop_waiting(bus, time.monotonic() + seconds)
         begin = time.monotonic()
@@ -506,8 +504,15 @@ def _drop_waiting(bus: can.BusABC, until: float) -> None:
 
 def send(bus: can.BusABC, frame: codec.Frame | can.Message, node: int) -> None:
     """Send a frame to a node, or a message as it is. Raises dahl.BusError if the bus refuses it."""
-    message = codec.pack(frame, node) if isinstance(frame, codec.Frame) else frame
+    message = _message_of(frame, node)
     _send(bus, message, frame)
+
+
+def _message_of(frame: codec.Frame | can.Message, node: int) -> can.Message:
+    """Return the message of a frame, or a message itself. Raises TypeError for anything else."""
+    message = codec.pack(frame, node) if isinstance(frame, codec.Frame) else frame
+    codec.RawFrame().read(message)
+    return message
 
 
 def _send(bus: can.BusABC, message: can.Message, frame: object) -> None:

@@ -38,13 +38,14 @@ def run(args: argparse.Namespace, console: Any) -> int:
     refuse_options(args, SCENE, "has no bus and no log", FOREIGN)
     seed = DEFAULT_SEED if args.seed is None else args.seed
     run_files.remove_earlier(args.output)
+    written = (PICTURE, "summary.json")
+    run_files.set_aside(args.output, *written)
     comparison = _compare_with_progress(seed, console)
     numbers = {"scene": SCENE, "seed": seed, "version": __version__, **comparison.numbers}
     numbers |= {"command": shlex.join(["dahl", *args.words])}
     files.write_atomic(args.output / "summary.json", json.dumps(numbers, indent=2) + "\n")
     picture.draw(args.output / PICTURE, comparison)
     console.print(terminal.table(table(numbers, args.output)))
-    written = (PICTURE, "summary.json")
     console.print("files   " + ", ".join(str(args.output / name) for name in written))
     if args.json:
         print(json.dumps(numbers, indent=2))

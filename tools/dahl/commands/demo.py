@@ -184,9 +184,11 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
     """Return scene, log and recording, checked before any program starts."""
     from dahl.commands import compare_laws, park_steer
     from dahl.io import data
+    from dahl.report import run_files
     from dahl.sim import scene
 
     if args.log:
+        run_files.set_aside(args.output, "own.ini", "own.csv")
         chosen, unit = scene.write_own(_own(args), args.output / "own.ini")
         console.print(f"angle   column '{args.angle}' in {unit} (else: --angle-unit)")
         table = args.output / chosen.log
@@ -318,14 +320,13 @@ def _trace(log: Path, scene: Scene) -> Trace:
 
 def _forget_earlier_run(folder: Path, scene: Scene, log: Path | None) -> None:
     """Remove the files of an earlier run, also of another scene, except those that this run reads.
-    Numbers and traces go in any case, since this run may fail.
+    Other files of the names that it writes are renamed in any case, since this run may fail.
     """
     from dahl.report import run_files
 
     run_files.remove_earlier(folder, [scene.path, *([log] if log else [])])
-    for name in ("summary.json", "trace.csv", "uncompensated.csv"):
-        if (folder / name).is_file():
-            (folder / name).unlink()
+    traces = "trace.csv", "uncompensated.csv"
+    run_files.set_aside(folder, "summary.json", "run.log", "loop.png", *traces)
 
 
 def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: Any) -> Setup:

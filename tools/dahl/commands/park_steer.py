@@ -34,6 +34,7 @@ def run(args: argparse.Namespace, console: Any) -> int:
 
     refuse_options(args, SCENE, "has its own bus and no log", (*FOREIGN, "seed"))
     run_files.remove_earlier(args.output)
+    run_files.set_aside(args.output, *WRITTEN)
     plain, assisted = _simulate_with_progress(console)
     columns = {"without": plain.numbers(), "with": assisted.numbers()}
     numbers = {"scene": SCENE, "version": __version__, **columns}

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO, TypeVar, cast
 
-from dahl.errors import Error
+from dahl.errors import Error, printable
 from dahl.io import candump, files
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def _candump_frames(path: Path, notes: list[str], clock: _Clock) -> Iterator[can
 
 
 def _shown(line: str) -> str:
-    return line.strip()[:60]
+    return printable(line.strip()[:60])
 
 
 class _AscLines:

@@ -2,7 +2,8 @@
 """The files that dahl has written into the folder of a run, so that the next run can remove them.
 
 The folder has a list of them, with size and time of change. A file that has changed since, or that
-is not in the list, is not removed: it may be the user's.
+is not in the list, is not removed: it may be the user's. If the next run writes a file of its name,
+it is renamed.
 """
 
 from __future__ import annotations
@@ -97,3 +98,12 @@ def remove_earlier(folder: Path, spared: Iterable[Path] = ()) -> None:
         else:
             path.unlink()
     _write(folder, kept)
+
+
+def set_aside(folder: Path, *names: str) -> None:
+    """Rename files of these names to NAME~ if they are not in the list, or have changed since."""
+    known = _read(folder)
+    for path in (folder / name for name in names):
+        stamp = _stamp(path)
+        if path.is_file() and (stamp is None or known.get(path.name) != stamp):
+            path.replace(path.with_name(f"{path.name}~"))
