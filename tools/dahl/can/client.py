@@ -103,13 +103,15 @@ class Client:
             self._is_started = True
 
     def read(self, param: int) -> float:
-        """Return a parameter in N m/rad, N m, rad per count, s, counts per ms, or a fraction."""
+        """Return a parameter, a member of codec.Param, in N m/rad, N m, rad per count, s, counts per
+        ms, or as a fraction.
+        """
         return self._ask_param(ParamWrite(param))
 
     def write(self, param: int, value: float) -> float:
         """Set a parameter, in the unit of read(), and return the value that the node has now: the
-        nearest step, of large values the nearest float (24 bits). Raises dahl.InputError if the node refuses it. node.ask() with Write.HOLD
-        changes several at once.
+        nearest step, of large values the nearest float (24 bits). Raises dahl.InputError if the
+        node refuses it. node.ask() with Write.HOLD changes several at once.
         """
         with turn_of(self._bus):
             kept = self._ask_param(ParamWrite.of_si(param, value))
