@@ -103,8 +103,8 @@ class Client:
             self._is_started = True
 
     def read(self, param: int) -> float:
-        """Return a parameter, a member of codec.Param, in N m/rad, N m, rad per count, s, counts per
-        ms, or as a fraction.
+        """Return a parameter, a member of codec.Param, in N m/rad, N m, rad per count, s, counts
+        per ms, or as a fraction.
         """
         return self._ask_param(ParamWrite(param))
 
