@@ -176,6 +176,16 @@ def test_restart_ends_a_silence_that_three_good_frames_do_not_end(wired):
     assert client.move(5).torque_q30 == dahl.Friction(PLAN).step_counts_q30(5)
 
 
+def test_a_node_that_restarts_by_itself_says_so(wired):
+    wire = wired(dahl.Node(PLAN, timeout=10))
+    client = dahl.Client(wire)
+    client.move(100)
+    wire.nodes = (dahl.Node(PLAN, timeout=10),)
+    answer = client.move(30)
+    assert (answer.state, answer.ratio) == (State.INIT, 0)
+    assert client.move(5).torque_q30 == dahl.Friction(PLAN).step_counts_q30(5)
+
+
 def test_parameters_are_read_and_written_in_their_units(wired):
     wire = wired(dahl.Node(PLAN, gain=0.5, timeout=2, max_step=7))
     client = dahl.Client(wire)

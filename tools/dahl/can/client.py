@@ -42,6 +42,9 @@ class Client:
     The first move() restarts the node. If the node stays silent for `timeout`, move(), read() and
     write() raise dahl.Timeout, a TimeoutError; if the bus is lost, dahl.BusError, a
     ConnectionError. The counts go on: just call again. Threads may share a client.
+
+    A node that restarts by itself answers the next move with state INIT: its bristle has relaxed,
+    and this move is lost.
     """
 
     def __init__(self, bus: can.BusABC, number: int = 0, timeout: float = 1.0) -> None:
@@ -106,8 +109,8 @@ class Client:
 
     def write(self, param: int, value: float) -> float:
         """Set a parameter, in the unit of read(), and return the value that the node has now: the
-        nearest step. Raises dahl.InputError if the node refuses it. node.ask() with Write.HOLD
-        changes several at once.
+        nearest step, of large values the nearest float (24 bits). Raises dahl.InputError if the
+        node refuses it. node.ask() with Write.HOLD changes several at once.
         """
         with turn_of(self._bus):
             kept = self._ask_param(ParamWrite.of_si(param, value))
