@@ -104,6 +104,17 @@ def test_events_between_frames_of_an_asc_count_as_time(tmp_path):
     assert held(path)[0] == pytest.approx(np.cumsum(TIMES))
 
 
+@pytest.mark.parametrize("line", ["100 Rx d 8", "CANFD 1 Rx 100 0 0 9 12"])
+def test_a_line_of_an_asc_that_is_cut_off_within_its_bytes_is_refused(tmp_path, line):
+    """Else a signal of the bytes that are left would be wrong."""
+    path = asc(tmp_path / "x.asc", ASC_HEADS["by Vector"], TIMES)
+    path.write_text(path.read_text().replace("End TriggerBlock\n", f"3.0 1 {line} FE FF FF F"))
+    if "CANFD" in line:
+        path.write_text(path.read_text().replace("3.0 1", "3.0"))
+    with pytest.raises(Error, match=re.escape(f"{path}: broken or cut off after 4 frames (line")):
+        held(path)
+
+
 CANFD_LINES = [  # line after the channel, and the frame as candump writes it
     ("Rx  123   0 0 8  8 00 11 22 33 44 55 66 77  130000 130  0 0 0 0 0 0", "123#0011223344556677"),
     ("Rx  123   0 0 0  0  130000 130  1000 0 0 0 0 0", "123##0"),

@@ -144,6 +144,13 @@ def _set_kind(message: can.Message, words: list[str]) -> None:
     message.is_fd, message.is_remote_frame = bool(flags & ASC_FD), bool(flags & ASC_REMOTE)
 
 
+def _need_all_bytes(message: can.Message) -> None:
+    """Raise ValueError for a frame of a line that is cut off within its bytes."""
+    wanted = message.dlc if message.is_fd else min(message.dlc, candump.MAX_DLC)
+    if len(message.data) < wanted and not (message.is_remote_frame or message.is_error_frame):
+        raise ValueError(f"{len(message.data)} of {wanted} bytes")
+
+
 def _asc_frames(path: Path, clock: _Clock) -> Iterator[can.Message]:
     import can
 
@@ -154,6 +161,7 @@ def _asc_frames(path: Path, clock: _Clock) -> Iterator[can.Message]:
                 message.timestamp = lines.time
                 if message.is_fd:
                     _set_kind(message, lines.line.split())
+                _need_all_bytes(message)
                 clock.feed(message.timestamp, f"{path}:{lines.number}")
                 yield message
     except ValueError as error:
