@@ -76,7 +76,10 @@
  * - the true friction is Dahl- or LuGre-like,
  * - the noise of the encoder is at most `noise`, and play is at least 2 noise + 2, or 1 without
  *   noise. (Prepare enforces 2 noise.)
- * - slew is at least 20 Fc in a second.
+ * - slew is at least 20 Fc in a second, and at least Fc sqrt(sigma0/inertia)/25,
+ * - fade_speed is 0, or at least half of Fc/sqrt(sigma0 inertia),
+ * - the shaft of an elastic axis has a damping ratio of at least 0.01,
+ * - bad readings are single ones, at most 2 in 100.
  *
  * Closed form behind it: a loop of amplitude A has the area 4 Fc (A - tanh(a A)/a), a = sigma0/Fc.
  * If slip elements make the presliding, give three times the measured length.
@@ -175,8 +178,8 @@ typedef struct {
     float gain;                 /**< [1] 0 .. 1: share of the friction to cancel */
     float limit;                /**< [N m] largest torque; above 2 Fc counts as 2 Fc */
     float slew;                 /**< [N m/s] largest change of the torque, at least 2^-29 Fc in a
-                                     tick: 40 to 200 Fc in a second costs little, and 20 is the
-                                     least for the guarantee */
+                                     tick: 40 to 200 Fc in a second costs little, but a light rotor
+                                     may need more: see the guarantee */
     float period;               /**< [s] time between two ticks */
     float rise;                 /**< [s] time to fade in at start and after a fault, at most 2^30
                                      ticks; 0: at once */
