@@ -318,9 +318,9 @@ int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
  *   If the new limit is below the torque, both cannot hold: the limit does. The torque falls to it
  *   at once, and from there by the slew at most.
  * @note A state converts to 0 torque if one of the plans is all zeros. If `from` has no fade over
- *   speed, the speed begins with that of the last move. Interrupts: only the context of the ticks
- *   may call it. `from` may be written again after it returns; `to` must stay until the next
- *   change (examples/change_parameters).
+ *   speed, the speed begins with that of the last move, as if it took one period of `to`.
+ *   Interrupts: only the context of the ticks may call it. `from` may be written again after it
+ *   returns; `to` must stay until the next change (examples/change_parameters).
  */
 void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_compensator_plan_t *to,
                              dahl_compensator_t *compensator);
@@ -332,7 +332,7 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
  * @param plan     prepared plan; without pull, the state is unchanged
  * @param state    state of the element that the reference steps
  * @param measured state of the same element, stepped by the results of dahl_compensator_move()
- * @note A gap of up to 2^(pull_shift - 30) Fc stays. States that dahl_state_ok() accepts stay so.
+ * @note A gap below (2^pull_shift + 1) 2^-30 Fc stays. States that dahl_state_ok() accepts stay so.
  *   `measured` needs the tick of a second element.
  */
 void dahl_compensator_pull(const dahl_compensator_plan_t *plan, dahl_state_t *state,
