@@ -79,7 +79,7 @@
  * - slew is at least 20 Fc in a second, and at least Fc sqrt(sigma0/inertia)/25,
  * - fade_speed is 0, or at least half of Fc/sqrt(sigma0 inertia),
  * - the shaft of an elastic axis has a damping ratio of at least 0.01,
- * - bad readings are single ones, at most 2 in 100.
+ * - bad readings are single ones, at most 2 in 100, and not passed to dahl_encoder_move().
  *
  * Closed form behind it: a loop of amplitude A has the area 4 Fc (A - tanh(a A)/a), a = sigma0/Fc.
  * If slip elements make the presliding, give three times the measured length.
