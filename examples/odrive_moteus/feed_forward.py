@@ -103,7 +103,7 @@ class FeedForward:
             Fc_low=Fc_low,
             length_long=length_long,
             elastic=elastic,
-            slew=50.0,  # N m/s
+            slew=200 * Fc_low,  # N m/s
             period=PERIOD_S,
             rise=0.5,  # s
             fall=0.02,  # s

@@ -212,10 +212,12 @@ typedef enum {
  *
  * @param params parameters
  * @return the first remark of dahl_plausible_t; #DAHL_PLAUSIBLE also for #DAHL_ERR_PARAM
- * @note It has no remark on rotary axes from 4 to 2^26 counts per turn, with or without a gear, and
- *   on linear axes in m. It cannot find turns per count. It finds degrees per count only up to
- *   46080 counts per turn, or if these are a power of two. It finds sigma0 in N m/deg only if
- *   Fc/sigma0 is 128 rad or more, because a motor behind a gear has lower values, too.
+ * @note If a count is below 16 presliding lengths, it has no remark on linear axes in m, nor on
+ *   rotary axes of 4 to 2^26 counts per turn. By chance, 1 of 20000 gears looks like degrees, and so
+ *   do 13 of these numbers of counts, all above 4 million.
+ * @note It cannot find turns per count, degrees per count with more than 46080 counts per turn that
+ *   are no power of two, nor sigma0 in N m/deg if Fc/sigma0 stays below 128 rad: a motor behind a
+ *   gear has such values, too.
  * @note A program that does not call it does not link it. It is not for a tick.
  */
 dahl_plausible_t dahl_params_plausible(const dahl_params_t *params);

@@ -76,7 +76,10 @@
  * - the true friction is Dahl- or LuGre-like,
  * - the noise of the encoder is at most `noise`, and play is at least 2 noise + 2, or 1 without
  *   noise. (Prepare enforces 2 noise.)
- * - slew is at least 20 Fc in a second.
+ * - slew is at least 20 Fc in a second, and at least Fc sqrt(sigma0/inertia)/25,
+ * - fade_speed is 0, or at least half of Fc/sqrt(sigma0 inertia),
+ * - the shaft of an elastic axis has a damping ratio of at least 0.01,
+ * - bad readings are single ones, at most 2 in 100, and not passed to dahl_encoder_move().
  *
  * If slip elements make the presliding, give three times the measured length.
  *
@@ -174,8 +177,8 @@ typedef struct {
     float gain;                 /**< [1] 0 .. 1: share of the friction to cancel */
     float limit;                /**< [N m] largest torque; above 2 Fc counts as 2 Fc */
     float slew;                 /**< [N m/s] largest change of the torque, at least 2^-29 Fc in a
-                                     tick: 40 to 200 Fc in a second costs little, and 20 is the
-                                     least for the guarantee */
+                                     tick: 40 to 200 Fc in a second costs little, but a light rotor
+                                     may need more: see the guarantee */
     float period;               /**< [s] time between two ticks */
     float rise;                 /**< [s] time to fade in at start and after a fault, at most 2^30
                                      ticks; 0: at once */
@@ -314,9 +317,9 @@ int32_t dahl_compensator_torque(const dahl_compensator_plan_t *plan,
  *   If the new limit is below the torque, both cannot hold: the torque falls to the limit at once,
  *   then by the slew at most.
  * @note A state converts to 0 torque if one of the plans is all zeros. If `from` has no fade over
- *   speed, the speed begins with that of the last move. Interrupts: only the context of the ticks
- *   may call it. `from` may be written again after it returns; `to` must stay until the next
- *   change (examples/change_parameters).
+ *   speed, the speed begins with that of the last move, as if it took one period of `to`.
+ *   Interrupts: only the context of the ticks may call it. `from` may be written again after it
+ *   returns; `to` must stay until the next change (examples/change_parameters).
  */
 void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_compensator_plan_t *to,
                              dahl_compensator_t *compensator);
@@ -328,7 +331,7 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
  * @param plan     prepared plan; without pull, the state is unchanged
  * @param state    state of the element that the reference steps
  * @param measured state of the same element, stepped by the results of dahl_compensator_move()
- * @note A gap of up to 2^(pull_shift - 30) Fc stays. States that dahl_state_ok() accepts stay so.
+ * @note A gap below (2^pull_shift + 1) 2^-30 Fc stays. States that dahl_state_ok() accepts stay so.
  *   `measured` needs the tick of a second element.
  */
 void dahl_compensator_pull(const dahl_compensator_plan_t *plan, dahl_state_t *state,

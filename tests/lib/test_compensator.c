@@ -607,6 +607,21 @@ static void test_a_pull_closes_its_part_of_the_gap(void)
     }
 }
 
+static void test_a_pull_leaves_the_gap_of_the_header(void)
+{
+    dahl_compensator_plan_t plan = plan_of(&valid);
+    for (int k = 0; k < 20 * PLANS; k++) {
+        dahl_state_t state = random_state_in_range(), before = {state.w + 1}, measured = random_state_in_range();
+        plan.pull_shift = (uint8_t)(1 + k % 6);
+        while (state.w != before.w) {
+            before = state;
+            dahl_compensator_pull(&plan, &state, &measured);
+        }
+        const double gap = fabs((double)measured.w - (double)state.w);
+        TEST_ASSERT_TRUE(gap < ldexp(1, plan.pull_shift + 32) + 0x1p32);
+    }
+}
+
 /* --- adaptation ------------------------------------------------------------------------------------------------------- */
 
 static void test_the_adaptation_refuses_the_measured_law_and_bad_values(void)

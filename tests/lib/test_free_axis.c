@@ -80,6 +80,12 @@ static double bristle_frequency(const axis_t *axis)
     return sqrt((axis->sigma0[MOTOR] + axis->sigma0[LOAD]) / axis->inertia[MOTOR]);
 }
 
+/* N m/s */
+static double least_slew(const axis_t *axis)
+{
+    return (axis->Fc[MOTOR] + axis->Fc[LOAD]) * fmax(20, bristle_frequency(axis) / 25);
+}
+
 /* Torque of the compensator after a reading. */
 static double compensate(const axis_t *axis, motion_t *m)
 {
@@ -196,7 +202,7 @@ static int swings_after_any(const axis_t *axis, const push_t *pushes, int count)
 static axis_t random_axis(double length, double Fc, double u)
 {
     static const float periods[] = {1e-4f, 2.5e-4f, 5e-4f, 1e-3f}, gains[] = {0.2f, 0.5f, 0.7f, 0.9f, 0.95f};
-    static const double slews[] = {20, 100, 1000, 1e5}, lags[] = {0, 0, 0.3, 1};
+    static const double slews[] = {1, 5, 50, 5000}, lags[] = {0, 0, 0.3, 1};
     axis_t axis;
     memset(&axis, 0, sizeof axis);
     const double period = (double)periods[choose(4)], sigma0 = Fc / length;
@@ -209,7 +215,7 @@ static axis_t random_axis(double length, double Fc, double u)
     axis.inertia[MOTOR] = fmax(sigma0 * late * late / 3 / u / u, sigma0 * period * period / 9);
     axis.params = (dahl_compensator_params_t){.law = DAHL_COMPENSATOR_MEASURED, .sigma0_high = (float)(sigma0 * 1.000001),
                                               .inertia = (float)(axis.inertia[MOTOR] * 0.999999), .delay = (float)delay,
-                                              .gain = gains[choose(5)], .slew = (float)(slews[choose(4)] * Fc),
+                                              .gain = gains[choose(5)], .slew = (float)(slews[choose(4)] * least_slew(&axis)),
                                               .limit = (float)(1.2 * Fc), .period = (float)period, .jump = 1u << 30};
     axis.params.noise = (uint32_t)choose(3);
     return axis;
@@ -264,6 +270,24 @@ static void test_a_rigid_axis_rests_inside_the_rule_of_the_inertia(void)
         const axis_t axis = random_rigid_axis(0.05, 0.9999, k % 3 == 0);
         TEST_ASSERT_FALSE(rigid_axis_swings(&axis));
     }
+}
+
+/* A light rotor with each bound at its edge. It swings by some counts if the slew is 20 Fc in a second. */
+static void test_a_light_rotor_needs_a_fast_slew(void)
+{
+    int swinging = 0;
+    for (int k = 0; k < TEST_AXES / 2; k++) {
+        axis_t axis = random_rigid_axis(0.9999, 0.9999, 1);
+        while (axis.delay < 3 || axis.bits < 17 || bristle_frequency(&axis) < 2000) {
+            axis = random_rigid_axis(0.9999, 0.9999, 1);
+        }
+        axis.params.gain = 0.9f;
+        axis.params.slew = (float)least_slew(&axis);
+        TEST_ASSERT_FALSE(rigid_axis_swings(&axis));
+        axis.params.slew = 20 * axis.params.friction.Fc;
+        swinging += rigid_axis_swings(&axis);
+    }
+    TEST_ASSERT_GREATER_THAN_INT(0, swinging);
 }
 
 static void test_a_lighter_rotor_is_refused_and_can_swing(void)

@@ -340,7 +340,7 @@ def torques_of_moves(moves: list[int], period: float) -> np.ndarray:
     compensator = dahl.Compensator(
         *(plan.sigma0, 0.045, plan.theta_per_count),
         **BOUNDS,
-        **{"slew": 50.0, "rise": 0.5, "period": period, "fall": 0.02, "noise": 1, "play": 4},
+        **{"slew": 9.0, "rise": 0.5, "period": period, "fall": 0.02, "noise": 1, "play": 4},
     )
     return compensator.run_log(dahl.Friction(plan), moves)
 
@@ -389,6 +389,26 @@ def test_a_host_feeds_newton_metres_forward(
         assert silent == pytest.approx(
             [-min(LIMIT, 0.9 * 0.045 * fade) for fade in fades], abs=1e-4
         )
+
+
+def test_a_host_is_as_fast_on_a_larger_axis(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(root / "examples/odrive_moteus")
+    module = importlib.import_module("feed_forward")
+    counts = [*range(0, 1200, 3), *range(1200, 1000, -3)]
+    ratios = []
+    with (
+        can.Bus(interface="virtual", channel="large") as host,
+        can.Bus(interface="virtual", channel="large") as drive,
+    ):
+        for scale in (1, 1000):
+            larger = {n: scale * BOUNDS[n] for n in ("Fc_low", "sigma0_high", "inertia", "limit")}
+            feed = module.FeedForward(module.ODrive(NODE), **BOUNDS | larger)
+            found = []
+            for count in counts:
+                drive.send(odrive_angle(count / 16384))
+                found.append(feed.tick(host) / scale)
+            ratios.append(found)
+    assert ratios[0] == pytest.approx(ratios[1], abs=1e-6)
 
 
 # --- bad readings, on every axis that has an encoder and a compensator ----------------------------
