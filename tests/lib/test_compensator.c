@@ -174,6 +174,10 @@ static void test_the_measured_law_needs_a_stable_axis(void)
     params.length_long = 0.001f;
     params.load = 1.0f;
     (void)plan_of(&params);
+    params = measured_params();
+    params.load = 0x1p-64f;
+    params.Fc_low = 0x1p62f; /* the load is below each bit of it */
+    (void)plan_of(&params);
 }
 
 static void test_the_reference_law_ignores_the_axis(void)
@@ -227,6 +231,12 @@ static void test_counts_and_laws_are_refused_with_the_code_of_their_bound(void)
         params.jump = cases[k].jump;
         TEST_ASSERT_EQUAL_INT(cases[k].code, dahl_compensator_prepare(&plan, &params));
     }
+    dahl_compensator_params_t fast = valid; /* a fade so late that no jump is near it */
+    fast.fade_speed = 1e18f;
+    fast.jump = DAHL_COMPENSATOR_JUMP_MAX - 1;
+    dahl_compensator_plan_t plan = plan_of(&fast);
+    fast.jump = DAHL_COMPENSATOR_JUMP_MAX;
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_RANGE, dahl_compensator_prepare(&plan, &fast));
 }
 
 /* --- plans ------------------------------------------------------------------------------------------------------------ */
@@ -561,6 +571,30 @@ static void test_a_change_of_any_state_keeps_the_limit(void)
         dahl_compensator_change(&plan[1], &zeros, &compensator);
         TEST_ASSERT_EQUAL_INT32(0, compensator.torque_q30);
     }
+}
+
+/* A torque of the smallest Fc is none of the largest, and one of the largest is beyond each limit of the smallest. */
+static void test_a_change_between_the_smallest_and_the_largest_Fc(void)
+{
+    static const dahl_compensator_plan_t zeros = {0};
+    dahl_compensator_plan_t plan[2];
+    for (int k = 0; k < 2; k++) {
+        dahl_compensator_params_t params = valid;
+        params.friction.Fc = k == 0 ? 0x1p-40f : 0x1p40f;
+        params.friction.sigma0 = 200.0f * params.friction.Fc;
+        params.Fc_low = params.limit = params.friction.Fc;
+        params.slew = 1000.0f * params.friction.Fc;
+        plan[k] = plan_of(&params);
+    }
+    dahl_compensator_t compensator = {.torque_q30 = 1 << 30};
+    dahl_compensator_change(&plan[0], &plan[1], &compensator);
+    TEST_ASSERT_EQUAL_INT32(0, compensator.torque_q30);
+    compensator.torque_q30 = -(1 << 20);
+    dahl_compensator_change(&plan[1], &plan[0], &compensator); /* ratio and wanted are 0, and stay so */
+    TEST_ASSERT_TRUE(compensator.torque_q30 <= -plan[0].limit_q30 && compensator.ratio_q30 == 0);
+    TEST_ASSERT_EQUAL_INT32(-plan[0].limit_q30, dahl_compensator_torque(&plan[0], &compensator, -(1 << 30)));
+    dahl_compensator_change(&zeros, &plan[1], &compensator);
+    TEST_ASSERT_EQUAL_INT32(0, compensator.torque_q30);
 }
 
 static void test_counts_of_rejections_do_not_wrap(void)
