@@ -583,7 +583,7 @@ static void test_a_change_between_the_smallest_and_the_largest_Fc(void)
         params.friction.Fc = k == 0 ? 0x1p-40f : 0x1p40f;
         params.friction.sigma0 = 200.0f * params.friction.Fc;
         params.Fc_low = params.limit = params.friction.Fc;
-        params.slew = 1000.0f * params.friction.Fc;
+        params.slew = params.friction.Fc;
         plan[k] = plan_of(&params);
     }
     dahl_compensator_t compensator = {.torque_q30 = 1 << 30};
