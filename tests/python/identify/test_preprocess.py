@@ -12,8 +12,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dahl import Error
-from dahl.identify import Log, encoder_grid
+from dahl.identify import Log
 from dahl.identify.preprocess import preprocess
+from dahl.io import encoder_grid
 from identify_tools import COUNT, FC, dahl_torque, noise_of, shaft, sine, synthetic
 
 # --- rejected -------------------------------------------------------------------------------------

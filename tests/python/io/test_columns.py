@@ -129,6 +129,62 @@ def test_an_option_overrides_the_unit_of_a_name(tmp_path):
         assert f"--{what}-unit {wrong}" in line and f"'{near}'" in line
 
 
+TURN = {"deg": 360.0, "rad": 2 * math.pi, "turn": 1.0}
+SWING = 0.3 * np.sin(np.arange(4000) / 97) + 0.02 * np.sin(np.arange(4000) / 11)  # rad
+
+
+def swinging(unit: str, counts: int, noise: float = 0.0) -> np.ndarray:
+    """An angle in a unit, read by an encoder of so many counts a turn; 0: without one."""
+    draw = np.random.default_rng(counts).normal(size=len(SWING))
+    read = SWING / (2 * math.pi) * (counts or 1)
+    read = np.round(read + noise * draw) if counts else read
+    return read if unit == "counts" else read / (counts or 1) * TURN[unit]
+
+
+@pytest.mark.parametrize("unit", [*TURN, "counts"])
+@pytest.mark.parametrize("counts", [0, 2**12, 2**14, 2**17, 2**20, 10_000])
+@pytest.mark.parametrize("is_given", [False, True])
+def test_an_angle_without_a_unit_is_confirmed_by_its_steps_or_asked_for(
+    unit, counts, is_given, tmp_path
+):
+    """Only steps of an encoder in deg confirm deg. Other steps name their unit in the question."""
+    if unit == "counts" and not counts:
+        return
+    for name, noise in (("angle", 0.0), ("position", 2.0)):
+        path = written_as(tmp_path, {name: swinging(unit, counts, noise), "torque_Nm": SWING})
+        log = read(path, *(("--counts-per-turn", counts) if is_given and counts else ()))
+        asked = log.questions.get("angle", "")
+        assert bool(asked) is not (unit == "deg" and counts > 0), (name, asked)
+        looks_printed = (unit, counts, is_given) == ("turn", 10_000, False)  # steps of 1e-4
+        named = unit if counts and not looks_printed else "deg"
+        steps = {"rad": f"2 pi/{counts}", "turn": f"1/{counts}", "deg": ""}.get(named, "whole")
+        assert not asked or (f"in {named}?" in asked and (steps in asked or not counts)), asked
+        stated = read(path, "--angle-unit", unit, "--counts-per-turn", counts or 1e6)
+        assert not stated.questions
+
+
+@pytest.mark.parametrize(("stated", "unit"), [("deg", "rad"), ("rad", "deg"), ("deg", "turn")])
+@pytest.mark.parametrize("counts", [4096, 16384, 10_000])
+def test_a_stated_unit_is_refused_if_the_steps_are_those_of_an_encoder_in_another(
+    stated, unit, counts, tmp_path
+):
+    """Also if the counts of a turn are given, which may then be any number."""
+    path = written_as(tmp_path, {f"angle_{stated}": swinging(unit, counts), "torque_Nm": SWING})
+    given = ("--counts-per-turn", counts)
+    assert f"in {unit} (--angle-unit" in refused(path, *given)
+    if counts != 10_000:
+        assert f"in {unit} (--angle-unit" in refused(path)
+    assert read(path, *given, "--angle-unit", unit).questions == {}
+
+
+@pytest.mark.parametrize("column", ["torque", "load_V", "force"])
+def test_a_torque_without_a_unit_is_asked_for(column, tmp_path):
+    path = written_as(tmp_path, {"angle_rad": SWING, column: np.cos(SWING)})
+    asked = read(path).questions["torque"]
+    assert "N m" in asked and f"'{column}'" in asked and "--torque-unit" in asked
+    assert read(path, "--torque-unit", "mNm").questions == {}
+
+
 ASSUMED = """
 time_s,angle_deg,torque_Nm | |
 angle,load | --angle-unit rad --torque-unit Nm |

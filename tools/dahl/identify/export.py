@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dahl.errors import Error
-from dahl.identify import encoder_grid, models
+from dahl.identify import models
 from dahl.identify.fit import Fit
 from dahl.identify.models import LAWS, OPTIONS
 from dahl.identify.result import Result, terms_of
 from dahl.identify.samples import SETTLE_LENGTHS
 from dahl.identify.select import best_of
+from dahl.io import encoder_grid
 from dahl.io.files import write_atomic
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ from scipy.ndimage import maximum_filter, median_filter
 from scipy.signal import savgol_filter
 
 from dahl.errors import Error
-from dahl.identify import encoder_grid
 from dahl.identify.angle import white_noise
 from dahl.identify.models import turning_points
+from dahl.io import encoder_grid
 from dahl.io.log import HEAD_ROWS, Log, resolution_of
 
 MIN_ROWS = 30  # of a log or a piece

@@ -287,7 +287,9 @@ class Result:
                 words.append(f"{name} = {p.value:.4g} {self.units[name]} {within}")
             else:
                 words.append(f"{name} is not identifiable")
-        return "; ".join([*words, *self.reasons])
+        asked = [text for log in self.raw for text in log.questions.values()]
+        rest = [text for text in self.reasons if text not in asked]
+        return "; ".join([*dict.fromkeys(asked), *words, *rest])
 
 
 def terms_of(fit: Fit, samples: Samples) -> dict[str, float]:
@@ -319,6 +321,7 @@ def claims_of(result: Result) -> Result:
     """Apply the rule: enough cycles, enough explained, a narrow interval, nothing withdrawn."""
     i = _without_hidden_presliding(result)
     objections = [
+        *_against_units(result),
         *_against_log(result),
         *_against_widths(i),
         *((lack.withdraws, lack.text) for lack in result.lacks),
@@ -331,6 +334,13 @@ def claims_of(result: Result) -> Result:
     return replace(
         result, intervals=i, claimed=(bool(claimed[0]), bool(claimed[1])), reasons=reasons
     )
+
+
+def _against_units(result: Result) -> Iterator[Objection]:
+    """Objections to numbers in units that nothing confirms; Fc has no unit of the angle."""
+    asked = [question for log in result.raw for question in log.questions.items()]
+    for what, text in dict.fromkeys(asked):
+        yield (True, what == "torque"), text
 
 
 def _against_log(result: Result) -> Iterator[Objection]:

@@ -26,6 +26,7 @@ class Log:
     weight: np.ndarray | None = None  # of each row, at most 1; 0 if it has no reading
     load: np.ndarray | None = None  # that the friction may follow, in any unit
     notes: list[str] = field(default_factory=list)  # what was found and repaired
+    questions: dict[str, str] = field(default_factory=dict)  # about assumed units, by quantity
 
     @property
     def rows(self) -> int:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dahl.errors import Error
-from dahl.io import can_logs, text_tables, units
+from dahl.io import can_logs, encoder_grid, text_tables, units
 from dahl.io.can_signals import (
     NEEDS_DBC,
     TIME_COLUMN,
@@ -314,6 +314,12 @@ def to_log(name: str, source: Source, columns: Columns, notes: Sequence[str] = (
     time, time_notes = _time(source, names.get("time", ""), values.get("time"))
     log = Log(name, theta, torque, time, linear)
     log.notes = [*notes, *angle_notes, *unwrap_notes, *torque_notes, *time_notes]
+    if not units.stated("angle", source.angle_unit, names["angle"]):
+        asked = encoder_grid.question(values["angle"], unit, counts)
+        log.questions |= {"angle": asked} if asked else {}
+    if not units.stated("torque", source.torque_unit, names["torque"]):
+        asked = f"is the torque in {log.unit}? '{names['torque']}' names no unit of it"
+        log.questions["torque"] = f"{asked} (--torque-unit)"
     count = (1e-3 if linear else 2 * np.pi) / counts if counts else 0.0
     log.resolution = count or resolution_of(theta)
     if source.loads:

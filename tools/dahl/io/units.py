@@ -89,6 +89,11 @@ def _unit(word: str, known: Iterable[str]) -> str:
     return next((unit for unit in known if plain.lower() == unit.lower() != "n"), "")
 
 
+def stated(what: str, given: str, name: str) -> str:
+    """Return the unit that an option gives or a column's name has, or ""."""
+    return given or unit_in(name, QUANTITIES[what], "")
+
+
 def choose(what: str, given: str, name: str, usual: str) -> tuple[str, list[str]]:
     """Return the unit of a quantity, and notes: the one given, else that of the column's name.
 
@@ -97,12 +102,12 @@ def choose(what: str, given: str, name: str, usual: str) -> tuple[str, list[str]
     known, option = QUANTITIES[what], f"--{what}-unit"
     if given and given not in known:
         raise Error(f"{option} {given}: no such unit{meant(given, list(known))}")
-    own, notes = unit_in(name, known, ""), []
-    if not own and (other := _other_quantity(what, name)):
+    unit, notes = stated(what, given, name), []
+    if not unit_in(name, known, "") and (other := _other_quantity(what, name)):
         notes = [f"the {what} column '{name}' has a unit of {other}: is it the right column?"]
-    if not (given or own):
+    if not unit:
         notes.append(f"{what} assumed in {usual}: '{name}' names no unit of it ({option})")
-    return given or own or usual, notes
+    return unit or usual, notes
 
 
 def _other_quantity(what: str, name: str) -> str:
