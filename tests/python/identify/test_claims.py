@@ -181,6 +181,30 @@ def test_an_interval_is_made_of_its_sources(name):
         assert widths["hypotheses"][k] <= own[k]
 
 
+def at_one_speed(seconds: int, stroke_s: int, speed: float) -> np.ndarray:
+    """Strokes at one speed with short ramps at 1 kHz, rad."""
+    way = np.where(np.arange(1000 * seconds) // (1000 * stroke_s) % 2, -speed, speed)
+    theta = np.cumsum(np.convolve(way, np.ones(50) / 50, "same")) * 1e-3
+    return theta - theta.mean()
+
+
+@pytest.mark.parametrize(
+    ("motion", "sigma0", "limit"),
+    [((400, 2, 0.3), 4000.0, 2.0), ((240, 8, 1.0), SIGMA0, FC)],
+    ids=["100 strokes", "constant speed"],
+)
+def test_minutes_of_strokes_at_one_speed_are_claimed(motion, sigma0, limit):
+    """Viscous friction is the same torque in them, but for the turns."""
+    theta, count = at_one_speed(*motion), COUNT / 64
+    torque = dahl_torque(theta, sigma0, limit) + 0.03 * limit * noise_of(1, len(theta))
+    read = np.floor(theta / count) * count
+    log = Log("long", read, torque, np.arange(len(theta)) * 1e-3, resolution=count)
+    result = identify([log])
+    assert result.claimed == (True, True), result.verdict
+    for p, true in ((result.sigma0, sigma0), (result.Fc, limit)):
+        assert p.low <= true <= p.high and p.half_width < 0.1
+
+
 PATH = chirp(2400, first=5, last=11)
 
 

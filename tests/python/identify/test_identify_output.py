@@ -185,6 +185,7 @@ def test_json_has_each_number_under_its_name(rig):
         "bilinear_sigma0": within(0.7 * SIGMA0, 1.1 * SIGMA0),
         "checks": {rig.check: r2},
         "reversals": turns,
+        "rows_used": 2 * ROWS,
         "informs_sigma0": pytest.approx(s.steep, rel=0.1),
         "cycles_scored": turns // 2,
         "delay_rows_standard_error": within(0, 0.5),  # of fits with a skew of half a row
@@ -298,6 +299,8 @@ def test_the_screen_begins_with_the_verdict_and_has_each_number_with_its_unit(ri
     left_out = f"{kept['held_out']['dahl']['r2']:.4f} of {kept['cycles_scored']} cycles"
     rows |= {"compensator": bounds, "R2, cycles left out": left_out}
     rows["check 3 of the le…ond hall.csv"] = f"R2 {kept['checks'][rig.check]:.4f}, not fitted"
+    found = f"{kept['reversals'] // 2} cycles found, {kept['cycles_scored']} scored"
+    rows["rows"] = f"{2 * ROWS} read, {kept['rows_used']} used; {found}"
     rows["R2 of the plan alone"] = f"{kept['r2_plan']:.4f} on the raw motion"
     assert shown == rows
     lines = [line.split("│")[1:-1] for line in rig.shown.splitlines() if line.count("│") == 5]

@@ -92,6 +92,7 @@ def numbers(result: Result) -> dict[str, Any]:
         "reversals": sum(len(turning_points(one.theta, least)) for one in result.logs),
         "informs_sigma0": _informing_part(result),
         "cycles_scored": samples.cycles,
+        "rows_used": samples.rows * samples.block,
         "delay_rows": result.delay_rows,
         "delay_rows_standard_error": float(np.ptp(delays)) / 2,
         "backlash": result.play,
@@ -316,6 +317,11 @@ def _rows(result: Result, kept: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield name and words of each number."""
     log, h = result.logs[0], result.hypothesis
     yield "verdict", kept["verdict"]
+    yield (
+        "rows",
+        f"{sum(one.rows for one in result.raw)} read, {kept['rows_used']} used;"
+        f" {kept['reversals'] // 2} cycles found, {kept['cycles_scored']} scored",
+    )
     for name, unit in kept["units"].items():
         p = getattr(result, name)
         high = f"{p.high:.5g}" if math.isfinite(p.high) else "no end"

@@ -2,7 +2,8 @@
 """All rows of all logs in one table: angles, torque, terms, weights and the cycles that are scored.
 
 A long log is thinned first. If its strokes have many rows, blocks of rows become one sample. If
-there are many strokes, evenly spread segments are used. So a fit costs the same for any log.
+these are still too many, segments with whole cycles are used, or with turns if cycles are long. So
+a fit costs the same for any log.
 """
 
 from __future__ import annotations
@@ -18,10 +19,13 @@ from dahl.identify import models
 from dahl.io.log import HEAD_ROWS, Log
 
 TREATMENTS = ("between counts", "sharp turns", "as read")
-MAX_SAMPLES = 8000  # a fit of more costs seconds and knows little more
+MAX_SAMPLES = 10_000  # a fit of more costs seconds and knows little more
 MIN_STROKE_SAMPLES = 100  # a stroke of fewer shows its turn poorly
 MIN_PRESLIDING_SAMPLES = 20  # in the first presliding length after a turn
 SEGMENTS = 8  # of a log with many strokes, so that drift shows
+TURNS, SLIDES = 24, 6  # segments round a turn and between turns, if cycles are long
+BEFORE_TURN = 0.4  # of a segment round a turn
+MIN_STROKE_PART = 0.05  # of the range of the angle, that a stroke covers
 MAX_FOLDS = 24  # cycles in more are left out in groups
 MIN_SCORED_CYCLES = 6  # with fewer a jackknife says little and no parameter is claimed
 MIN_FOLDS, FEW_CYCLES_FOLDS = 3, 8  # with fewer cycles, equal parts of the log are left out
@@ -36,7 +40,7 @@ MIN_NOISE_COUNTS = 0.3  # below it, noise of an angle is part of its counts
 NOISE_PLAY = 8.0  # standard deviations of an angle: noise at rest moves it less
 ROUNDING = 1e-9  # of the range of an angle: a computed one rests with its last bits in motion
 KEEP_ALL = 0.6  # part of the rows, above which segments are not worth the cycles that they cut
-MIN_SEGMENT_ROWS = 300
+MIN_SEGMENT_ROWS, MIN_WINDOW_ROWS = 300, 100  # of a segment, and of one round a turn
 NO_CLOCK_STEP = 1e-3  # s, of rows without a clock
 FAST_PERCENTILE = 98  # of the speeds: a few wild ones of a jittering clock lie above
 REST_SPEED = 0.02  # of fast motion, below which the shaft rests
@@ -297,17 +301,52 @@ def _keeps_rows(log: Log) -> bool:
 
 def _rows_of_a_stroke(log: Log) -> float:
     theta = log.theta[:HEAD_ROWS]
-    turns = models.turning_points(theta, max(5 * log.resolution, 0.05 * float(np.ptp(theta))))
+    least = max(5 * log.resolution, MIN_STROKE_PART * float(np.ptp(theta)))
+    turns = models.turning_points(theta, least)
     return float(np.median(np.diff(turns))) if len(turns) > 1 else float(len(theta))
 
 
 def _segments_of(log: Log, part: float) -> list[Log]:
-    """The log or, if only a small part of its rows is to be used, evenly spread segments."""
-    length = int(log.rows * part) // SEGMENTS
-    if part > KEEP_ALL or length < MIN_SEGMENT_ROWS:
+    """Return the log or, if only a small part of its rows is to be used, segments from all of it.
+
+    A segment has whole cycles and begins in mid-stroke. If no cycle fits, there are segments round
+    turns, and some of the sliding between them.
+    """
+    budget = max(int(log.rows * part), MIN_SEGMENT_ROWS)
+    if budget > KEEP_ALL * log.rows:
         return [log]
-    starts = np.linspace(0, log.rows - length, SEGMENTS).astype(int)
-    return [log.part(slice(int(i), int(i) + length)) for i in starts]
+    least = max(5 * log.resolution, MIN_STROKE_PART * float(np.ptp(log.theta)))
+    turns = models.turning_points(log.theta, least)
+    number = min(budget // MIN_SEGMENT_ROWS, SEGMENTS)
+    if len(turns) < 3:
+        return _cut(log, np.linspace(0, log.rows, number), budget // number)
+    cycle = float(np.median(turns[2:] - turns[:-2]))
+    cycles = int(budget / number / cycle)
+    if cycles == 0:
+        return _cut(log, *_round_turns(log, turns, budget))
+    first = np.linspace(0, max(len(turns) - 2 * cycles - 2, 0), number).astype(int)
+    return _cut(log, (turns[first] + turns[first + 1]) / 2, int(cycles * cycle))
+
+
+def _round_turns(log: Log, turns: np.ndarray, budget: int) -> tuple[np.ndarray, int]:
+    """Return the starts and the width of segments round turns of both directions, and of others."""
+    number = min(TURNS + SLIDES, budget // MIN_WINDOW_ROWS)
+    width = budget // number
+    first = np.linspace(0, len(turns) - 2, max(number * TURNS // (TURNS + SLIDES) // 2, 1))
+    chosen = np.unique(np.concatenate((first.astype(int), first.astype(int) + 1)))
+    sliding = np.linspace(0, log.rows - width, SLIDES + 2)[1:-1]
+    return np.concatenate((turns[chosen] - BEFORE_TURN * width, sliding)), width
+
+
+def _cut(log: Log, starts: np.ndarray, width: int) -> list[Log]:
+    """Return segments of a width; those that overlap are joined."""
+    found: list[list[int]] = []
+    for start in np.sort(np.clip(starts, 0, log.rows - width)).astype(int).tolist():
+        if found and start <= found[-1][1]:
+            found[-1][1] = start + width
+        else:
+            found.append([start, start + width])
+    return [log.part(slice(i, j)) for i, j in found]
 
 
 def _columns_of(

@@ -13,7 +13,9 @@ from dahl.identify.fit import Fitter, Hypothesis, cost_of, solve
 
 DELAYS = (0.0, -60.0, -25.0, -10.0, 10.0, 25.0, 60.0)  # samples
 MIN_DELAY_GAIN = 0.8  # of the robust cost, that a delay must reach to be a start value
-STIFFNESSES = 18  # grid points of a
+STIFFNESS_RATIO = 1.45  # from one grid point of a to the next
+MAX_STROKE_LENGTHS = 4000  # presliding lengths in a stroke, that a grid of a covers
+MAX_LIKE_DRY_FRICTION = 0.97  # correlation of speed and direction; a sine has .9
 ROBUST = 6.0  # medians beyond which a residual counts no more
 GRID_SAMPLES = 3000  # that the coarse grid is scored on
 PAIR_GRID = np.geomspace(0.15, 7, 8)  # of a, for pairs of elements
@@ -27,7 +29,9 @@ def coarse_start(fitter: Fitter) -> tuple[float, float, float]:
     s = fitter.samples
     rows = _grid_samples(fitter)
     weight, torque = s.weight[rows], s.torque[rows]
-    names = ("offset", "spring", "viscous", *(["inertia"] if s.timed else []))
+    like_dry = np.corrcoef(s.speed[rows], s.direction[rows])[0, 1] > MAX_LIKE_DRY_FRICTION
+    names = ("offset", "spring", *(["viscous"] if not like_dry else []))
+    names += ("inertia",) if s.timed else ()
     terms = [s.terms[name][rows] for name in names]
     moves = fitter.moves["between counts"]
     best, found = np.inf, (1.0, 0.0, 1.0)
@@ -60,8 +64,9 @@ def _stiffnesses(fitter: Fitter) -> np.ndarray:
     moves = np.abs(fitter.moves["between counts"])
     span = float(np.ptp(s.angles["between counts"]))
     usual = float(np.median(moves[moves != 0])) / 3 if moves.any() else span
-    high = max(3 / max(s.count, usual), 100 / span)
-    return np.geomspace(0.7 / span, min(high, 400 / span), STIFFNESSES)
+    low, high = 0.7 / span, max(3 / max(s.count, usual), 100 / span)
+    high = min(high, MAX_STROKE_LENGTHS / span)
+    return np.geomspace(low, high, round(np.log(high / low) / np.log(STIFFNESS_RATIO)) + 1)
 
 
 def pair_starts(fitter: Fitter, h: Hypothesis, a: float) -> dict[str, np.ndarray]:
