@@ -216,14 +216,56 @@ def test_a_periodic_error_of_the_encoder_is_taken_out_of_the_angle():
     assert not any("each 32 counts" in reason for reason in result.reasons)
 
 
-def test_swapped_columns_are_named():
-    """The loop is run through backward, and the counts of the encoder are in the torque."""
-    log = shaft()
+def quick_sine(rows_per_cycle: float, late: int = 0, side: int = 1, rows: int = 3000) -> Log:
+    """A sine of few rows a cycle, with a late torque of either sign, at 200 Hz."""
+    theta = 0.05 * np.sin(2 * np.pi * (np.arange(rows + 10) / rows_per_cycle))
+    torque = side * np.roll(dahl_torque(theta), late)
+    return log_of(theta[10:], torque[10:], 0.03)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(("rows", "late"), [(16.3, 0), (21.4, 0), (24.3, 1), (37.7, 2), (55.1, 1)])
+def test_a_quick_sine_has_its_sign_and_no_delay_of_half_a_stroke(rows, late, side):
+    result = identify([quick_sine(rows, late, side)])
+    assert result.sign == side and abs(result.delay_rows) < rows / 4
+    for p, true in ((result.sigma0, SIGMA0), (result.Fc, FC)):
+        assert not p.claimed or p.low <= true <= p.high, result.verdict
+
+
+@pytest.mark.parametrize("turned", [(0,), (1, 2), (0, 1, 2)])
+def test_each_log_has_a_sign(turned):
+    """Also a log that is only predicted."""
+    logs = [machine(k, side=-1 if k in turned else 1) for k in range(3)]
+    result = identify(logs)
+    assert result.claimed == (True, True), result.verdict
+    assert result.sigma0.low <= SIGMA0 <= result.sigma0.high
+    assert result.Fc.low <= FC <= result.Fc.high
+    notes = [note for log in result.logs for note in log.notes if "other sign" in note]
+    assert len(notes) == (2 if len(turned) < 3 else 0)
+    for side in (1, -1):
+        assert check(result, machine(4, side=side)) > 0.99
+
+
+SWAPPED = {
+    "a log": (lambda: shaft(), True),
+    "without an encoder": (lambda: log_of(PATH, dahl_torque(PATH), 0.02, 0.0), True),
+    "turned torque": (lambda: replace(shaft(), torque=-shaft().torque), True),
+    "without noise": (lambda: shaft(noise=0.0), True),
+    "a spring": (lambda: log_of(PATH, dahl_torque(PATH) + 4 * PATH, 0.02), True),
+}
+
+
+@pytest.mark.parametrize("kind", SWAPPED)
+def test_swapped_columns_are_named_if_they_are(kind):
+    log = SWAPPED[kind][0]()
     swapped = replace(log, theta=log.torque, torque=log.theta, resolution=0.0)
-    result = identify([swapped], Options(trust_units=True))
-    assert result.claimed == (False, False) and "swapped" in result.verdict
-    turned = identify([replace(log, torque=-log.torque)])
-    assert "swapped" not in turned.verdict and turned.claimed == (True, True)
+    try:
+        result = identify([swapped], Options(trust_units=True))
+        assert result.claimed == (False, False) and "swapped" in result.verdict
+    except Error as error:
+        assert "swapped" in str(error)
+    right = identify([log])
+    assert "swapped" not in right.verdict and right.claimed == (True, True)
 
 
 def test_a_spring_that_stiffens_is_a_cubic_term():

@@ -214,9 +214,9 @@ def test_each_log_has_the_lag_from_its_start_on(h, p, of_first, of_second):
 )
 def test_a_coarse_start_is_near(a, late, side):
     torque = side * np.roll(dahl_torque(PATH, a * SIGMA0), late)
-    found, delay, sign = coarse_start(fitter_of(torque + 4 * PATH))
-    assert sign == side and delay == pytest.approx(late, abs=3)
-    assert found == pytest.approx(a * A, rel=0.2 if abs(late) < 20 else 0.5)  # of a grid of 1.45
+    found = coarse_start(fitter_of(torque + 4 * PATH))
+    assert found.sign == side and found.delay == pytest.approx(late, abs=3)
+    assert found.a == pytest.approx(a * A, rel=0.2 if abs(late) < 20 else 0.5)  # of a grid of 1.45
 
 
 def test_starts_of_several_elements_are_near():

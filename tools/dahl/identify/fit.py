@@ -192,6 +192,7 @@ class Fitter:
         self.samples = samples
         self.moves = {name: samples.moves(angle) for name, angle in samples.angles.items()}
         self.fast = samples.reference.fast
+        self.max_delay = samples.max_delay()
         torque = samples.torque[samples.weight > 0]
         self.max_friction = MAX_FRICTION * float(np.ptp(np.percentile(torque, (1, 99)))) / 2
 
@@ -366,7 +367,8 @@ class Fitter:
         """A Gauss-Newton step within its limits."""
         step: np.ndarray = np.clip(wanted, -MAX_STEP, MAX_STEP)
         for k in self._row_parameters(h, p):
-            step[k] = np.clip(wanted[k], -MAX_DELAY_STEP, MAX_DELAY_STEP)
+            near = np.clip(wanted[k], -MAX_DELAY_STEP, MAX_DELAY_STEP)
+            step[k] = np.clip(near, -self.max_delay - p[k], self.max_delay - p[k])
         if h.lag in FILTERS:
             step[-1] = max(step[-1], MIN_LOW_PASS - p[-1])
         return step
@@ -380,7 +382,10 @@ class Fitter:
         has_peak = fit.hypothesis.law in ("stribeck", "breakaway")
         falls = not has_peak or fit.p[1] + c[m + 1] > MIN_PEAK
         resists = self._viscous(fit.hypothesis, c) > MIN_VISCOUS * self.max_friction
-        return bool(is_positive and falls and resists and not is_too_large and not is_too_stiff)
+        delays = [fit.p[k] + c[m + k] for k in self._row_parameters(fit.hypothesis, fit.p)]
+        is_too_late = max(map(abs, delays), default=0.0) > self.max_delay
+        is_beyond = is_too_large or is_too_stiff or is_too_late
+        return bool(is_positive and falls and resists and not is_beyond)
 
     def _viscous(self, h: Hypothesis, coefficients: np.ndarray) -> float:
         """Viscous torque at high speed, N m (N)."""

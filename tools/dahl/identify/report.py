@@ -92,7 +92,7 @@ def numbers(result: Result) -> dict[str, Any]:
         "reversals": sum(len(turning_points(one.theta, least)) for one in result.logs),
         "informs_sigma0": _informing_part(result),
         "cycles_scored": samples.cycles,
-        "rows_used": samples.rows * samples.block,
+        "rows_used": round(samples.rows * samples.block),
         "delay_rows": result.delay_rows,
         "delay_rows_standard_error": float(np.ptp(delays)) / 2,
         "backlash": result.play,
@@ -204,7 +204,7 @@ def _how(result: Result) -> dict[str, Any]:
     """Return how the numbers came about: options, preprocessing, cycles and lack of fit."""
     weight = result.samples.weight
     cycles = result.by_cycle()
-    first = [fold.start * result.samples.block for fold in result.samples.folds]
+    first = [round(fold.start * result.samples.block) for fold in result.samples.folds]
     return {
         "version": __version__,
         "options": asdict(result.options),

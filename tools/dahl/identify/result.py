@@ -13,7 +13,7 @@ import numpy as np
 from dahl.identify.fit import DELAYED, Fit, Fitter, Hypothesis, Optimum, parameters_of, solve
 from dahl.identify.models import ONE_ELEMENT
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, samples_of
-from dahl.io.log import Log, resolution_of
+from dahl.io.log import Log
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,6 +86,7 @@ class Result:
     intervals: Intervals
     claimed: tuple[bool, bool] = (False, False)
     reasons: list[str] = field(default_factory=list)
+    are_swapped: bool = False  # angle and torque
     checks: dict[str, float] = field(default_factory=dict)  # log not fitted -> R2
 
     # --- numbers ---
@@ -352,9 +353,8 @@ def _against_log(result: Result) -> Iterator[Objection]:
     if cycles < MIN_SCORED_CYCLES:
         text = f"only {cycles} cycles, {MIN_SCORED_CYCLES} are needed to score a fit"
         yield (True, True), text
-    counts = [(resolution_of(log.theta), resolution_of(log.torque)) for log in result.raw]
-    if result.sign < 0 and all(angle == 0 < torque for angle, torque in counts):
-        text = "friction would drive the motion, and only the torque lies on a grid of counts"
+    if result.are_swapped:
+        text = "the angle follows the torque as friction follows a motion"
         yield (True, True), f"{text}: are angle and torque swapped?"
 
 
@@ -369,12 +369,14 @@ def _against_widths(i: Intervals) -> Iterator[Objection]:
 
 def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
     """Objections to the slope at rest, if no log resolves it."""
-    if i is not result.intervals:
+    is_hidden = i is not result.intervals
+    if is_hidden:
         yield (True, False), "presliding is shorter than a count or a move of one row"
     plausible = [fit.hypothesis for fit in result.plausible.fits]
     if all(h.lag != "none" and h.law not in ONE_ELEMENT for h in plausible):
         text = "law and lag both round the loop at a reversal, and both are unusual"
-        yield (True, False), f"{text}: no log separates them"
+        by_speed = result.hypothesis.law in ("stribeck", "log speed")  # as a lag changes it
+        yield (True, is_hidden or by_speed), f"{text}: no log separates them"
     if result.hypothesis.law == "breakaway":
         text = "the torque has a peak after each rest: its form changes the slope there"
         yield (True, False), text

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import median_filter
 
 from dahl.identify import angle as treatments
@@ -25,7 +26,6 @@ MIN_PRESLIDING_SAMPLES = 20  # in the first presliding length after a turn
 SEGMENTS = 8  # of a log with many strokes, so that drift shows
 TURNS, SLIDES = 24, 6  # segments round a turn and between turns, if cycles are long
 BEFORE_TURN = 0.4  # of a segment round a turn
-MIN_STROKE_PART = 0.05  # of the range of the angle, that a stroke covers
 MAX_FOLDS = 24  # cycles in more are left out in groups
 MIN_SCORED_CYCLES = 6  # with fewer a jackknife says little and no parameter is claimed
 MIN_FOLDS, FEW_CYCLES_FOLDS = 3, 8  # with fewer cycles, equal parts of the log are left out
@@ -33,6 +33,11 @@ SETTLE_LENGTHS = 6.0  # presliding lengths of travel that forget the unknown tor
 SETTLE_PART = 0.25  # of the travel of a piece, at most
 EDGE_SAMPLES = 100  # at both ends of a piece, where a shifted torque is not known
 MIN_TURN_LENGTHS = 0.3  # presliding lengths by which a reversal must turn to be counted
+QUICK_STROKE_ROWS = 30  # with fewer, a turn between two rows hides a part of a presliding length
+ROWS_BETWEEN = 4  # samples for each row of such a log
+MIN_MOVE_COUNTS = 4  # from row to row, of a spline through the rows
+MIN_STROKE_PART = 0.05  # of the range of the angle, that a stroke covers
+MIN_STROKES, MIN_STROKE_RATIO = 6, 1.5  # from which a delay of several strokes can be seen
 HUBER = 4.0  # robust standard deviations beyond which a row weighs less
 NEIGHBOURS = 9  # rows whose median says what a row should be
 MAX_OUTLIERS = 0.002  # part of the rows; with more, blocks would spread outliers
@@ -74,7 +79,7 @@ class Samples:
     direction: np.ndarray  # of the last move that is no noise: -1 .. 1
     count: float  # rad (m)
     noise: float  # rad (m), of the angle beyond its counts
-    block: int  # rows of each sample
+    block: float  # rows of each sample; below 1 if there are samples between rows
     timed: bool
     reference: Reference
     load: np.ndarray | None = None
@@ -138,6 +143,20 @@ class Samples:
         """Products of the columns and of the torque, by cycle: (cycles, k + 1, k + 1)."""
         table = np.column_stack((columns, self.torque)) * np.sqrt(self.used)[:, None]
         return np.stack([table[fold].T @ table[fold] for fold in self.folds])
+
+    def max_delay(self) -> float:
+        """Return the samples by which the torque may be late: half a stroke if all are alike.
+
+        Such a motion looks the same if the torque is late by a stroke and has the other sign.
+        """
+        angle = self.angles["between counts"]
+        least = max(5 * self.count, MIN_STROKE_PART * float(np.ptp(angle)))
+        parts = [np.diff(models.turning_points(angle[rows], least)) for rows in self.pieces]
+        lengths = np.concatenate(parts)
+        if len(lengths) < MIN_STROKES:
+            return np.inf
+        low, high = np.percentile(lengths, (10, 90))
+        return float(np.median(lengths)) / 2 if high < MIN_STROKE_RATIO * low else np.inf
 
     def prepare(self, a: float, residual: np.ndarray) -> None:
         """Set weights and cycles for a stiffness `a` that is roughly known."""
@@ -237,13 +256,41 @@ def samples_of(
         direction=joined["direction"],
         count=count,
         noise=noise,
-        block=block,
+        block=block / max(log.rows_between for log in logs),
         timed=timed,
         reference=reference or _reference_of(joined),
         load=joined.get("load"),
     )
     _add_terms(samples)
     return samples
+
+
+def fill_quick_strokes(logs: Sequence[Log]) -> list[Log]:
+    """Return logs with rows without weight between their rows, if strokes have few rows.
+
+    A shaft that turns between two rows goes further than they show. A spline has these turns.
+    """
+    return [_with_rows_between(log) if _has_quick_strokes(log) else log for log in logs]
+
+
+def _has_quick_strokes(log: Log) -> bool:
+    moves = np.abs(log.moves[:HEAD_ROWS])
+    usual = float(np.median(moves[moves > 0])) if moves.any() else 0.0
+    return usual > MIN_MOVE_COUNTS * log.resolution and _rows_of_a_stroke(log) < QUICK_STROKE_ROWS
+
+
+def _with_rows_between(log: Log) -> Log:
+    rows = np.arange(log.rows)
+    places = np.arange((log.rows - 1) * ROWS_BETWEEN + 1) / ROWS_BETWEEN
+    last = places.astype(int)
+    weight = np.ones(log.rows) if log.weight is None else log.weight
+    return replace(
+        log.part(last),
+        theta=CubicSpline(rows, log.theta)(places),
+        time=None if log.time is None else np.interp(places, rows, log.time),
+        weight=np.where(places == last, weight[last], 0.0),
+        rows_between=ROWS_BETWEEN,
+    )
 
 
 def _join(tables: list[dict[str, np.ndarray]]) -> tuple[dict[str, np.ndarray], list[slice]]:
