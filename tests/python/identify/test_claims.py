@@ -247,17 +247,17 @@ def test_each_log_has_a_sign(turned):
 
 
 SWAPPED = {
-    "a log": (lambda: shaft(), True),
-    "without an encoder": (lambda: log_of(PATH, dahl_torque(PATH), 0.02, 0.0), True),
-    "turned torque": (lambda: replace(shaft(), torque=-shaft().torque), True),
-    "without noise": (lambda: shaft(noise=0.0), True),
-    "a spring": (lambda: log_of(PATH, dahl_torque(PATH) + 4 * PATH, 0.02), True),
+    "a log": shaft,
+    "without an encoder": lambda: log_of(PATH, dahl_torque(PATH), 0.02, 0.0),
+    "turned torque": lambda: replace(shaft(), torque=-shaft().torque),
+    "without noise": lambda: shaft(noise=0.0),
+    "a spring": lambda: log_of(PATH, dahl_torque(PATH) + 4 * PATH, 0.02),
 }
 
 
 @pytest.mark.parametrize("kind", SWAPPED)
 def test_swapped_columns_are_named_if_they_are(kind):
-    log = SWAPPED[kind][0]()
+    log = SWAPPED[kind]()
     swapped = replace(log, theta=log.torque, torque=log.theta, resolution=0.0)
     try:
         result = identify([swapped], Options(trust_units=True))

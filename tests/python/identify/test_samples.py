@@ -212,7 +212,7 @@ def to_and_fro(rows: int, cycles: float) -> np.ndarray:
 @pytest.mark.parametrize("cycles", [3.3, 8.6, 40.3, 100.4])
 @pytest.mark.parametrize("motion", [to_and_fro, lambda *shape: sine(1, *shape, amplitude=0.3)])
 def test_more_rows_never_mean_fewer_cycles(rows, cycles, motion):
-    """Of the cycles of a log at least eight are scored, or all but one, with turns of both sides."""
+    """Of the cycles of a log at least eight are scored, or all but one; turns of both sides."""
     theta = motion(rows, cycles)
     log = log_of(theta, theta, count=COUNT / 64)
     block = block_for([log], samples_of([log], angles=()).block, A)

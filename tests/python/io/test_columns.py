@@ -185,10 +185,40 @@ def test_a_torque_without_a_unit_is_asked_for(column, tmp_path):
     assert read(path, "--torque-unit", "mNm").questions == {}
 
 
+@pytest.mark.parametrize(
+    "names",
+    [
+        "t_s q_rad i_q",
+        "millis shaft_angle_rad current.q",
+        "__time pos_rad motor_current_A",
+        "time_s pid_pos_rad avg_motor_current",
+        "stamp position_rad Iq_measured",
+        "t_s angle_rad torque_A",
+    ],
+)
+def test_a_motor_current_needs_a_torque_constant(names, tmp_path):
+    values = (1e3 * UP if "millis" in names else UP, UP, WAVE)
+    path = written_as(tmp_path, dict(zip(names.split(), values, strict=True)))
+    line = refused(path)
+    assert f"'{names.split()[2]}'" in line and "--torque-constant" in line
+    for words, factor in ((), 0.5), (("--torque-unit", "mA"), 0.5e-3):
+        log = read(path, "--torque-constant", 0.5, *words)
+        assert log.torque == pytest.approx(factor * WAVE) and log.time == pytest.approx(UP)
+        assert log.questions == {} and any("current" in note for note in log.notes)
+    assert "Nm" in refused(path, "--torque-constant", 0.5, "--torque-unit", "Nm")
+    assert read(path, "--torque-unit", "Nm").torque == pytest.approx(WAVE)
+
+
+@pytest.mark.parametrize(("unit", "size"), [("s", 1), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_a_clock_since_1970_has_the_unit_of_its_size(unit, size, tmp_path):
+    stamps = [round((1_790_000_000 + at) * size) for at in 64 * UP]
+    path = written_as(tmp_path, {"stamp": stamps, "angle_rad": UP, "effort_Nm": WAVE})
+    assert np.diff(read(path).time) == pytest.approx(1, rel=1e-4)
+
+
 ASSUMED = """
 time_s,angle_deg,torque_Nm | |
 angle,load | --angle-unit rad --torque-unit Nm |
-angle_deg,torque_A | | torque Nm
 angle,load | | angle deg, torque Nm
 t,angle,torque | | angle deg, torque Nm, time s 0.0156
 position_mm,load | | torque N
@@ -245,6 +275,14 @@ def test_a_clock_that_may_be_in_milliseconds_is_noted(step, is_doubted, tmp_path
         ("torque", "torque_cmd load_N angle", 1),
         ("torque", "trq_ref angle", 0),
         ("time", "T_degC T_Nm t_start angle", None),
+        ("time", "header.stamp position effort", 0),
+        ("time", "__time /joint_states/j1/position /joint_states/j1/effort", 0),
+        ("angle", "__time /joint_states/j1/velocity /joint_states/j1/position effort", 2),
+        ("torque", "stamp position velocity effort", 3),
+        ("angle", "t q_rad dq_rad tau", 1),
+        ("torque", "t q dq tau_est", 3),
+        ("torque", "joint.0.pos-fb joint.0.pos-cmd torque-fb", 2),
+        ("torque", "pos_estimate vel_estimate torque_target torque_estimate Iq_measured", 3),
         ("time", "T_degC T_Nm t angle time_ms", 2),
     ],
 )
