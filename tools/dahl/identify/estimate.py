@@ -37,7 +37,6 @@ MAX_CORRECTIONS = 2
 HIDDEN_ROUNDING = 0.3  # of the variance of a torque's rounding: it repeats in each cycle
 COARSE_ERROR = 2.0  # times the variance of rounding, below which a torque sensor is coarse here
 MAX_SWAPPED_COST = 0.8  # of the robust cost, with angle and torque swapped, if they are
-SURE_R2 = 0.99  # on cycles left out: swapped columns never fit so well
 MORE_ELEMENTS, OTHER_LAW = 1.4, 0.5  # see _beyond_one_element()
 
 
@@ -74,8 +73,7 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
     fitter, fits, corrected = _correct_encoder(fitter, fits, delay, space)
     found = _judge(fitter, fits, corrected)
     result = Result(list(logs), pieces, fitter.samples, fitter, sign, options, fits, *found)
-    if result.r2_of(result.plausible.best) < SURE_R2:
-        result.are_swapped = _are_swapped(pieces)
+    result.are_swapped = _are_swapped(pieces)
     return claims_of(result)
 
 

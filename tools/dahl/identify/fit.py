@@ -21,9 +21,12 @@ from dahl.identify import models
 from dahl.identify.models import LAWS, Law
 from dahl.identify.samples import Samples, delayed
 
-LAGS = ("none", "damping", "delay", "low pass", "zero-phase filter", "play", "delay+filter")
-FILTERS = ("low pass", "zero-phase filter")  # the latter runs forward and backward
+FILTERS = ("low pass", "zero-phase filter", "damped low pass")  # the second runs to and fro
 DELAYED = ("delay", *FILTERS, "delay+filter")  # the last parameter is a number of samples
+LAGS = ("none", "damping", "play", *DELAYED)
+LATE_TERMS = ("spring", "viscous", "inertia")  # that a late sensor shows late too
+SPECIAL_LAGS = {"delay+filter": ("delay",), "damped low pass": ("damping", "low pass")}
+FADING_SPEED = 0.25  # of fast motion: LuGre's damping fades as its state comes to rest in sliding
 ROUNDS = 8  # Gauss-Newton steps of a fit, at most
 MAX_STEP, MAX_DELAY_STEP = 0.4, 6.0  # of a Gauss-Newton step: in ln a and shapes, in samples
 MIN_GAIN, SETTLED_STEP = 1e-4, 1e-3  # of the cost and of ln a, below which the fit has converged
@@ -55,19 +58,19 @@ class Hypothesis:
     @property
     def size(self) -> int:
         """Parameters beyond a Dahl element and an offset."""
-        lag = {"none": 0, "delay+filter": 2, "delays": 2}.get(self.lag, 1)
+        lag = {"none": 0, "delay+filter": 3, "delays": 2, "damped low pass": 3}.get(self.lag, 1)
         terms = sum(16 if term == "waves" else 1 for term in self.terms) - 1
         return self.friction.size + lag + terms
 
     @property
     def lag_columns(self) -> int:
         """Linear ones."""
-        return int(self.lag in ("damping", "delay+filter"))
+        return {"damping": 1, "delay+filter": 2, "damped low pass": 2}.get(self.lag, 0)
 
     def contains(self, other: Hypothesis) -> bool:
         """Whether the other one is a special case of this one."""
         law = other.law == self.law or other.law in self.friction.special_cases
-        lag = other.lag in (self.lag, "none") or (other.lag, self.lag) == ("delay", "delay+filter")
+        lag = other.lag in (self.lag, "none", *SPECIAL_LAGS.get(self.lag, ()))
         terms = set(other.terms) <= set(self.terms)
         return law and lag and terms and self.angle == other.angle
 
@@ -279,7 +282,7 @@ class Fitter:
             parts = zip(s.pieces, s.log_of, strict=True)
             return np.concatenate([delayed(x[rows], each[k]) for rows, k in parts])
         if h.lag in FILTERS:
-            run = lfilter if h.lag == "low pass" else filtfilt
+            run = filtfilt if h.lag == "zero-phase filter" else lfilter
             kept = np.exp(-1 / max(p[-1], 1e-2))
             return s.by_piece(lambda y: run([1 - kept], [1, -kept], y), x)
         return x
@@ -294,26 +297,55 @@ class Fitter:
         if limits is None:
             limits = self._limits_of(w, terms)
         friction = sum(c * x for c, x in zip(limits, w, strict=True))
+        names = [name for name in terms if name in ("offset", *LATE_TERMS)]
+        others = self._other_torques(h, p, names)
+        weights = self._weights(friction, others)
         changes = []
         for k in range(len(p)):
             step = np.zeros(len(p))
             step[k] = DERIVATIVE_STEP_ROWS if k in self._row_parameters(h, p) else DERIVATIVE_STEP
             moved = self.elements(h, p + step)
             change = sum(c * (x - y) for c, x, y in zip(limits, moved, w, strict=True))
+            if k >= h.friction.parameters and h.lag != "play":
+                again = self._other_torques(h, p + step, names)
+                change += sum(c * (x - y) for c, x, y in zip(weights, again, others, strict=True))
             changes.append(change / step[k])
         lag = self._lag_columns(h, friction)
-        return np.column_stack((*w, *changes, *lag, *self.term_columns(terms))), limits
+        return np.column_stack((*w, *changes, *lag, *self._other_torques(h, p, terms))), limits
+
+    def _other_torques(
+        self, h: Hypothesis, p: np.ndarray, names: Iterable[str]
+    ) -> list[np.ndarray]:
+        """Return the columns of terms as the torque sensor shows them: its lag is that of all."""
+        found: list[np.ndarray] = []
+        for name in names:
+            columns = self.term_columns([name])
+            if name in LATE_TERMS and h.lag in (*DELAYED, "delays"):
+                columns = [self._apply_lag(h, p, x - x.mean()) for x in columns]
+            found += columns
+        return found
+
+    def _weights(self, friction: np.ndarray, columns: list[np.ndarray]) -> list[float]:
+        """Return the coefficients of columns beside a friction, by least squares."""
+        gram = self.samples.grams(np.column_stack((friction, *columns))).sum(axis=0)
+        found: list[float] = solve(gram, range(len(columns) + 1))[1:].tolist()
+        return found
 
     def _lag_columns(self, h: Hypothesis, friction: np.ndarray) -> list[np.ndarray]:
-        """Derivatives of friction by time that a lag adds, as many as h.lag_columns.
+        """Derivatives by time that a lag adds, as many as h.lag_columns.
 
-        The second one is what any short filter adds to its delay: a mean over rows, a filter
-        that runs to and fro, a torque cell that rings.
+        The second derivative is what any short filter adds to its delay: a mean over rows, a
+        filter that runs to and fro, a torque cell that rings.
         """
+        s, damping = self.samples, self.samples.rate(friction) / self.fast
         if h.lag == "damping":
-            return [self.samples.rate(friction) / self.fast]
+            return [damping]
+        if h.lag == "damped low pass":
+            return [damping, s.rate(s.acceleration)]
         if h.lag == "delay+filter":
-            return [self.samples.by_piece(lambda x: np.gradient(np.gradient(x)), friction)]
+            fading = np.exp(-((s.speed / (FADING_SPEED * self.fast)) ** 2))
+            bend = s.by_piece(lambda x: np.gradient(np.gradient(x)), friction)
+            return [bend, damping * fading]
         return []
 
     def _limits_of(self, w: list[np.ndarray], terms: Iterable[str]) -> np.ndarray:

@@ -91,6 +91,7 @@ def _with_all_choices(fitter: Fitter, a: float, delay: float, space: SearchSpace
         "delays": delay,
         "low pass": max(delay, 3.0),
         "zero-phase filter": 3.0,
+        "damped low pass": max(delay, 2.0),
         "play": float(np.log(0.2 / a)),
     }
     choices = [("dahl", lag) for lag in space.lags]
