@@ -36,6 +36,7 @@ MIN_ENCODER_GAIN = 0.1  # of the residual, from which an encoder error is taken 
 MAX_CORRECTIONS = 2
 HIDDEN_ROUNDING = 0.3  # of the variance of a torque's rounding: it repeats in each cycle
 COARSE_ERROR = 2.0  # times the variance of rounding, below which a torque sensor is coarse here
+SPLINE_ERROR = 0.02  # of sigma0 and Fc, if turns between two rows are those of a spline
 MAX_SWAPPED_COST = 0.8  # of the robust cost, with angle and torque swapped, if they are
 MORE_ELEMENTS, OTHER_LAW = 1.4, 0.5  # see _beyond_one_element()
 
@@ -205,7 +206,8 @@ def _judge(
         simulated = widths["counts"] * value
         low = value - np.hypot(value - low, simulated)
         high = value + np.hypot(high - value, simulated)
-    least = select.MODEL_ERROR * value  # no parameter is known better than its law
+    part = SPLINE_ERROR if samples.block < 1 else select.MODEL_ERROR
+    least = part * value  # no parameter is known better than its law
     low, high = np.minimum(low, value - least), np.maximum(high, value + least)
     return seen, lacks, Intervals(value, low, high, widths)
 
