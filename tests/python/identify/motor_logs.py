@@ -3,7 +3,7 @@
 filter, integrated by steps of a tenth of a row. No code of the package is in the torque.
 
 The motion is that of `dahl excite`, for guesses that are wrong by up to 3. The truth is always
-SIGMA0 and FC: the slope at rest, and the torque in sliding.
+SIGMA0 and FC: the slope at rest, and the torque in sliding at speed.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def _joint(
     sigma1 = draw.uniform(0.2, 1.0) * math.sqrt(SIGMA0 * inertia)
     viscous = draw.uniform(0, 0.2) * FC / 2.0
     peak = draw.choice([0.0, 0.1])  # Stribeck's, of Fc, below a speed
-    slow = draw.uniform(0.05, 0.3)  # rad/s
+    slow = draw.uniform(0.05, 0.25) * np.percentile(np.abs(np.gradient(wanted)), 98) * RATE
     cogging, teeth = draw.uniform(0, 0.04) * FC, int(draw.choice([21, 42, 84]))
     step = 1 / RATE / STEPS
     theta = speed = z = held = before = 0.0

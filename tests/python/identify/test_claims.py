@@ -15,7 +15,7 @@ import hostile_logs
 import numpy as np
 import pytest
 from dahl import Error
-from dahl.identify import Log, Options, Result, check, identify, report
+from dahl.identify import Log, Options, Result, check, identify, refusals, report
 from identify_tools import (
     COUNT,
     FC,
@@ -266,6 +266,24 @@ def test_swapped_columns_are_named_if_they_are(kind):
         assert "swapped" in str(error)
     right = identify([log])
     assert "swapped" not in right.verdict and right.claimed[1]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_claimed_fit_has_no_negative_inertia(seed):
+    """The torque is early, which a negative inertia would describe."""
+    theta = chirp(2400, first=4 + seed)
+    early = np.interp(np.arange(2400) + 1.4, np.arange(2400), dahl_torque(theta))
+    result = identify([log_of(theta, early - 1e-5 * np.gradient(np.gradient(theta)) * 1e6, 0.01)])
+    assert result.terms.get("inertia", 0.0) >= 0 or not any(result.claimed)
+
+
+def test_each_refusal_has_a_row_in_the_page(root):
+    page = (root / "docs" / "identify.md").read_text()
+    for reason, step in refusals.NEXT_STEPS.items():
+        assert f"| {reason} | {step} |" in page
+    result = found("noise alone")
+    assert result.refusals["Fc"][1] in refusals.NEXT_STEPS.values()
+    assert f"next: {result.refusals['Fc'][1]}" in result.verdict
 
 
 def test_a_spring_that_stiffens_is_a_cubic_term():

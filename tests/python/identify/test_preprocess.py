@@ -94,6 +94,8 @@ REJECTED: dict[str, tuple[Callable[[], Log], str]] = {
         lambda: replace(SHAFT, torque=np.full(2400, -1.5)),
         r"torque .*-1\.5 .*2400",
     ),
+    "a torque of 1e200": (lambda: replace(SHAFT, torque=1e200 * SHAFT.torque), "torque .*1e.15"),
+    "a torque of 1e-30": (lambda: replace(SHAFT, torque=1e-30 * SHAFT.torque), "torque .*1e-15"),
     "29 rows": (lambda: synthetic(1, rows=29), "29 rows.* 30"),
     "30 rows": (lambda: synthetic(1, rows=30), ""),
     "clipped": (lambda: clipped(0.03), r"clipped at 0\.\d+ N m .120 of 4000 rows.* row 1001"),

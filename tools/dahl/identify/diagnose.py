@@ -111,7 +111,8 @@ def _lack(row: Row, before: Fit, after: Fit, quantile: float, is_known: bool) ->
         low, high = _at_ends(row.ends, after, quantile)
     extra = EXTRA_MOVE * np.abs(value - before.value)
     ratio, part = gain / after.total, 100 * gain / before.total
-    text = f"{row.name} would explain {part:.0f} % of the residual"
+    covered = ", and the interval covers it" if row.ends is not None else ""
+    text = f"{row.name} would explain {part:.0f} % of the residual{covered}"
     withdraws = _withdraws(row, moved, ratio)
     return Lack(row.name, ratio, moved, low - extra, high + extra, withdraws, text, x)
 

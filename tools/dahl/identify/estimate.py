@@ -37,7 +37,8 @@ MAX_CORRECTIONS = 2
 HIDDEN_ROUNDING = 0.3  # of the variance of a torque's rounding: it repeats in each cycle
 COARSE_ERROR = 2.0  # times the variance of rounding, below which a torque sensor is coarse here
 SPLINE_ERROR = 0.02  # of sigma0 and Fc, if turns between two rows are those of a spline
-MAX_SWAPPED_COST = 0.8  # of the robust cost, with angle and torque swapped, if they are
+MAX_SWAPPED_COST = 0.8  # of the robust cost, with angle and torque swapped, if they are; half of
+# it if the torque takes energy as given, which a soft loop's does too
 MORE_ELEMENTS, OTHER_LAW = 1.4, 0.5  # see _beyond_one_element()
 
 
@@ -69,7 +70,9 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
         space = select.few_cycles(space)
     fits = select.fit_all(fitter, a, delay, space)
     if not fits:
-        why = "are angle and torque swapped?" if _are_swapped(pieces) else "is the motion recorded?"
+        why = "are angle and torque swapped (--angle, --torque)?"
+        if not _are_swapped(pieces):
+            why = "record strokes to and fro in which friction is most of the torque"
         raise Error(f"{logs[0].name}: no friction law fits; {why}")
     fitter, fits, corrected = _correct_encoder(fitter, fits, delay, space)
     found = _judge(fitter, fits, corrected)
@@ -100,8 +103,10 @@ def _are_swapped(pieces: Sequence[Log]) -> bool:
         replace(one, theta=one.torque, torque=one.theta, resolution=resolution_of(one.torque))
         for one in pieces
     ]
-    right, wrong = (coarse_start(Fitter(samples_of(some))).cost for some in (swapped, pieces))
-    return right < MAX_SWAPPED_COST * wrong
+    given, other = (Fitter(samples_of(some)) for some in (pieces, swapped))
+    drives = sign_by_work(given.samples, slice(None)) < 0  # swapped friction seems to drive
+    most = MAX_SWAPPED_COST if drives else MAX_SWAPPED_COST / 2
+    return coarse_start(other).cost < most * coarse_start(given).cost
 
 
 def _turned_round(piece: Log) -> Log:

@@ -19,7 +19,7 @@ from scipy.signal import filtfilt, lfilter
 
 from dahl.identify import models
 from dahl.identify.models import LAWS, Law
-from dahl.identify.samples import Samples, delayed
+from dahl.identify.samples import FAST_PERCENTILE, Samples, delayed
 
 FILTERS = ("low pass", "zero-phase filter", "damped low pass")  # the second runs to and fro
 DELAYED = ("delay", *FILTERS, "delay+filter")  # the last parameter is a number of samples
@@ -34,7 +34,7 @@ MIN_LOW_PASS = 0.3  # samples; a shorter time constant has no effect
 MAX_LINEAR = 0.6  # of ln a: beyond it a linearisation is useless
 MAX_ELEMENT = 1.0  # presliding lengths in a count: one of several elements cannot be stiffer
 MIN_PEAK = -0.02  # of Fc: its increase if slow or after a rest, which noise may bring below 0
-MIN_VISCOUS = -0.02  # of MAX_FRICTION, at high speed; friction that falls with speed is Stribeck's
+MIN_TIMED = -0.02  # of MAX_FRICTION, at high speed: viscous torque and inertia resist the motion
 MAX_FRICTION = 1.5  # of the measured torque: more would have to be cancelled by inertia or a spring
 MIN_LOG_SPEED = 0.01  # of fast motion; at a reversal a logarithm would have no bound
 MIN_LIMIT = 0.05  # of Fc: friction must not vanish or push at any speed
@@ -195,6 +195,7 @@ class Fitter:
         self.samples = samples
         self.moves = {name: samples.moves(angle) for name, angle in samples.angles.items()}
         self.fast = samples.reference.fast
+        self.quick = float(np.percentile(np.abs(samples.acceleration), FAST_PERCENTILE))
         self.max_delay = samples.max_delay()
         torque = samples.torque[samples.weight > 0]
         self.max_friction = MAX_FRICTION * float(np.ptp(np.percentile(torque, (1, 99)))) / 2
@@ -413,18 +414,17 @@ class Fitter:
         is_too_stiff = m > 1 and np.exp(fit.p[:m].max()) * self.samples.count > MAX_ELEMENT
         has_peak = fit.hypothesis.law in ("stribeck", "breakaway")
         falls = not has_peak or fit.p[1] + c[m + 1] > MIN_PEAK
-        resists = self._viscous(fit.hypothesis, c) > MIN_VISCOUS * self.max_friction
+        resists = min(self._timed(fit).values(), default=0.0) > MIN_TIMED * self.max_friction
         delays = [fit.p[k] + c[m + k] for k in self._row_parameters(fit.hypothesis, fit.p)]
         is_too_late = max(map(abs, delays), default=0.0) > self.max_delay
         is_beyond = is_too_large or is_too_stiff or is_too_late
         return bool(is_positive and falls and resists and not is_beyond)
 
-    def _viscous(self, h: Hypothesis, coefficients: np.ndarray) -> float:
-        """Viscous torque at high speed, N m (N)."""
-        if "viscous" not in h.terms:
-            return 0.0
-        after = len(h.terms) - h.terms.index("viscous")  # all behind it have one column each
-        return float(coefficients[-after]) * self.fast
+    def _timed(self, fit: Fit) -> dict[str, float]:
+        """Viscous torque and inertia at high speed and acceleration, N m (N)."""
+        terms, sizes = fit.hypothesis.terms, {"viscous": self.fast, "inertia": self.quick}
+        after = {name: len(terms) - terms.index(name) for name in sizes if name in terms}
+        return {name: float(fit.coefficients[-k]) * sizes[name] for name, k in after.items()}
 
     def fit(self, h: Hypothesis, p: np.ndarray, rounds: int = ROUNDS) -> Fit | None:
         """Fit and score one hypothesis from start values p."""
@@ -450,6 +450,7 @@ class Fitter:
         for terms in _term_sets(names):
             own = [base + k for term in terms for k, name in enumerate(term_of) if name == term]
             found.append(score(replace(h, terms=terms), at, [*range(base), *own]))
+        found = [fit for fit in found if self._timed(fit).get("inertia", 1.0) > 0]
         return [fit for fit in found if self._is_friction(fit, at.peaks)]
 
     def predicted(self, fit: Fit) -> np.ndarray:

@@ -45,6 +45,7 @@ MIN_EVENT_PART = 0.9  # of the moves by one count, if a row is written at each e
 MAX_FLICKER = 8  # rows that turn back at once, without the true reversals
 FLICKER_ROWS = 9  # of the running median that removes them
 MIN_SPIKE_RATIO = 10.0  # largest distance from the median over that of 90 % of the rows
+TORQUES = (1e-15, 1e15)  # N m (N), range of a torque
 RANGES = {True: (1e-8, 1e2, "m"), False: (1e-7, 1e4, "rad")}  # of an angle, by `linear`
 
 
@@ -70,7 +71,16 @@ def check(log: Log, trust_units: bool = False) -> None:
         raise Error(f"{log.name}: {log.rows} rows; at least {MIN_ROWS} were expected")
     for name, values in (("angle", log.theta), ("torque", log.torque)):
         if np.ptp(values) == 0:
-            raise Error(f"{log.name}: {name} is constant ({values[0]:g} in all {log.rows} rows)")
+            raise Error(
+                f"{log.name}: {name} is constant ({values[0]:g} in all {log.rows} rows): is it the"
+                f" right column (--{name})?"
+            )
+    low, high = TORQUES
+    if not low <= np.ptp(log.torque) <= high:
+        raise Error(
+            f"{log.name}: the torque covers {np.ptp(log.torque):g} {log.unit}, {low:g} to {high:g}"
+            " was expected; is the unit right (--torque-unit)?"
+        )
     _check_clipping(log)
     if trust_units:
         return
@@ -96,7 +106,8 @@ def _check_clipping(log: Log) -> None:
         if many and np.mean(moving[rows]) > 0.25 and _is_stuck(log, rows):
             raise Error(
                 f"{log.name}: torque is clipped at {extreme:g} {log.unit}"
-                f" ({len(rows)} of {log.rows} rows, the first is row {rows[0] + 1})"
+                f" ({len(rows)} of {log.rows} rows, the first is row {rows[0] + 1}): record with a"
+                " wider range of the sensor"
             )
 
 

@@ -82,9 +82,11 @@ def numbers(result: Result) -> dict[str, Any]:
         "identifiable": dict(zip(NAMES, result.claimed, strict=True)),
         "verdict": result.verdict,
         "reasons": result.reasons,
+        "next_steps": {name: step for name, (_, step) in result.refusals.items()},
         "notes": notes(result),
         "extra": result.terms,
         "extra_standard_errors": _term_errors(result),
+        "other_torques": {f"{k}_torque": size for k, size in result.other_torques.items()},
         "r2": 1 - float(residual @ residual) / result.spread,
         "rmse": float(np.sqrt(residual @ residual / samples.used.sum())),
         **_simple_models(result),
@@ -99,6 +101,8 @@ def numbers(result: Result) -> dict[str, Any]:
         "resolution": log.resolution,
         "r2_plan": model.plan_r2,
         "plan": {
+            "sigma0": list(model.sigma0),
+            "Fc": list(model.Fc),
             "theta_per_count": model.theta_per_count,
             "of_target": bool(result.options.target_counts),
             "against": model.against,
@@ -326,10 +330,7 @@ def _rows(result: Result, kept: dict[str, Any]) -> Iterator[tuple[str, str]]:
         p = getattr(result, name)
         high = f"{p.high:.5g}" if math.isfinite(p.high) else "no end"
         yield name, f"{p.value:.5g} {unit}, 95 %: {p.low:.5g} to {high}"
-    words = f"no bounds: {result.against_bounds}"
-    if bounds := result.compensator_bounds:
-        words = f"Fc_low {bounds[0]:.5g} {log.unit}, length_long {bounds[1]:.5g} {log.angle_unit}"
-    yield "compensator", words
+    yield "compensator", _bounds(result)
     late = f", torque late by {kept['delay_rows']:.2g} rows" if kept["delay_rows"] else ""
     yield "law", kept["model"] + (late or f", with {h.lag}" * (h.lag != "none"))
     if load := kept["load"]:
@@ -342,13 +343,27 @@ def _rows(result: Result, kept: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for name, value in kept["extra"].items():
         unit = UNITS.get(name, "").format(T=log.unit, k=log.slope_unit, x=log.angle_unit)
         yield name, f"{value:.4g} {unit}".strip()
+    others = [(name, size) for name, size in result.other_torques.items() if name != "offset"]
+    if words := ", ".join(f"{name} {size:.3g} {log.unit}" for name, size in others):
+        yield "other torques", f"{words} (half of the range)"
     yield "R2, cycles left out", f"{result.r2:.4f} of {kept['cycles_scored']} cycles"
     for path, r2 in kept["checks"].items():
         yield f"check {_shorten_name(Path(path).name)}", f"R2 {r2:.4f}, not fitted"
-    if about := runnable_model(result).about:
-        yield "header and scene", about
+    model, units = runnable_model(result), kept["units"]
+    sums = ", ".join(f"{key} {x:.5g} {units[key]}" for key, x in model.sums.items())
+    yield "header and scene", f"{sums}. {model.about}".strip()
     yield "R2 of the plan alone", f"{kept['r2_plan']:.4f} on the raw motion"
     yield from (("note", note) for note in kept["notes"])
+
+
+def _bounds(result: Result) -> str:
+    """Return the bounds for a compensator in words, or the reason against them."""
+    bounds, log = result.compensator_bounds, result.logs[0]
+    if bounds is None:
+        return f"no bounds: {result.against_bounds}"
+    ends = zip(BOUNDS, bounds, (log.unit, log.angle_unit), strict=True)
+    known = (f"{key} {x:.5g} {unit}" for key, x, unit in ends if x is not None)
+    return ", ".join(known) or "no bounds: no interval has an end"
 
 
 def _shorten_name(name: str) -> str:

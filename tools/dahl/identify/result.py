@@ -12,6 +12,8 @@ import numpy as np
 
 from dahl.identify.fit import DELAYED, Fit, Fitter, Hypothesis, Optimum, parameters_of, solve
 from dahl.identify.models import ONE_ELEMENT
+from dahl.identify.refusals import SOURCES as STEPS_OF_SOURCES
+from dahl.identify.refusals import next_step
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, samples_of
 from dahl.io.log import Log
 
@@ -25,6 +27,8 @@ NAMES = ("sigma0", "Fc")
 SLIP_LENGTHS = 3  # presliding lengths that a compensator needs if slip elements fit best
 MAX_HALF_WIDTH = 0.3  # of the value; a wider interval is no basis for a firmware
 MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller shapes still more
+MIN_REACH = 3.0  # presliding lengths of a stroke to each side, that show Fc beside a lag
+BOUND_MARGIN = 1.1  # of bounds from intervals that are not claimed
 MIN_R2 = 0.5  # on cycles left out; below it most of the torque is not friction
 POWERS_OF_REACH = {"spring": 1, "cubic": 3}  # by which samples.py divides the angle of these terms
 SOURCES = {  # of the width of an interval, in the order in which they are added
@@ -86,6 +90,7 @@ class Result:
     intervals: Intervals
     claimed: tuple[bool, bool] = (False, False)
     reasons: list[str] = field(default_factory=list)
+    refusals: dict[str, tuple[str, str]] = field(default_factory=dict)  # reason and next step
     are_swapped: bool = False  # angle and torque
     checks: dict[str, float] = field(default_factory=dict)  # log not fitted -> R2
 
@@ -131,13 +136,14 @@ class Result:
         return Parameter(s.value / c.value, low, high, s.claimed and c.claimed, s.uncertainty)
 
     @property
-    def compensator_bounds(self) -> tuple[float, float] | None:
+    def compensator_bounds(self) -> tuple[float | None, float | None] | None:
         """Fc_low in N m (N) and length_long in rad (m) for dahl_compensator.h, from the ends of the
         95 % intervals; None if there is a reason against them.
 
-        If Fc changes with speed or direction, its least value counts for Fc_low, its largest for
-        length_long. Slip elements lose no energy in presliding, so length_long is three times
-        theirs.
+        An end may be known although the interval is too wide for a claim; a margin is then added. A
+        bound whose interval has no end is None. If Fc changes with speed or direction, its least
+        value counts for Fc_low, its largest for length_long. Slip elements lose no energy in
+        presliding, so length_long is three times theirs.
         """
         if self.against_bounds:
             return None
@@ -145,14 +151,21 @@ class Result:
         alike = [fit for fit in self.plausible.fits if fit.hypothesis.law == law]
         least, most = zip(*map(self.fitter.limit_range, [self.chosen, *alike]), strict=True)
         lengths = max(most) * (SLIP_LENGTHS if "slip" in self.hypothesis.friction.kinds else 1)
-        return min(least) * self.Fc.low, lengths / self.a.low
+        margin = 1.0 if all(self.claimed) else BOUND_MARGIN
+        is_asked = any("angle" in log.questions for log in self.raw)
+        Fc_low = min(least) * self.Fc.low / margin  # noqa: N806
+        length_long = lengths * margin / self.a.low if self.a.low > 0 and not is_asked else None
+        return Fc_low or None, length_long
 
     @property
     def against_bounds(self) -> str:
         """Reason against bounds for a compensator; "" if there is none."""
-        if not all(self.claimed):
-            return "sigma0 and Fc are not both claimed"
-        return "the friction follows a load" if self.hypothesis.law == "loaded" else ""
+        if self.hypothesis.law == "loaded":
+            return "the friction follows a load"
+        if all(self.claimed):
+            return ""
+        doubts = [*_against_units(self), *_against_log(self), *_against_lacks(self)]
+        return next((text for against, _, text in doubts if all(against)), "")
 
     def _parameter(self, k: int) -> Parameter:
         i = self.intervals
@@ -207,6 +220,20 @@ class Result:
         """Measured less predicted torque at each sample, (n,) N m (N)."""
         residual: np.ndarray = self.samples.torque - self.predicted
         return residual
+
+    @cached_property
+    def other_torques(self) -> dict[str, float]:
+        """Size of each torque that was fitted beside friction: half its range, N m (N).
+
+        The offset has its sign. "angle" is a torque that depends on the angle, as gravity does.
+        """
+        s, found = self.samples, {}
+        for name, c in term_coefficients(self.chosen, s).items():
+            torque = s.waves @ c if name == "waves" else s.terms[name] * c
+            size = float(np.ptp(torque[s.used > 0])) / 2
+            key = "angle" if name == "waves" else name
+            found[key] = float(c[0]) if name == "offset" else size
+        return found
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return one row for each sample of the fit.
@@ -289,24 +316,34 @@ class Result:
             else:
                 words.append(f"{name} is not identifiable")
         asked = [text for log in self.raw for text in log.questions.values()]
-        rest = [text for text in self.reasons if text not in asked]
-        return "; ".join([*dict.fromkeys(asked), *words, *rest])
+        refused = dict.fromkeys(self.refusals.values())
+        why = [f"{reason}; next: {step}" for reason, step in refused if reason not in asked]
+        known = {text for lack in self.lacks if not any(lack.withdraws) for text in [lack.text]}
+        remarks = [text for text in self.reasons if text in known and text not in "; ".join(why)]
+        return "; ".join([*dict.fromkeys(asked), *words, *why, *remarks])
+
+
+def term_coefficients(fit: Fit, samples: Samples) -> dict[str, np.ndarray]:
+    """Coefficients of the columns of each term in N m (N): (1,), of waves (KNOTS - 1,)."""
+    h = fit.hypothesis
+    k, found = len(fit.limits) + len(fit.p) + h.lag_columns, {}
+    for name in h.terms:
+        width = samples.waves.shape[1] if name == "waves" else 1
+        found[name] = fit.coefficients[k : k + width]
+        k += width
+    if h.law == "asymmetric":  # the mean of both limits is friction, not offset
+        found["offset"] = found.get("offset", np.zeros(1)) - fit.limits[0] * fit.p[1]
+    return found
 
 
 def terms_of(fit: Fit, samples: Samples) -> dict[str, float]:
     """Coefficients of the terms of a fit in N m, N m/rad, ... (N, N/m, ...)."""
-    h, reach = fit.hypothesis, samples.reference.reach
-    first = len(fit.limits) + len(fit.p) + h.lag_columns
-    found, k = {}, first
-    for name in h.terms:
-        if name == "waves":
-            k += samples.waves.shape[1]
-            continue
-        found[name] = float(fit.coefficients[k]) / reach ** POWERS_OF_REACH.get(name, 0)
-        k += 1
-    if h.law == "asymmetric":  # the mean of both limits is friction, not offset
-        found["offset"] = found.get("offset", 0.0) - float(fit.limits[0] * fit.p[1])
-    return found
+    reach, found = samples.reference.reach, term_coefficients(fit, samples)
+    return {
+        name: float(c[0]) / reach ** POWERS_OF_REACH.get(name, 0)
+        for name, c in found.items()
+        if name != "waves"
+    }
 
 
 def _is_steepest_at_rest(fit: Fit) -> bool:
@@ -315,7 +352,8 @@ def _is_steepest_at_rest(fit: Fit) -> bool:
     return law.name == "bouc-wen" and float(fit.p[law.elements]) < MIN_BOUC_WEN
 
 
-Objection = tuple[tuple[bool, bool], str]  # against claims of sigma0 and of Fc, and why
+# Against claims of sigma0 and of Fc: a reason of refusals.NEXT_STEPS, and the words for it.
+Objection = tuple[tuple[bool, bool], str, str]
 
 
 def claims_of(result: Result) -> Result:
@@ -325,37 +363,55 @@ def claims_of(result: Result) -> Result:
         *_against_units(result),
         *_against_log(result),
         *_against_widths(i),
-        *((lack.withdraws, lack.text) for lack in result.lacks),
+        *_against_lacks(result),
         *_against_sigma0(result, i),
+        *_against_ends(i),
     ]
-    refused = np.any([(False, False), *(against for against, _ in objections)], axis=0)
+    first = [next((one for one in objections if one[0][k]), None) for k in range(len(NAMES))]
+    refusals = {
+        name: (one[2], next_step(one[1]))
+        for name, one in zip(NAMES, first, strict=True)
+        if one is not None
+    }
+    claimed = (first[0] is None, first[1] is None)
+    reasons = [text for _, _, text in objections if text]
+    return replace(result, intervals=i, claimed=claimed, reasons=reasons, refusals=refusals)
+
+
+def _against_lacks(result: Result) -> Iterator[Objection]:
+    for lack in result.lacks:
+        yield lack.withdraws, lack.name, lack.text
+
+
+def _against_ends(i: Intervals) -> Iterator[Objection]:
+    """Objections to an interval without an end. It has another reason in most cases."""
     known = np.isfinite(i.low) & np.isfinite(i.high) & (i.low > 0)
-    claimed = known & ~refused
-    reasons = [text for _, text in objections if text]
-    return replace(
-        result, intervals=i, claimed=(bool(claimed[0]), bool(claimed[1])), reasons=reasons
-    )
+    for k, name in enumerate(NAMES):
+        if not known[k]:
+            text = f"the log shows no {'upper' if i.low[k] > 0 else 'lower'} end of {name}"
+            yield (k == 0, k == 1), "no end of the interval", text
 
 
 def _against_units(result: Result) -> Iterator[Objection]:
     """Objections to numbers in units that nothing confirms; Fc has no unit of the angle."""
     asked = [question for log in result.raw for question in log.questions.items()]
     for what, text in dict.fromkeys(asked):
-        yield (True, what == "torque"), text
+        yield (True, what == "torque"), f"unit of the {what}", text
 
 
 def _against_log(result: Result) -> Iterator[Objection]:
     """Objections to a log whatever its intervals are."""
     cycles, r2 = result.samples.cycles, result.r2_of(result.plausible.best)
-    if r2 < MIN_R2:
-        percent = f"{100 * r2:.0f} %"
-        yield (True, True), f"the best hypothesis explains {percent} of what was left out"
-    if cycles < MIN_SCORED_CYCLES:
-        text = f"only {cycles} cycles, {MIN_SCORED_CYCLES} are needed to score a fit"
-        yield (True, True), text
     if result.are_swapped:
         text = "the angle follows the torque as friction follows a motion"
-        yield (True, True), f"{text}: are angle and torque swapped?"
+        yield (True, True), "swapped columns", f"{text}: are angle and torque swapped?"
+    if r2 < MIN_R2:
+        percent = f"{100 * r2:.0f} %"
+        text = f"the best hypothesis explains {percent} of what was left out"
+        yield (True, True), "little explained", text
+    if cycles < MIN_SCORED_CYCLES:
+        text = f"only {cycles} cycles, {MIN_SCORED_CYCLES} are needed to score a fit"
+        yield (True, True), "few cycles", text
 
 
 def _against_widths(i: Intervals) -> Iterator[Objection]:
@@ -364,25 +420,28 @@ def _against_widths(i: Intervals) -> Iterator[Objection]:
         if half > MAX_HALF_WIDTH and np.isfinite(half):
             cause = SOURCES[i.dominant(k)]
             text = f"{name} is known within {100 * half:.0f} % only, due to {cause}"
-            yield (k == 0, k == 1), text
+            yield (k == 0, k == 1), STEPS_OF_SOURCES[i.dominant(k)], text
 
 
 def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
     """Objections to the slope at rest, if no log resolves it."""
     is_hidden = i is not result.intervals
     if is_hidden:
-        yield (True, False), "presliding is shorter than a count or a move of one row"
+        text = "presliding is shorter than a count or a move of one row"
+        yield (True, False), "short presliding", text
     plausible = [fit.hypothesis for fit in result.plausible.fits]
     if all(h.lag != "none" and h.law not in ONE_ELEMENT for h in plausible):
         text = "law and lag both round the loop at a reversal, and both are unusual"
         by_speed = result.hypothesis.law in ("stribeck", "log speed")  # as a lag changes it
-        yield (True, is_hidden or by_speed), f"{text}: no log separates them"
+        is_short = result.samples.reference.reach * result.a.value < MIN_REACH
+        hides_Fc = is_hidden or by_speed or is_short  # noqa: N806
+        yield (True, hides_Fc), "law and lag", f"{text}: no log separates them"
     if result.hypothesis.law == "breakaway":
         text = "the torque has a peak after each rest: its form changes the slope there"
-        yield (True, False), text
+        yield (True, False), "peak after a rest", text
     if any(_is_steepest_at_rest(fit) for fit in result.plausible.fits):
         text = "the loop is steepest at rest, as of small stiff elements: sigma0 is larger"
-        yield (True, False), text
+        yield (True, False), "steepest at rest", text
 
 
 def _without_hidden_presliding(result: Result) -> Intervals:

@@ -402,15 +402,13 @@ def _columns_of(
     """All arrays of a log at its own rows."""
     smooth = treatments.smooth_angle(log.theta, log.resolution, noise)
     time = log.time if timed and log.time is not None else NO_CLOCK_STEP * np.arange(log.rows)
-    step = np.gradient(time)
-    usual = float(np.median(step)) or 1.0
-    one, two = treatments.derivatives(log.theta, smooth, 0.0 if noise else log.resolution)
+    speed, acceleration = rates_of(log.theta, smooth, time, 0.0 if noise else log.resolution)
     table = {
         "torque": log.torque,
         "time": time,
         "weight": np.ones(log.rows) if log.weight is None else log.weight,
-        "speed": one / np.maximum(step, MIN_STEP * usual),
-        "acceleration": two / usual**2,
+        "speed": speed,
+        "acceleration": acceleration,
         "between counts": smooth,
         "direction": _direction(log.theta, NOISE_PLAY * noise or ROUNDING * np.ptp(log.theta)),
     }
@@ -422,6 +420,16 @@ def _columns_of(
     if log.load is not None:
         table["load"] = log.load
     return table
+
+
+def rates_of(
+    theta: np.ndarray, smooth: np.ndarray, time: np.ndarray, resolution: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return speed and acceleration of an angle by its smoothed form: (n,) each."""
+    step = np.gradient(time)
+    usual = float(np.median(step)) or 1.0
+    one, two = treatments.derivatives(theta, smooth, resolution)
+    return one / np.maximum(step, MIN_STEP * usual), two / usual**2
 
 
 def _direction(theta: np.ndarray, play: float) -> np.ndarray:
