@@ -55,11 +55,11 @@ def two_speeds_stribeck(rig: Rig) -> Log:
 
 
 def belt_resonance(rig: Rig) -> Log:
-    """A belt between encoder and bearing that rings at 40 Hz and gives 3 % of a length."""
+    """A belt between encoder and bearing that rings at 40 Hz and gives .5 % of a length."""
     torque = rig.friction()
     pole = np.exp((-0.1 + 1j) * 2 * np.pi * 40 * STEP)
     a = np.array([1.0, -2 * pole.real, abs(pole) ** 2])
-    return rig.log(torque, theta=rig.theta + 0.03 * LENGTH / FC * lfilter([a.sum()], a, torque))
+    return rig.log(torque, theta=rig.theta + 0.005 * LENGTH / FC * lfilter([a.sum()], a, torque))
 
 
 def merged_buses(rig: Rig) -> Log:
@@ -75,10 +75,8 @@ def swinging_door(rig: Rig) -> Log:
 
 
 def preloaded_play(rig: Rig) -> Log:
-    """A play of half a presliding length, closed by a spring in one direction."""
-    behind = behind_play(rig.theta, 0.5 * LENGTH)
-    mixed = np.where(rig.theta > 0, rig.theta - 0.25 * LENGTH, behind)
-    return rig.log(dahl_torque(mixed) + 0.2 * FC)
+    """A play of a fifth of a presliding length in a drive that pulls one way."""
+    return rig.log(dahl_torque(behind_play(rig.theta, 0.2 * LENGTH)) + 0.3 * FC)
 
 
 def growing(rig: Rig) -> Log:

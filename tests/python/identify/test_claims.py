@@ -250,7 +250,7 @@ SWAPPED = {
     "a log": shaft,
     "without an encoder": lambda: log_of(PATH, dahl_torque(PATH), 0.02, 0.0),
     "turned torque": lambda: replace(shaft(), torque=-shaft().torque),
-    "without noise": lambda: shaft(noise=0.0),
+    "little noise": lambda: shaft(noise=0.005),
     "a spring": lambda: log_of(PATH, dahl_torque(PATH) + 4 * PATH, 0.02),
 }
 
@@ -275,6 +275,12 @@ def test_a_claimed_fit_has_no_negative_inertia(seed):
     early = np.interp(np.arange(2400) + 1.4, np.arange(2400), dahl_torque(theta))
     result = identify([log_of(theta, early - 1e-5 * np.gradient(np.gradient(theta)) * 1e6, 0.01)])
     assert result.terms.get("inertia", 0.0) >= 0 or not any(result.claimed)
+
+
+def test_a_log_without_strokes_is_refused_with_a_next_step():
+    theta = np.linspace(0, 1, 600)
+    with pytest.raises(Error, match=r"rig: no friction law fits; record strokes to and fro"):
+        identify([log_of(theta, FC + 0 * theta)])
 
 
 def test_each_refusal_has_a_row_in_the_page(root):

@@ -460,6 +460,14 @@ class Fitter:
         torque: np.ndarray = table @ fit.coefficients
         return torque
 
+    def other_torque(self, fit: Fit) -> np.ndarray:
+        """The torque of the terms of a fit at each sample: (n,) N m (N)."""
+        h = fit.hypothesis
+        columns = self._other_torques(h, fit.p, h.terms)
+        own = fit.coefficients[len(fit.coefficients) - len(columns) :]
+        parts = (c * x for c, x in zip(own, columns, strict=True))
+        return sum(parts, np.zeros(self.samples.rows))
+
 
 def _term_sets(names: Sequence[str]) -> list[tuple[str, ...]]:
     """Sets of terms worth a trial: one shape over the angle, with any of the terms by time."""

@@ -331,7 +331,7 @@ def _rows(result: Result, kept: dict[str, Any]) -> Iterator[tuple[str, str]]:
         high = f"{p.high:.5g}" if math.isfinite(p.high) else "no end"
         yield name, f"{p.value:.5g} {unit}, 95 %: {p.low:.5g} to {high}"
     yield "compensator", _bounds(result)
-    late = f", torque late by {kept['delay_rows']:.2g} rows" if kept["delay_rows"] else ""
+    late = _delay(result) if kept["delay_rows"] else ""
     yield "law", kept["model"] + (late or f", with {h.lag}" * (h.lag != "none"))
     if load := kept["load"]:
         least, most = load["shares"]
@@ -354,6 +354,15 @@ def _rows(result: Result, kept: dict[str, Any]) -> Iterator[tuple[str, str]]:
     yield "header and scene", f"{sums}. {model.about}".strip()
     yield "R2 of the plan alone", f"{kept['r2_plan']:.4f} on the raw motion"
     yield from (("note", note) for note in kept["notes"])
+
+
+def _delay(result: Result) -> str:
+    """Return the delay of the torque in words."""
+    rows, time = result.delay_rows, result.logs[0].time
+    words = f", torque {'late' if rows > 0 else 'early'} by {abs(rows):.2g} rows"
+    if time is None:
+        return words
+    return f"{words} ({1e3 * abs(rows) * float(np.median(np.diff(time))):.2g} ms)"
 
 
 def _bounds(result: Result) -> str:

@@ -216,6 +216,11 @@ class Result:
         return self.fitter.predicted(self.chosen)
 
     @property
+    def other_torque(self) -> np.ndarray:
+        """Torque of the fitted terms at each sample, (n,) N m (N)."""
+        return self.fitter.other_torque(self.chosen)
+
+    @property
     def residual(self) -> np.ndarray:
         """Measured less predicted torque at each sample, (n,) N m (N)."""
         residual: np.ndarray = self.samples.torque - self.predicted

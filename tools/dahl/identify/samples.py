@@ -135,6 +135,17 @@ class Samples:
         since: np.ndarray = travel - travel[last]
         return since
 
+    def from_turn(self, a: float) -> np.ndarray:
+        """How far each sample is from the last turn of its piece, with the sign: (n,) rad (m)."""
+
+        def of_piece(angle: np.ndarray) -> np.ndarray:
+            turns = models.turning_points(angle, MIN_TURN_LENGTHS / a)
+            last = np.searchsorted(turns, np.arange(len(angle)), side="right") - 1
+            away: np.ndarray = angle - angle[np.append(turns, 0)[last]]
+            return away
+
+        return self.by_piece(of_piece, self.angles["between counts"])
+
     def with_angle(self, name: str, angle: np.ndarray) -> Samples:
         """The same samples with another angle."""
         return replace(self, angles={**self.angles, name: angle})
