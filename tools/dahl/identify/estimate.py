@@ -103,7 +103,8 @@ def _are_swapped(pieces: Sequence[Log]) -> bool:
         replace(one, theta=one.torque, torque=one.theta, resolution=resolution_of(one.torque))
         for one in pieces
     ]
-    given, other = (Fitter(samples_of(some)) for some in (pieces, swapped))
+    both = (fill_quick_strokes(some) for some in (pieces, swapped))
+    given, other = (Fitter(samples_of(some)) for some in both)
     drives = sign_by_work(given.samples, slice(None)) < 0  # swapped friction seems to drive
     most = MAX_SWAPPED_COST if drives else MAX_SWAPPED_COST / 2
     return coarse_start(other).cost < most * coarse_start(given).cost

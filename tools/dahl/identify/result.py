@@ -27,7 +27,6 @@ NAMES = ("sigma0", "Fc")
 SLIP_LENGTHS = 3  # presliding lengths that a compensator needs if slip elements fit best
 MAX_HALF_WIDTH = 0.3  # of the value; a wider interval is no basis for a firmware
 MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller shapes still more
-MIN_REACH = 3.0  # presliding lengths of a stroke to each side, that show Fc beside a lag
 BOUND_MARGIN = 1.1  # of bounds from intervals that are not claimed
 MIN_R2 = 0.5  # on cycles left out; below it most of the torque is not friction
 POWERS_OF_REACH = {"spring": 1, "cubic": 3}  # by which samples.py divides the angle of these terms
@@ -429,18 +428,14 @@ def _against_widths(i: Intervals) -> Iterator[Objection]:
 
 
 def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
-    """Objections to the slope at rest, if no log resolves it."""
-    is_hidden = i is not result.intervals
-    if is_hidden:
+    """Objections to the slope at rest, if no log resolves it; an unusual lag hides Fc too."""
+    if i is not result.intervals:
         text = "presliding is shorter than a count or a move of one row"
         yield (True, False), "short presliding", text
     plausible = [fit.hypothesis for fit in result.plausible.fits]
     if all(h.lag != "none" and h.law not in ONE_ELEMENT for h in plausible):
         text = "law and lag both round the loop at a reversal, and both are unusual"
-        by_speed = result.hypothesis.law in ("stribeck", "log speed")  # as a lag changes it
-        is_short = result.samples.reference.reach * result.a.value < MIN_REACH
-        hides_Fc = is_hidden or by_speed or is_short  # noqa: N806
-        yield (True, hides_Fc), "law and lag", f"{text}: no log separates them"
+        yield (True, True), "law and lag", f"{text}: no log separates them"
     if result.hypothesis.law == "breakaway":
         text = "the torque has a peak after each rest: its form changes the slope there"
         yield (True, False), "peak after a rest", text
