@@ -414,13 +414,17 @@ class Fitter:
         is_too_stiff = m > 1 and np.exp(fit.p[:m].max()) * self.samples.count > MAX_ELEMENT
         has_peak = fit.hypothesis.law in ("stribeck", "breakaway")
         falls = not has_peak or fit.p[1] + c[m + 1] > MIN_PEAK
-        resists = min(self._timed(fit).values(), default=0.0) > MIN_TIMED * self.max_friction
+        resists = self.timed(fit).get("viscous", 0.0) > MIN_TIMED * self.max_friction
         delays = [fit.p[k] + c[m + k] for k in self._row_parameters(fit.hypothesis, fit.p)]
         is_too_late = max(map(abs, delays), default=0.0) > self.max_delay
         is_beyond = is_too_large or is_too_stiff or is_too_late
         return bool(is_positive and falls and resists and not is_beyond)
 
-    def _timed(self, fit: Fit) -> dict[str, float]:
+    def drives(self, fit: Fit) -> bool:
+        """Whether the inertia is negative by more than noise."""
+        return self.timed(fit).get("inertia", 0.0) < MIN_TIMED * self.max_friction
+
+    def timed(self, fit: Fit) -> dict[str, float]:
         """Viscous torque and inertia at high speed and acceleration, N m (N)."""
         terms, sizes = fit.hypothesis.terms, {"viscous": self.fast, "inertia": self.quick}
         after = {name: len(terms) - terms.index(name) for name in sizes if name in terms}
@@ -450,7 +454,7 @@ class Fitter:
         for terms in _term_sets(names):
             own = [base + k for term in terms for k, name in enumerate(term_of) if name == term]
             found.append(score(replace(h, terms=terms), at, [*range(base), *own]))
-        found = [fit for fit in found if self._timed(fit).get("inertia", 1.0) > 0]
+        found = [fit for fit in found if self.timed(fit).get("inertia", 1.0) > 0]
         return [fit for fit in found if self._is_friction(fit, at.peaks)]
 
     def predicted(self, fit: Fit) -> np.ndarray:

@@ -11,6 +11,7 @@ NEXT_STEPS = {
     "unit of the torque": "give --torque-unit",
     "swapped columns": "exchange --angle and --torque",
     "little explained": "record strokes in which friction is most of the torque",
+    "negative inertia": "record strokes of several speeds, or leave inertia out (--terms)",
     "few cycles": "record at least eight cycles, so that six can be scored",
     "noise": "record more cycles, or use a quieter torque sensor",
     "law, lag and terms": "record strokes of several lengths and speeds, as dahl excite proposes",

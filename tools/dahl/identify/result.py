@@ -409,6 +409,9 @@ def _against_log(result: Result) -> Iterator[Objection]:
     if result.are_swapped:
         text = "the angle follows the torque as friction follows a motion"
         yield (True, True), "swapped columns", f"{text}: are angle and torque swapped?"
+    if result.fitter.drives(result.chosen):
+        text = "the inertia is negative: it stands for another torque"
+        yield (True, True), "negative inertia", text
     if r2 < MIN_R2:
         percent = f"{100 * r2:.0f} %"
         text = f"the best hypothesis explains {percent} of what was left out"
@@ -435,7 +438,8 @@ def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
     plausible = [fit.hypothesis for fit in result.plausible.fits]
     if all(h.lag != "none" and h.law not in ONE_ELEMENT for h in plausible):
         text = "law and lag both round the loop at a reversal, and both are unusual"
-        yield (True, True), "law and lag", f"{text}: no log separates them"
+        hides_Fc = result.hypothesis.law != "breakaway"  # noqa: N806  (its peak is at the turns)
+        yield (True, hides_Fc), "law and lag", f"{text}: no log separates them"
     if result.hypothesis.law == "breakaway":
         text = "the torque has a peak after each rest: its form changes the slope there"
         yield (True, False), "peak after a rest", text
