@@ -12,6 +12,7 @@ from dataclasses import replace
 from functools import cache
 
 import hostile_logs
+import motor_logs
 import numpy as np
 import pytest
 from dahl import Error
@@ -281,6 +282,11 @@ def test_a_log_without_strokes_is_refused_with_a_next_step():
     theta = np.linspace(0, 1, 600)
     with pytest.raises(Error, match=r"rig: no friction law fits; record strokes to and fro"):
         identify([log_of(theta, FC + 0 * theta)])
+
+
+def test_a_loop_that_hardly_moves_does_not_show_full_slip():
+    result = identify([motor_logs.log(114)])  # 1.2 presliding lengths in all, .29 N m
+    assert not result.Fc.claimed or result.Fc.low <= FC <= result.Fc.high, result.verdict
 
 
 def test_each_refusal_has_a_row_in_the_page(root):

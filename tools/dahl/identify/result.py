@@ -27,6 +27,7 @@ NAMES = ("sigma0", "Fc")
 SLIP_LENGTHS = 3  # presliding lengths that a compensator needs if slip elements fit best
 MAX_HALF_WIDTH = 0.3  # of the value; a wider interval is no basis for a firmware
 MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller shapes still more
+MIN_REACHED = 0.8  # of Fc, by the friction in a log; Dahl's law alone may extrapolate further
 BOUND_MARGIN = 1.1  # of bounds from intervals that are not claimed
 MIN_R2 = 0.5  # on cycles left out; below it most of the torque is not friction
 POWERS_OF_REACH = {"spring": 1, "cubic": 3}  # by which samples.py divides the angle of these terms
@@ -369,6 +370,7 @@ def claims_of(result: Result) -> Result:
         *_against_widths(i),
         *_against_lacks(result),
         *_against_sigma0(result, i),
+        *_against_short_strokes(result),
         *_against_ends(i),
     ]
     first = [next((one for one in objections if one[0][k]), None) for k in range(len(NAMES))]
@@ -385,6 +387,16 @@ def claims_of(result: Result) -> Result:
 def _against_lacks(result: Result) -> Iterator[Objection]:
     for lack in result.lacks:
         yield lack.withdraws, lack.name, lack.text
+
+
+def _against_short_strokes(result: Result) -> Iterator[Objection]:
+    """Objections to an Fc that only the form of an unusual law extrapolates."""
+    friction = np.abs(result.predicted - result.other_torque)[result.samples.used > 0]
+    part = float(friction.max(initial=0.0)) / result.Fc.value
+    laws = {fit.hypothesis.law for fit in result.plausible.fits}
+    if part < MIN_REACHED and laws - ONE_ELEMENT:
+        text = f"friction reaches {100 * part:.0f} % of Fc only"
+        yield (False, True), "no end of the interval", text
 
 
 def _against_ends(i: Intervals) -> Iterator[Objection]:
