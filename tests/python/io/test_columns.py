@@ -216,6 +216,15 @@ def test_a_clock_since_1970_has_the_unit_of_its_size(unit, size, tmp_path):
     assert np.diff(read(path).time) == pytest.approx(1, rel=1e-4)
 
 
+def test_seconds_and_nanoseconds_of_a_stamp_are_added(tmp_path):
+    stamp = {
+        "header.stamp.sec": 1_790_000_000 + UP // 0.25,
+        "header.stamp.nanosec": 4e9 * (UP % 0.25),
+    }
+    path = written_as(tmp_path, stamp | {"position_rad": UP, "effort_Nm": WAVE})
+    assert np.diff(read(path).time) == pytest.approx(4 / 64, abs=1e-5)
+
+
 ASSUMED = """
 time_s,angle_deg,torque_Nm | |
 angle,load | --angle-unit rad --torque-unit Nm |

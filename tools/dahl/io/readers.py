@@ -150,7 +150,20 @@ def _read_table(path: Path, source: Source, notes: list[str]) -> Columns:
     if "time" not in places and (clock := _clock(table, places)) is not None:
         places["time"] = clock
         notes.append(f"time read from '{table.names[clock]}' by its unit (--time)")
-    return _columns_at(table, places, source.skip_gaps)
+    if "time" in places and (rest := _nanoseconds(table.names, places["time"])) is not None:
+        places["nanoseconds"] = rest
+    names, values = _columns_at(table, places, source.skip_gaps)
+    if "nanoseconds" in values:
+        values["time"] = values["time"] + 1e-9 * values.pop("nanoseconds")
+    return names, values
+
+
+def _nanoseconds(names: Sequence[str], seconds: int) -> int | None:
+    """Return the column of the nanoseconds beside whole seconds, as ROS writes a stamp, or None."""
+    stem = re.sub(r"secs?$", "", names[seconds])
+    beside = (stem + end for end in ("nanosec", "nanosecs", "nsec", "nsecs"))
+    found = (names.index(name) for name in beside if stem != names[seconds] and name in names)
+    return next(found, None)
 
 
 def _columns_at(table: Table, places: dict[str, int], skip_gaps: bool = False) -> Columns:
