@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Find sigma0 and Fc from measured logs, with intervals, and say whether they can be trusted.
 
-LOG is a table (CSV, TSV, JSON, MAT, Parquet) or a CAN log (candump .log, ASC, BLF, TRC, MF4) with
---dbc; an MF4 of measured channels needs no DBC. Columns and units are found by the names of the
-columns if no option gives them. All LOGs are fitted together. --each fits the logs of a folder one
-by one, --follow a live bus.
+LOG is a table (CSV, TSV, JSON, MAT, NPZ, Parquet) or a CAN log (candump .log, ASC, BLF, TRC, MF4)
+with --dbc; an MF4 of measured channels needs no DBC. Columns and units are found by the names of
+the columns if no option gives them. All LOGs are fitted together. --each fits the logs of a folder
+one by one, --follow a live bus.
 
 It writes a picture, JSON and a scene that replays the log. If both parameters are identifiable and
 their plan explains the raw motion, it writes a header with a const plan too. A log needs about 100
@@ -73,7 +73,9 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
         "a load that friction may follow, as a normal force; several are added",
     )
     _add_text(group, "--angle-unit", "UNIT", angles)
-    _add_text(group, "--torque-unit", "UNIT", "Nm, mNm, kNm, N, mN, uN, kN, lb, kip, ...")
+    _add_text(group, "--torque-unit", "UNIT", "Nm, mNm, kNm, N, mN, uN, kN, lb, kip, A, mA, ...")
+    constant = "torque is K times a motor current, N m/A (linear motion: N/A)"
+    group.add_argument("--torque-constant", type=positive, default=0.0, metavar="K", help=constant)
     _add_text(group, "--time-unit", "UNIT", "s, ms, us")
     counts = "of the encoder (linear motion: per millimetre; default: found in the log)"
     group.add_argument("--counts-per-turn", type=number, metavar="N", help=counts)

@@ -24,7 +24,7 @@ from dahl.io.files import one_line, read_json, write_atomic
 from dahl.io.readers import Source
 from dahl.version import __version__
 
-ENDINGS = {".csv", ".tsv", ".txt", ".json", ".mat", ".parquet"} | {*can_logs.CAN_LOGS}
+ENDINGS = {".csv", ".tsv", ".txt", ".json", ".mat", ".npz", ".parquet"} | {*can_logs.CAN_LOGS}
 CLUSTER_TIMEOUT_S = 10.0
 COLUMNS = ("sigma0", "Fc", "r2", "r2_coulomb", "reversals", "verdict")
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dahl.errors import Error
-from dahl.io import can_logs, text_tables, units
+from dahl.io import can_logs, encoder_grid, text_tables, units
 from dahl.io.can_signals import (
     NEEDS_DBC,
     TIME_COLUMN,
@@ -43,14 +43,18 @@ NO_TIME = "no column of times: what depends on speed (viscous, inertia) is not f
 
 ROLES = {  # patterns of the names of columns
     "angle": r"angle|theta|position|deflection|displacement|encoder|counts?$|winkel|weg(?![a-z])"
-    r"|(?<![a-z])pos(?![a-z])",
-    "torque": r"torque|friction|force|trq|load|moment|kraft|(?<![a-z])N_?m(?![a-z])",
+    r"|(?<![a-z])pos(?![a-z])|(^|[/.])(?<!current\.)q\d*(?![a-z])",
+    "torque": r"torque|friction|force|trq|load|moment|kraft|effort|(?<![a-z])(N_?m|tau)(?![a-z])"
+    r"|(?<![a-z])i_?q(?![a-z])|current(?![._ ]?(pos|angle|vel|speed|temp|time|state|mode))|amps",
     # not T and T_degC, which are temperatures
-    "time": r"^time|^(uhr)?zeit|^(?-i:t)$|^t[\s_(\[]+[mun]?s(ec|econds)?(?![a-z])",
+    "time": r"^_*time|stamp|^(uhr)?zeit|^(?-i:t)$|^t[\s_(\[]+[mun]?s(ec|econds)?(?![a-z])"
+    r"|^(milli|micro)s(?![a-z])",
 }
 DERIVED = r"(?<![a-z])(vel|speed|rate|d+ot|acc(el|$|[^a-z])|err(or)?(?![a-z]))|theta_?d+ot"
 SETPOINT = r"(?<![a-z])(ref|set|target|cmd|command|desired|demand)"
 FORCE = r"force|load|kraft"  # a torque is more likely
+CURRENT = r"(?<![a-z])i_?q(?![a-z])|current|amps"  # a torque or a force is more likely
+SINCE_1970 = {"ns": 1e17, "us": 1e14, "ms": 1e11}  # least times in these units
 
 
 @dataclass(frozen=True)
@@ -63,6 +67,7 @@ class Source:
     angle_unit: str = ""
     torque_unit: str = ""
     time_unit: str = ""
+    torque_constant: float = 0.0  # N m/A (N/A) of a motor whose current is the torque
     counts_per_turn: float = 0.0  # of the encoder; for a linear motion counts per mm
     dbc: Path | None = None
     skip_gaps: bool = False
@@ -145,7 +150,20 @@ def _read_table(path: Path, source: Source, notes: list[str]) -> Columns:
     if "time" not in places and (clock := _clock(table, places)) is not None:
         places["time"] = clock
         notes.append(f"time read from '{table.names[clock]}' by its unit (--time)")
-    return _columns_at(table, places, source.skip_gaps)
+    if "time" in places and (rest := _nanoseconds(table.names, places["time"])) is not None:
+        places["nanoseconds"] = rest
+    names, values = _columns_at(table, places, source.skip_gaps)
+    if "nanoseconds" in values:
+        values["time"] = values["time"] + 1e-9 * values.pop("nanoseconds")
+    return names, values
+
+
+def _nanoseconds(names: Sequence[str], seconds: int) -> int | None:
+    """Return the column of the nanoseconds beside whole seconds, as ROS writes a stamp, or None."""
+    stem = re.sub(r"secs?$", "", names[seconds])
+    beside = (stem + end for end in ("nanosec", "nanosecs", "nsec", "nsecs"))
+    found = (names.index(name) for name in beside if stem != names[seconds] and name in names)
+    return next(found, None)
 
 
 def _columns_at(table: Table, places: dict[str, int], skip_gaps: bool = False) -> Columns:
@@ -264,7 +282,8 @@ def _likeliest(role: str, known: Sequence[str], free: Sequence[int]) -> list[int
         return fitting
     fitting = [k for k in fitting if not re.search(DERIVED, known[k], re.IGNORECASE)]
     doubts = [
-        2 * bool(re.search(SETPOINT, known[k], re.IGNORECASE))
+        4 * bool(re.search(SETPOINT, known[k], re.IGNORECASE))
+        + 2 * bool(role == "torque" and re.search(CURRENT, known[k], re.IGNORECASE))
         + bool(re.search(FORCE, known[k], re.IGNORECASE))
         for k in fitting
     ]
@@ -310,10 +329,20 @@ def to_log(name: str, source: Source, columns: Columns, notes: Sequence[str] = (
         raise Error(f"{name}: an angle in counts needs --counts-per-turn")
     theta = values["angle"] * (2 * np.pi / counts if unit == "counts" else units.ANGLES[unit])
     theta, unwrap_notes = (theta, []) if linear else unwrap(theta, 2 * np.pi)
-    torque, torque_notes = _torque(source, names["torque"], values["torque"], linear)
+    try:
+        torque, torque_notes = _torque(source, names["torque"], values["torque"], linear)
+    except Error as error:
+        raise Error(f"{name}: {error}") from None
     time, time_notes = _time(source, names.get("time", ""), values.get("time"))
     log = Log(name, theta, torque, time, linear)
     log.notes = [*notes, *angle_notes, *unwrap_notes, *torque_notes, *time_notes]
+    if not units.stated("angle", source.angle_unit, names["angle"]):
+        asked = encoder_grid.question(values["angle"], unit, counts)
+        log.questions |= {"angle": asked} if asked else {}
+    is_torque = units.stated("torque", source.torque_unit, names["torque"])
+    if not (is_torque or source.torque_constant):
+        asked = f"is the torque in {log.unit}? '{names['torque']}' names no unit of it"
+        log.questions["torque"] = f"{asked} (--torque-unit)"
     count = (1e-3 if linear else 2 * np.pi) / counts if counts else 0.0
     log.resolution = count or resolution_of(theta)
     if source.loads:
@@ -333,6 +362,8 @@ def _torque(
     source: Source, name: str, torque: np.ndarray, linear: bool
 ) -> tuple[np.ndarray, list[str]]:
     """Return the torque in N m, the force of a linear motion in N, with notes."""
+    if source.torque_constant or _is_current(source, name):
+        return _from_current(source, name, torque)
     unit, notes = units.choose("torque", source.torque_unit, name, "N" if linear else "Nm")
     if unit in units.FORCES and not linear:
         notes.append(f"'{name}' is a force over an angle: N taken for N m")
@@ -340,6 +371,25 @@ def _torque(
         notes.append(f"'{name}' is a torque over a way: N m taken for N")
     torque, sign_notes = restore_sign(torque)
     return torque * units.TORQUES[unit], notes + sign_notes
+
+
+def _is_current(source: Source, name: str) -> bool:
+    unit = units.stated("torque", source.torque_unit, name)
+    return unit in units.CURRENTS if unit else bool(re.search(CURRENT, name, re.IGNORECASE))
+
+
+def _from_current(source: Source, name: str, current: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Return the torque of a motor by its current, with a note. Raises dahl.Error."""
+    unit, constant = units.stated("torque", source.torque_unit, name) or "A", source.torque_constant
+    if not constant:
+        raise Error(
+            f"column '{name}' is a current, not a torque: give the motor's torque constant in N m/A"
+            " with --torque-constant, or another column with --torque"
+        )
+    if unit not in units.CURRENTS:
+        raise Error(f"--torque-constant {constant:g}: column '{name}' is in {unit}, no current")
+    note = f"torque from the current '{name}' by {constant:g} N m/A: losses of a gear count too"
+    return current * units.CURRENTS[unit] * constant, [note]
 
 
 def restore_sign(torque: np.ndarray) -> tuple[np.ndarray, list[str]]:
@@ -357,7 +407,8 @@ def _time(
     """Return the time in s, with a note if its unit was assumed or if there is no time."""
     if time is None:
         return None, [NO_TIME]
-    unit, notes = units.choose("time", source.time_unit, name, "s")
+    usual = next((unit for unit, least in SINCE_1970.items() if time[0] > least), "s")
+    unit, notes = units.choose("time", source.time_unit, name, usual)
     step = float(np.ptp(time)) / (len(time) - 1)
     doubt = f"; a row comes every {step:.3g} s" + ", is it in ms?" * (step >= MAX_ROW_PERIOD_S)
     return time * units.TIMES[unit], [note + doubt for note in notes]

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Open tables of all formats: text, JSON, MAT and Parquet. An error names file, line or row."""
+"""Open tables: text, JSON, MAT, NPZ and Parquet. An error names file, line or row."""
 
 from __future__ import annotations
 
 import contextlib
 import faulthandler
 import os
+from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 def open_table(path: Path, min_columns: int = 2) -> Table:
     """Open a table with at least so many columns of numbers. Raises dahl.Error."""
-    kinds = {".json": _from_json, ".mat": _from_mat, ".parquet": _from_parquet}
+    kinds = {".json": _from_json, ".mat": _from_mat, ".npz": _from_npz, ".parquet": _from_parquet}
     kind = kinds.get(path.suffix.lower())
     try:
         if kind is None:
@@ -72,8 +73,7 @@ def _rows_in(content: Any) -> Any:
 
 
 def _from_mat(path: Path) -> pandas.DataFrame:
-    """Read the longest vectors of a MAT file."""
-    import pandas as pd
+    """Read the vectors of a MAT file."""
     from scipy.io import loadmat
 
     if _crashes(lambda: loadmat(path)):
@@ -82,11 +82,25 @@ def _from_mat(path: Path) -> pandas.DataFrame:
         content = loadmat(path, squeeze_me=True, struct_as_record=False)
     except NotImplementedError:
         raise Error(f"{path}: MATLAB 7.3 (HDF5); save it with -v7") from None
-    columns = dict(_vectors("", {k: v for k, v in content.items() if not k.startswith("__")}))
-    if not columns:
-        raise Error(f"{path}: no vectors in it")
-    longest = max(map(len, columns.values()))
-    return pd.DataFrame({k: v for k, v in columns.items() if len(v) == longest})
+    return _longest(path, {k: v for k, v in content.items() if not k.startswith("__")})
+
+
+def _from_npz(path: Path) -> pandas.DataFrame:
+    """Read the vectors of an archive of numpy."""
+    with np.load(path, allow_pickle=False) as content:
+        return _longest(path, dict(content))
+
+
+def _longest(path: Path, content: dict[str, Any]) -> pandas.DataFrame:
+    """Return the longest vectors of one length, two at least: a log has an angle and a torque."""
+    import pandas as pd
+
+    columns = dict(_vectors("", content))
+    lengths = Counter(map(len, columns.values()))
+    shared = [length for length, number in lengths.items() if number > 1]
+    if not shared:
+        raise Error(f"{path}: no two vectors of one length in it")
+    return pd.DataFrame({k: v for k, v in columns.items() if len(v) == max(shared)})
 
 
 def _crashes(read_file: Callable[[], object]) -> bool:
