@@ -53,7 +53,6 @@ SHORT = {  # kinds of the short form, one seed each
     "known": ("white 5 %", "delay of 3 rows", "gaps"),
     "hostile": ("mains hum", "eccentric encoder", "interpolated rows", "heavy rotor", "ratchet"),
     "field": ("flipped torque", "swinging door", "random strokes", "pause"),
-    "motor": ("current of a position loop",),
 }
 
 
