@@ -371,7 +371,7 @@ def test_a_filter_keeps_its_time_on_a_log_with_other_blocks():
         torque = lfilter([1 / 200], [1, 1 / 200 - 1], dahl_torque(theta))
         logs.append(log_of(theta, torque))
     result = identify(logs[:1])
-    assert result.samples.block > 1 and result.hypothesis.lag == "low pass"
+    assert result.samples.block > 1 and "low pass" in result.hypothesis.lag
     assert check(result, logs[1]) > 0.995
 
 
