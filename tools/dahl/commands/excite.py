@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dahl.commands.arguments import add_output, positive
-from dahl.errors import Error
+from dahl.errors import InputError
 from dahl.io import files
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> None:
         files.refuse_foreign_files((table, played), "use --name, or --force to overwrite it")
     motion = design.propose(wanted)
     if motion.rows > MAX_ROWS:
-        raise Error(
+        raise InputError(
             f"--within {args.within:g}: this needs {motion.cycles} cycles, {motion.seconds:.0f} s;"
             " ask for less, or use a quieter torque sensor"
         )
@@ -92,7 +92,7 @@ def _wanted(args: argparse.Namespace) -> Wanted:
     if args.known:
         args.sigma0, args.fc = _known(args.known, args.mm, args.sigma0, args.fc)
     if args.sigma0 is None or args.fc is None:
-        raise Error("a guess is needed: --sigma0 and --fc, or --from JSON")
+        raise InputError("a guess is needed: --sigma0 and --fc, or --from JSON")
     turn = 1e-3 if args.mm else 2 * math.pi
     count = turn / args.counts_per_turn
     Plan(args.sigma0, args.fc, count)  # names a parameter that is out of range
@@ -111,16 +111,18 @@ def _known(
     found, numbers = files.read_json(path), []
     try:
         if found.get("linear", linear) != linear:
-            raise Error(f"{path}: {'turns: leave out' if linear else 'linear motion: give'} --mm")
+            raise InputError(
+                f"{path}: {'turns: leave out' if linear else 'linear motion: give'} --mm"
+            )
         for name, option, given in (("sigma0", "--sigma0", sigma0), ("Fc", "--fc", Fc)):
             is_claimed = found["identifiable"][name]
             if is_claimed and given is not None:
-                raise Error(f"--from {path} and {option} {given:g}: one guess, not two")
+                raise InputError(f"--from {path} and {option} {given:g}: one guess, not two")
             if not is_claimed and given is None:
-                raise Error(f"{path}: {name} is not claimed; give a guess of it with {option}")
+                raise InputError(f"{path}: {name} is not claimed; give a guess of it with {option}")
             numbers.append(given or positive(str(found[name])))
     except (KeyError, TypeError, AttributeError, argparse.ArgumentTypeError):
-        raise Error(f"{path}: not written by dahl identify (sigma0 and Fc)") from None
+        raise InputError(f"{path}: not written by dahl identify (sigma0 and Fc)") from None
     return numbers[0], numbers[1]
 
 

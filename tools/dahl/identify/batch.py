@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from dahl.errors import Error, RunError
+from dahl.errors import Error, InputError, RunError
 from dahl.identify import estimate, report
 from dahl.identify.estimate import Options
 from dahl.io import can_logs, readers
@@ -32,10 +32,10 @@ COLUMNS = ("sigma0", "Fc", "r2", "r2_coulomb", "reversals", "verdict")
 def logs_in(folder: Path) -> list[Path]:
     """Return the logs in a folder by their endings. Raises dahl.Error for a folder without logs."""
     if not folder.is_dir():
-        raise Error(f"--each {folder}: no such folder")
+        raise InputError(f"--each {folder}: no such folder")
     found = sorted(path for path in folder.resolve().iterdir() if path.suffix.lower() in ENDINGS)
     if not found:
-        raise Error(f"--each {folder}: no logs in it ({', '.join(sorted(ENDINGS))})")
+        raise InputError(f"--each {folder}: no logs in it ({', '.join(sorted(ENDINGS))})")
     return found
 
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dahl.errors import Error
+from dahl.errors import InputError
 from dahl.identify import models
 
 AMPLITUDES = np.geomspace(3, 30, 12)  # presliding lengths 1/a; at least 3 if the guess is wrong
@@ -118,14 +118,16 @@ def propose(wanted: Wanted) -> Motion:
     a = wanted.sigma0 / wanted.Fc
     counts = 1 / (a * wanted.theta_per_count)
     if counts < MIN_COUNTS:
-        raise Error(
+        raise InputError(
             f"presliding is {counts:.2g} counts of this encoder long (Fc/sigma0 = {1 / a:.3g});"
             f" at least {MIN_COUNTS:g} are needed to see sigma0"
         )
     amplitudes = np.maximum(AMPLITUDES / a, MIN_LOOP_ERRORS * wanted.loop_error)
     needed = _rows_per_cycle(wanted, amplitudes)
     if not needed[0] <= MAX_CYCLE_ROWS:
-        raise Error(f"a cycle needs {needed[0]:.3g} rows; at most {MAX_CYCLE_ROWS} were expected")
+        raise InputError(
+            f"a cycle needs {needed[0]:.3g} rows; at most {MAX_CYCLE_ROWS} were expected"
+        )
     possible = amplitudes[needed <= MAX_CYCLE_ROWS].tolist()
     return min((_sine(wanted, one) for one in possible), key=lambda motion: motion.seconds)
 

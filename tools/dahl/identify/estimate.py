@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as student
 
-from dahl.errors import Error
+from dahl.errors import InputError
 from dahl.identify import diagnose, preprocess, select, simulate
 from dahl.identify.diagnose import CORRECTABLE, Lack
 from dahl.identify.fit import LAGS, Fit, Fitter, Hypothesis, solve
@@ -73,7 +73,7 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
         why = "are angle and torque swapped (--angle, --torque)?"
         if not _are_swapped(pieces):
             why = "record strokes to and fro in which friction is most of the torque"
-        raise Error(f"{logs[0].name}: no friction law fits; {why}")
+        raise InputError(f"{logs[0].name}: no friction law fits; {why}")
     fitter, fits, corrected = _correct_encoder(fitter, fits, delay, space)
     found = _judge(fitter, fits, corrected)
     result = Result(list(logs), pieces, fitter.samples, fitter, sign, options, fits, *found)
@@ -137,7 +137,7 @@ def _check_times(pieces: Sequence[Log], options: Options) -> None:
     timed = [term for term in options.terms or () if term in ("viscous", "inertia")]
     untimed = next((log.name for log in pieces if log.time is None), None)
     if timed and untimed is not None:
-        raise Error(f"{untimed}: {timed[0]} needs times of the rows (--time)")
+        raise InputError(f"{untimed}: {timed[0]} needs times of the rows (--time)")
 
 
 def _space(options: Options) -> SearchSpace:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dahl.errors import Error
+from dahl.errors import InputError
 from dahl.identify import models
 from dahl.identify.angle import smooth_angle
 from dahl.identify.fit import Fit
@@ -217,7 +217,7 @@ def runnable_model(result: Result) -> RunnableModel:
     library = [f for f in result.fits if LAWS[f.hypothesis.law].in_library]
     same = [f for f in library if f.hypothesis.law == wanted]
     if result.options.model and wanted != "coulomb" and not same:
-        raise Error(f"--model {result.options.model}: this law does not fit the log")
+        raise InputError(f"--model {result.options.model}: this law does not fit the log")
     is_chosen = wanted == result.hypothesis.law and LAWS[wanted].in_library
     fit = result.chosen if is_chosen else _alone(result, best_of(same or library))
     kinds, sigma0, Fc = fit.hypothesis.friction.kinds, fit.slopes, fit.limits  # noqa: N806

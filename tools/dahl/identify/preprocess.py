@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter, median_filter
 from scipy.signal import savgol_filter
 
-from dahl.errors import Error
+from dahl.errors import InputError
 from dahl.identify.angle import white_noise
 from dahl.identify.models import turning_points
 from dahl.io import encoder_grid
@@ -68,16 +68,16 @@ def preprocess(log: Log, trust_units: bool = False, median: int = 0) -> list[Log
 def check(log: Log, trust_units: bool = False) -> None:
     """Raise dahl.Error for a log that no fit can use."""
     if log.rows < MIN_ROWS:
-        raise Error(f"{log.name}: {log.rows} rows; at least {MIN_ROWS} were expected")
+        raise InputError(f"{log.name}: {log.rows} rows; at least {MIN_ROWS} were expected")
     for name, values in (("angle", log.theta), ("torque", log.torque)):
         if np.ptp(values) == 0:
-            raise Error(
+            raise InputError(
                 f"{log.name}: {name} is constant ({values[0]:g} in all {log.rows} rows): is it the"
                 f" right column (--{name})?"
             )
     low, high = TORQUES
     if not low <= np.ptp(log.torque) <= high:
-        raise Error(
+        raise InputError(
             f"{log.name}: the torque covers {np.ptp(log.torque):g} {log.unit}, {low:g} to {high:g}"
             " was expected; is the unit right (--torque-unit)?"
         )
@@ -86,7 +86,7 @@ def check(log: Log, trust_units: bool = False) -> None:
         return
     span, (low, high, unit) = float(np.ptp(log.theta)), RANGES[log.linear]
     if not low <= span <= high:
-        raise Error(
+        raise InputError(
             f"{log.name}: the angle covers {span:g} {unit}, {low:g} to {high:g} was expected;"
             " is the unit right (--angle-unit, or --trust-units)?"
         )
@@ -104,7 +104,7 @@ def _check_clipping(log: Log) -> None:
         rows = np.flatnonzero(log.torque == extreme)
         many = len(rows) > max(MIN_CLIPPED_PART * log.rows, 20)
         if many and np.mean(moving[rows]) > 0.25 and _is_stuck(log, rows):
-            raise Error(
+            raise InputError(
                 f"{log.name}: torque is clipped at {extreme:g} {log.unit}"
                 f" ({len(rows)} of {log.rows} rows, the first is row {rows[0] + 1}): record with a"
                 " wider range of the sensor"
@@ -172,7 +172,9 @@ def drop_stale_angles(log: Log) -> Log:
 
 def _check_readings(log: Log, words: str, readings: int) -> None:
     if readings < MIN_ROWS:
-        raise Error(f"{log.name}: {words}: {readings} readings, at least {MIN_ROWS} were expected")
+        raise InputError(
+            f"{log.name}: {words}: {readings} readings, at least {MIN_ROWS} were expected"
+        )
 
 
 def rows_per_reading(values: np.ndarray, changes: np.ndarray, step: float) -> int:
@@ -260,7 +262,7 @@ def unwrap(log: Log, trust_units: bool = False) -> Log:
         return log
     times, period = np.count_nonzero(jumps), wrap_period(log, jumps)
     if period == 0:
-        raise Error(
+        raise InputError(
             f"{log.name}: the angle jumps from one end of its range to the other {times} times, as"
             " a counter that wraps does, but not by a turn or a power of two counts: unwrap it"
             " first (--trust-units uses it as it is)"
@@ -317,7 +319,7 @@ def split_at_gaps(log: Log) -> list[Log]:
         + (f"; {left} rows in pieces too short left out" if left else "")
     )
     if not kept:
-        raise Error(f"{log.name}: {note}")
+        raise InputError(f"{log.name}: {note}")
     return [log.part(rows, [] if i else [*log.notes, note]) for i, rows in enumerate(kept)]
 
 

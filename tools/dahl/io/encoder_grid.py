@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from dahl.errors import Error
+from dahl.errors import InputError
 from dahl.io.log import HEAD_ROWS, Log, resolution_of
 
 AGREEMENT = 0.01  # of a count
@@ -42,7 +42,7 @@ def check_unit(log: Log) -> None:
         others.append(("turn", "rad", counts / (2 * math.pi)))
     for unit, stated, other in others:
         if _is_power_of_two(other) or _skipped(other, given):
-            raise Error(
+            raise InputError(
                 f"{log.name}: steps of {grid:.6g} rad would be {counts:.1f} counts a turn"
                 f" with the angle in {stated}, but {other:.0f} in {unit}: is the angle in {unit}"
                 " (--angle-unit, --trust-units)?"

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dahl.errors import Error
+from dahl.errors import Error, InputError
 from dahl.io import can_logs, encoder_grid, text_tables, units
 from dahl.io.can_signals import (
     NEEDS_DBC,
@@ -110,19 +110,19 @@ def read_columns(path: Path, wanted: Mapping[str, str]) -> Columns:
 
 def _check_file(path: Path) -> None:
     if path.is_dir():
-        raise Error(f"{path}: a folder; dahl identify --each reads the logs in it")
+        raise InputError(f"{path}: a folder; dahl identify --each reads the logs in it")
     if not path.is_file():
-        raise Error(f"{path}: no such file")
+        raise InputError(f"{path}: no such file")
     if path.stat().st_size == 0:
-        raise Error(f"{path}: empty")
+        raise InputError(f"{path}: empty")
 
 
 def _read_frames(path: Path, source: Source, notes: list[str]) -> Columns:
     """Read the signals of a CAN log."""
     if source.dbc is None:
-        raise Error(f"{path}: {NEEDS_DBC}")
+        raise InputError(f"{path}: {NEEDS_DBC}")
     if not (source.angle and source.torque):
-        raise Error(f"{path}: name the signals with --angle SIGNAL and --torque SIGNAL")
+        raise InputError(f"{path}: name the signals with --angle SIGNAL and --torque SIGNAL")
     signals = Signals(source.dbc, source.signals)
     for frame in can_logs.frames_of(path, notes):
         if source.channel is None or str(frame.channel) == source.channel:
@@ -212,13 +212,13 @@ def _numbers(table: Table, name: str, column: pandas.Series) -> np.ndarray:
     try:
         values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float)
     except OverflowError:
-        raise Error(f"{table.head}: column '{name}': a number is beyond 1e308") from None
+        raise InputError(f"{table.head}: column '{name}': a number is beyond 1e308") from None
     rows = np.flatnonzero(np.isnan(values) & column.notna().to_numpy())
     if len(rows):  # one of them leaves decimal commas as text too
         cells = [str(cell) for cell in column.iloc[rows]]
         first = next((k for k, cell in enumerate(cells) if not text_tables.is_number(cell)), 0)
         place, cell = table.place(int(rows[first])), cells[first][:60]
-        raise Error(f"{place}: column '{name}': '{cell}' is not a number")
+        raise InputError(f"{place}: column '{name}': '{cell}' is not a number")
     return values
 
 
@@ -234,7 +234,7 @@ def _without_gaps(
     if missing and (missing == len(whole) or not skip_gaps):
         row = int(np.argmin(whole))
         role = next(role for role, column in values.items() if not np.isfinite(column[row]))
-        raise Error(
+        raise InputError(
             f"{place(row)}: column '{names[role]}': no finite number ({values[role][row]}) here and"
             f" in {missing} of {len(whole)} rows in all (dahl identify --skip-gaps leaves them out)"
         )
@@ -264,14 +264,14 @@ def find_columns(
             found[role] = fitting[0]
         elif role != "time":
             hint = can_logs.meant(role, known)
-            raise Error(f"{place}: which column is the {role}? Name it with --{role}{hint}")
+            raise InputError(f"{place}: which column is the {role}? Name it with --{role}{hint}")
         if len(fitting) > 1 and role != "time":
             first, *others = (f"'{known[k]}'" for k in fitting)
             notes.append(f"{role} read from {first}, not from {' or '.join(others)} (--{role})")
     for one, other in itertools.combinations(found, 2):
         if found[one] == found[other]:
             name = known[found[one]]
-            raise Error(f"{place}: column '{name}' cannot be both {one} and {other}")
+            raise InputError(f"{place}: column '{name}' cannot be both {one} and {other}")
     return found
 
 
@@ -299,8 +299,10 @@ def _index_of(given: str, known: Sequence[str], place: str) -> int:
     if given not in known and given.isdecimal() and 1 <= int(given) <= len(known):
         return int(given) - 1
     if given in known:
-        raise Error(f"{place}: {list(known).count(given)} columns '{given}': give a number from 1")
-    raise Error(f"{place}: no column '{given}'{can_logs.meant(given, known)}")
+        raise InputError(
+            f"{place}: {list(known).count(given)} columns '{given}': give a number from 1"
+        )
+    raise InputError(f"{place}: no column '{given}'{can_logs.meant(given, known)}")
 
 
 def _clock(table: Table, places: dict[str, int]) -> int | None:
@@ -322,17 +324,17 @@ def to_log(name: str, source: Source, columns: Columns, notes: Sequence[str] = (
     """Apply the units of columns, and unwrap angle and torque. Raises dahl.Error."""
     names, values = columns
     if len(values["angle"]) < 2:
-        raise Error(f"{name}: {len(values['angle'])} rows; a log has more than one")
+        raise InputError(f"{name}: {len(values['angle'])} rows; a log has more than one")
     unit, angle_notes = units.choose("angle", source.angle_unit, names["angle"], "deg")
     linear, counts = unit in units.LENGTHS, source.counts_per_turn
     if unit == "counts" and not counts:
-        raise Error(f"{name}: an angle in counts needs --counts-per-turn")
+        raise InputError(f"{name}: an angle in counts needs --counts-per-turn")
     theta = values["angle"] * (2 * np.pi / counts if unit == "counts" else units.ANGLES[unit])
     theta, unwrap_notes = (theta, []) if linear else unwrap(theta, 2 * np.pi)
     try:
         torque, torque_notes = _torque(source, names["torque"], values["torque"], linear)
     except Error as error:
-        raise Error(f"{name}: {error}") from None
+        raise InputError(f"{name}: {error}") from None
     time, time_notes = _time(source, names.get("time", ""), values.get("time"))
     log = Log(name, theta, torque, time, linear)
     log.notes = [*notes, *angle_notes, *unwrap_notes, *torque_notes, *time_notes]
@@ -382,12 +384,14 @@ def _from_current(source: Source, name: str, current: np.ndarray) -> tuple[np.nd
     """Return the torque of a motor by its current, with a note. Raises dahl.Error."""
     unit, constant = units.stated("torque", source.torque_unit, name) or "A", source.torque_constant
     if not constant:
-        raise Error(
+        raise InputError(
             f"column '{name}' is a current, not a torque: give the motor's torque constant in N m/A"
             " with --torque-constant, or another column with --torque"
         )
     if unit not in units.CURRENTS:
-        raise Error(f"--torque-constant {constant:g}: column '{name}' is in {unit}, no current")
+        raise InputError(
+            f"--torque-constant {constant:g}: column '{name}' is in {unit}, no current"
+        )
     note = f"torque from the current '{name}' by {constant:g} N m/A: losses of a gear count too"
     return current * units.CURRENTS[unit] * constant, [note]
 

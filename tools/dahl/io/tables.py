@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dahl.errors import Error
+from dahl.errors import Error, InputError
 from dahl.io import files, text_tables
 from dahl.io.files import one_line
 from dahl.io.text_tables import Table
@@ -35,7 +35,7 @@ def open_table(path: Path, min_columns: int = 2) -> Table:
         raise
     except Exception as error:  # each library raises other kinds for a damaged file
         form = path.suffix or "a table"
-        raise Error(f"{path}: cannot be read as {form}: {one_line(error)}") from None
+        raise InputError(f"{path}: cannot be read as {form}: {one_line(error)}") from None
 
 
 def row_of(path: Path, row: int) -> str:
@@ -48,7 +48,7 @@ def _from_json(path: Path) -> pandas.DataFrame:
 
     rows = _rows_in(files.read_json(path))
     if rows is None:
-        raise Error(f"{path}: no list of rows and no columns of equal length in it")
+        raise InputError(f"{path}: no list of rows and no columns of equal length in it")
     frame = pd.DataFrame(rows)
     if all(isinstance(name, int) for name in frame.columns):
         frame.columns = [str(i + 1) for i in range(frame.shape[1])]
@@ -77,11 +77,11 @@ def _from_mat(path: Path) -> pandas.DataFrame:
     from scipy.io import loadmat
 
     if _crashes(lambda: loadmat(path)):
-        raise Error(f"{path}: broken: reading it crashes")
+        raise InputError(f"{path}: broken: reading it crashes")
     try:
         content = loadmat(path, squeeze_me=True, struct_as_record=False)
     except NotImplementedError:
-        raise Error(f"{path}: MATLAB 7.3 (HDF5); save it with -v7") from None
+        raise InputError(f"{path}: MATLAB 7.3 (HDF5); save it with -v7") from None
     return _longest(path, {k: v for k, v in content.items() if not k.startswith("__")})
 
 
@@ -99,7 +99,7 @@ def _longest(path: Path, content: dict[str, Any]) -> pandas.DataFrame:
     lengths = Counter(map(len, columns.values()))
     shared = [length for length, number in lengths.items() if number > 1]
     if not shared:
-        raise Error(f"{path}: no two vectors of one length in it")
+        raise InputError(f"{path}: no two vectors of one length in it")
     return pd.DataFrame({k: v for k, v in columns.items() if len(v) == max(shared)})
 
 

@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 
-from dahl.errors import Error
+from dahl.errors import InputError
 from dahl.io.can_logs import meant
 
 DEGREE, POUND, G = math.pi / 180, 4.4482216153, 9.80665  # rad, N, m/s^2
@@ -105,7 +105,7 @@ def choose(what: str, given: str, name: str, usual: str) -> tuple[str, list[str]
     """
     known, option = QUANTITIES[what], f"--{what}-unit"
     if given and given not in known:
-        raise Error(f"{option} {given}: no such unit{meant(given, list(known))}")
+        raise InputError(f"{option} {given}: no such unit{meant(given, list(known))}")
     unit, notes = stated(what, given, name), []
     if not unit_in(name, known, "") and (other := _other_quantity(what, name)):
         notes = [f"the {what} column '{name}' has a unit of {other}: is it the right column?"]
