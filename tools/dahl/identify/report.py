@@ -70,7 +70,6 @@ def best_by_law(result: Result) -> dict[str, Fit]:
 def numbers(result: Result) -> dict[str, Any]:
     """Return all numbers by their JSON keys, in N m and rad, or N and m if `linear` is true."""
     log, model, samples = result.logs[0], runnable_model(result), result.samples
-    parameters = {name: getattr(result, name) for name in ("sigma0", "Fc", "a")}
     residual = result.residual * np.sqrt(samples.used)
     least = MIN_TURN_LENGTHS / result.a.value
     delays = [result.delay_of(fit) for fit in result.plausible.fits]
@@ -79,15 +78,7 @@ def numbers(result: Result) -> dict[str, Any]:
         "rows": sum(one.rows for one in result.logs),
         "linear": log.linear,
         "units": result.units,
-        **{name: p.value for name, p in parameters.items()},
-        "ci95": {name: [_finite(p.low), _finite(p.high)] for name, p in parameters.items()},
-        **dict.fromkeys(BOUNDS),
-        **dict(zip(BOUNDS, result.compensator_bounds or (), strict=False)),
-        "uncertainty": {name: parameters[name].uncertainty for name in NAMES},
-        "identifiable": dict(zip(NAMES, result.claimed, strict=True)),
-        "verdict": result.verdict,
-        "reasons": result.reasons,
-        "next_steps": {name: step for name, (_, step) in result.refusals.items()},
+        **_claims(result),
         "notes": notes(result),
         "extra": result.terms,
         "extra_standard_errors": _term_errors(result),
@@ -115,6 +106,22 @@ def numbers(result: Result) -> dict[str, Any]:
         "load": _load(result),
         **_how(result),
         **_models(result, model),
+    }
+
+
+def _claims(result: Result) -> dict[str, Any]:
+    """Return the parameters, their intervals and bounds, and what is claimed of them."""
+    parameters = {name: getattr(result, name) for name in ("sigma0", "Fc", "a")}
+    return {
+        **{name: p.value for name, p in parameters.items()},
+        "ci95": {name: [_finite(p.low), _finite(p.high)] for name, p in parameters.items()},
+        **dict.fromkeys(BOUNDS),
+        **dict(zip(BOUNDS, result.compensator_bounds or (), strict=False)),
+        "uncertainty": {name: parameters[name].uncertainty for name in NAMES},
+        "identifiable": dict(zip(NAMES, result.claimed, strict=True)),
+        "verdict": result.verdict,
+        "reasons": result.reasons,
+        "next_steps": {name: step for name, (_, step) in result.refusals.items()},
     }
 
 

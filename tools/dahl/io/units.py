@@ -90,7 +90,7 @@ def _unit(word: str, known: Iterable[str]) -> str:
     plain = UNIT_OF.get(plain) or UNIT_OF.get(plain.lower(), plain)
     if plain in known:
         return plain
-    return next((unit for unit in known if plain.lower() == unit.lower() not in "na"), "")
+    return next((unit for unit in known if plain.lower() == unit.lower() not in ("n", "a")), "")
 
 
 def stated(what: str, given: str, name: str) -> str:
