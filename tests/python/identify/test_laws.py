@@ -199,6 +199,13 @@ def test_the_length_of_a_compensator_is_that_of_the_breakaway_not_of_the_first_s
     assert 1.9 * FC / SIGMA0 < length_long < 2.5 * FC / SIGMA0  # the softer side alone: 2.5
 
 
+@pytest.mark.parametrize("seed", [52001, 52002])
+def test_a_slope_at_rest_that_no_log_resolves_has_no_upper_bound(seed: int) -> None:
+    result = identify([hostile_logs.KINDS["eight elements"](seed)])
+    *known, sigma0_high = result.compensator_bounds
+    assert sigma0_high is None and not result.sigma0.claimed and all(known)
+
+
 def test_a_play_between_encoder_and_friction_leaves_no_bounds() -> None:
     result = identify([log_of(chirp(), dahl_torque(behind_play(chirp(), 0.004)))])
     assert result.play > 0 and result.compensator_bounds is None

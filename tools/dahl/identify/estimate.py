@@ -24,6 +24,7 @@ from dahl.identify.samples import (
     Samples,
     block_for,
     fill_quick_strokes,
+    has_quick_strokes,
     samples_of,
 )
 from dahl.identify.select import Plausible, SearchSpace
@@ -103,7 +104,9 @@ def _are_swapped(pieces: Sequence[Log]) -> bool:
         replace(one, theta=one.torque, torque=one.theta, resolution=resolution_of(one.torque))
         for one in pieces
     ]
-    both = (fill_quick_strokes(some) for some in (pieces, swapped))
+    both = [list(pieces), swapped]
+    if any(map(has_quick_strokes, pieces)):  # noise makes any torque look quick
+        both = [fill_quick_strokes(some) for some in both]
     given, other = (Fitter(samples_of(some)) for some in both)
     drives = sign_by_work(given.samples, slice(None)) < 0  # swapped friction seems to drive
     most = MAX_SWAPPED_COST if drives else MAX_SWAPPED_COST / 2

@@ -142,10 +142,11 @@ class Result:
         them.
 
         An end may be known although the interval is too wide for a claim; a margin is then added. A
-        bound whose interval has no end is None. If Fc changes with speed or direction, its least
-        value counts for Fc_low, its largest for length_long. The length is that of the breakaway,
-        which is more than Fc/sigma0 if the slope falls early. Slip elements lose no energy in
-        presliding, so length_long is three times theirs.
+        bound whose interval has no end is None, and so is sigma0_high if the log hides the slope at
+        rest. If Fc changes with speed or direction, its least value counts for Fc_low, its largest
+        for length_long. The length is that of the breakaway, which is more than Fc/sigma0 if the
+        slope falls early. Slip elements lose no energy in presliding, so length_long is three times
+        theirs.
         """
         if self.against_bounds:
             return None
@@ -159,7 +160,8 @@ class Result:
         Fc_low = min(least) * self.Fc.low / margin  # noqa: N806
         length_long = lengths * margin / self.a.low if self.a.low > 0 and not is_asked else None
         sigma0_high = self.sigma0.high * margin
-        is_known = np.isfinite(sigma0_high) and not is_asked
+        is_hidden = any(_against_sigma0(self, self.intervals))
+        is_known = np.isfinite(sigma0_high) and not is_asked and not is_hidden
         return Fc_low or None, length_long, sigma0_high if is_known else None
 
     @property

@@ -281,10 +281,11 @@ def fill_quick_strokes(logs: Sequence[Log]) -> list[Log]:
 
     A shaft that turns between two rows goes further than they show. A spline has these turns.
     """
-    return [_with_rows_between(log) if _has_quick_strokes(log) else log for log in logs]
+    return [_with_rows_between(log) if has_quick_strokes(log) else log for log in logs]
 
 
-def _has_quick_strokes(log: Log) -> bool:
+def has_quick_strokes(log: Log) -> bool:
+    """Whether turns between rows hide a part of the motion."""
     moves = np.abs(log.moves[:HEAD_ROWS])
     usual = float(np.median(moves[moves > 0])) if moves.any() else 0.0
     return usual > MIN_MOVE_COUNTS * log.resolution and _rows_of_a_stroke(log) < QUICK_STROKE_ROWS
