@@ -117,6 +117,14 @@ class Fit:
         return float(np.abs(self.coefficients[m : 2 * m]).max())
 
     @property
+    def is_near_optimum(self) -> bool:
+        """Whether the linearisation went no further than it holds, in ln a and in the lag."""
+        last = len(self.taken_at) + len(self.p) - 1
+        is_late = self.hypothesis.lag in DELAYED
+        lag = abs(float(self.coefficients[last])) if is_late else 0.0
+        return self.step < MAX_LINEAR and lag < MAX_DELAY_STEP
+
+    @property
     def error(self) -> np.ndarray:
         """Standard errors of sigma0 and Fc."""
         return jackknife(self.without)

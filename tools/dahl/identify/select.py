@@ -18,7 +18,6 @@ from dahl.identify import models
 from dahl.identify.fit import (
     FILTERS,
     LAGS,
-    MAX_LINEAR,
     SPECIAL_LAGS,
     Fit,
     Fitter,
@@ -77,7 +76,7 @@ def fit_all(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[
         return fits
     fits += _other_laws(fitter, fits, space)
     fits = [f for f in fits if np.isfinite(f.value).all() and np.isfinite(f.cost).all()]
-    fits = [f for f in fits if f.step < MAX_LINEAR] or fits
+    fits = [f for f in fits if f.is_near_optimum] or fits
     return _with_best_at_optimum(fitter, fits)
 
 
