@@ -38,11 +38,12 @@ OPTIONS: dict[str, dict[str, Any]] = {
     | dict.fromkeys(("--check", "--each", "--dask", "--json", "--name", "-o/--output"), TEXT)
     | dict.fromkeys(("--skip-gaps", "--trust-units", "--no-delay", "--follow"), FLAG)
     | {"--force": FLAG, "--no-files": FLAG, "--median": (0, 99), "--jobs": (-1, 1024)}
-    | {"--counts-per-turn": NUMBER, "--target-counts-per-turn": ABOVE_0, "--within": ABOVE_0}
+    | dict.fromkeys(("--target-counts-per-turn", "--within", "--torque-constant"), ABOVE_0)
+    | {"--counts-per-turn": NUMBER}
     | LIVE
     | BUS,
     "excite": dict.fromkeys(("--sigma0", "--fc", "--noise", "--counts-per-turn"), ABOVE_0)
-    | dict.fromkeys(("--within", "--rate", "--speed"), ABOVE_0)
+    | dict.fromkeys(("--within", "--rate", "--speed", "--inertia", "--bandwidth"), ABOVE_0)
     | {"--from": TEXT, "--mm": FLAG, "--name": TEXT, "--force": FLAG, "-o/--output": TEXT},
     "plan": dict.fromkeys(("--sigma0", "--fc", "--breakaway", "--counts-per-turn"), TEXT)
     | {"--model": MODELS, "--theta-per-count": TEXT, "-o/--output": TEXT, "--name": TEXT}
@@ -76,7 +77,7 @@ DEFAULTS: dict[str, dict[str, Any]] = {  # all that are not None, False or empty
     "demo": {"output": paths.OUTPUT / "demo"},
     "identify": {"jobs": -1, "within": 2, "output": paths.OUTPUT / "identify"},
     "excite": {"noise": 0.05, "within": 1, "rate": 1000, "speed": math.inf, "name": "excite"}
-    | {"output": paths.OUTPUT / "identify"},
+    | {"output": paths.OUTPUT / "identify", "bandwidth": math.inf},
     "plan": {"model": "dahl"},
     "fmu": {"model": "dahl", "fmi": 2},
     "monitor": {"window": 4000},

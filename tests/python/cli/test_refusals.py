@@ -65,8 +65,9 @@ FILES = {
     "other.dbc": 'VERSION ""\nBU_: A\nBO_ 256 Other: 8 A\n',
     "list.json": "[]",
     "half.json": '{"sigma0": 1}',
-    "text.json": '{"sigma0": "x", "Fc": 1}',
-    "linear.json": '{"sigma0": 3e4, "Fc": 2.7, "linear": true}',
+    "text.json": '{"sigma0": "x", "Fc": 1, "identifiable": {"sigma0": true, "Fc": true}}',
+    "linear.json": '{"sigma0": 3e4, "Fc": 2.7, "linear": true, "identifiable": '
+    '{"sigma0": true, "Fc": true}}',
     ";a.csv": "a\n1\n2\n",
     f"{'x' * 156}.csv": "a\n1\n2\n",
     "mine.h": "int mine;\n/* dahl_prepare() of one */\n#ifndef DAHL_PLAN_X_H\n",

@@ -121,7 +121,9 @@ def test_identify_writes_the_files_of_its_name(dahl, tmp_path):
 def test_excite_reads_its_guess_from_an_identification(dahl, is_linear):
     """The motion is that of the same guess by options, with the default noise, width and rate."""
     sigma0, torque, counts = (3e4, 2.7, 10000) if is_linear else (90, 0.25, 16384)
-    Path("known.json").write_text(json.dumps({"sigma0": sigma0, "Fc": torque, "linear": is_linear}))
+    known = {"sigma0": sigma0, "Fc": torque, "linear": is_linear}
+    known["identifiable"] = {"sigma0": True, "Fc": True}
+    Path("known.json").write_text(json.dumps(known))
     encoder = ("--counts-per-turn", counts, *["--mm"] * is_linear)
     options = ("--sigma0", sigma0, "--fc", torque, "--noise", 0.05, "--within", 1, "--rate", 1000)
     assert dahl("excite", "--from", "known.json", *encoder, "-o", "out").returncode == 0

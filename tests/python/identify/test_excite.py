@@ -72,7 +72,7 @@ def test_strokes_differ_in_length_and_speed_both_ways():
     for side in (0, 1):
         ends, rows = theta[turns[side::2]], np.diff(turns)[side::2]
         assert np.unique(np.round(np.abs(ends) / far, 3)).tolist() == [0.8, 0.9, 1.0]
-        assert set(np.round(rows / shortest, 1)) == {1.0, 1.6}
+        assert set(np.round(rows / shortest, 1)) == {1.0, 1.6, 2.6}
     bend = far * (np.pi / shortest) ** 2  # of a sine
     assert np.abs(np.diff(theta, 2)).max() < 1.1 * bend
     assert np.abs(np.diff(theta)).max() < LENGTH / 7
@@ -91,7 +91,7 @@ def test_each_option_shapes_the_motion_as_it_is_printed(words, tmp_path):
     assert counts == pytest.approx(theta / COUNT, abs=0.501)
     said = [float(word) for word in re.findall(r"(?<= )\d[\d.]*(?=\s|$)", done.stdout)]
     far, cycle = np.abs(theta).max(), 2 * np.diff(turns).min() / rate
-    shown = [0.8 * far, far, len(turns) / 2, cycle, 1.6 * cycle, len(turns)]
+    shown = [0.8 * far, far, len(turns) / 2, cycle, 2.6 * cycle, len(turns)]
     assert said[:6] == pytest.approx(shown, rel=0.02)
     assert said[6:8] == pytest.approx([time[-1], len(theta) - 1], rel=1e-3)
     usual, speed = len(proposed()[1]), rate * np.abs(np.diff(theta)).max()
@@ -116,9 +116,39 @@ def test_linear_motion_is_in_metres_and_newtons(tmp_path):
     assert float(count) == pytest.approx(1e-7)
     known = tmp_path / "known.json"
     for linear, option in ((True, ()), (False, ("--mm",))):
-        known.write_text(json.dumps({"sigma0": 3e4, "Fc": 2.7, "linear": linear}))
+        claims = {"sigma0": True, "Fc": True}
+        kept = {"sigma0": 3e4, "Fc": 2.7, "linear": linear, "identifiable": claims}
+        known.write_text(json.dumps(kept))
         code, line = complaint(run("excite", "--from", known, *option, *words))
         assert code == 2 and str(known) in line and "--mm" in line
+
+
+@pytest.mark.parametrize("claimed", [(True, True), (False, True), (True, False)])
+def test_numbers_that_are_not_claimed_are_no_start(claimed, tmp_path):
+    known, given = tmp_path / "known.json", []
+    claims = dict(zip(("sigma0", "Fc"), claimed, strict=True))
+    known.write_text(json.dumps({"sigma0": 36114.0, "Fc": FC, "identifiable": claims}))
+    words = ("excite", "--from", known, "--counts-per-turn", 2**22, "-o", tmp_path)
+    for (name, is_claimed), option in zip(claims.items(), ("--sigma0", "--fc"), strict=True):
+        if not is_claimed:
+            code, line = complaint(run(*words))
+            assert code == 2 and name in line and option in line
+            given += [option, FC if option == "--fc" else SIGMA0]
+        else:
+            assert "one guess" in complaint(run(*words, *given, option, 1))[1]
+    assert run(*words, *given).returncode == 0
+
+
+@pytest.mark.parametrize(("inertia", "bandwidth"), [(1e-3, 20), (2e-4, 3), (0.05, 50)])
+def test_a_position_loop_can_follow_the_motion(inertia, bandwidth):
+    """Friction holds the loop back by less than a quarter; its strokes are slow and light."""
+    time, theta, _, _ = proposed("--inertia", inertia, "--bandwidth", bandwidth)
+    far, step = np.abs(theta).max(), time[1] - time[0]
+    seconds = 2 * np.pi * 0.9 * far / (np.abs(np.diff(theta)).max() / step)  # of the fastest cycle
+    held_back = FC / (inertia * (2 * np.pi * bandwidth) ** 2)
+    assert seconds >= 4.4 / bandwidth and far >= 3.9 * held_back
+    torque = inertia * np.abs(np.diff(theta, 2)).max() / step**2
+    assert torque < 0.56 * FC
 
 
 @pytest.mark.parametrize(

@@ -60,6 +60,26 @@ def test_each_option_of_the_fit_reaches_it(rig):
     assert found["extra"] == pytest.approx({"offset": OFFSET, "viscous": 0}, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("angle", "torque", "words", "claimed"),
+    [
+        ("angle", "torque_Nm", "is the angle in rad? Its steps are 2 pi/16384", (False, True)),
+        ("angle_rad", "torque", "is the torque in N m?", (False, False)),
+        ("angle_rad", "torque_Nm", "sigma0 = ", (True, True)),
+    ],
+)
+def test_a_number_in_an_assumed_unit_is_not_claimed(angle, torque, words, claimed, tmp_path):
+    """The question is the first line, and no header is written: the log is in rad, not in deg."""
+    theta, measured = table_of()
+    columns = {"t_s": np.arange(ROWS) * 1e-3, angle: theta, torque: measured}
+    path = write_table(tmp_path / "x.csv", columns)
+    done = run("identify", path, "-o", tmp_path / "out", "--terms", "offset")
+    kept = json.loads((tmp_path / "out" / "x.json").read_text())
+    assert done.returncode == 0 and kept["verdict"].startswith(words)
+    assert tuple(kept["identifiable"].values()) == claimed
+    assert (tmp_path / "out" / "dahl_plan_x.h").exists() is all(claimed)
+
+
 REFUSED = """
     RIG --jobs 3 => --jobs ... LOG
     RIG --dask tcp://a:1 => --dask ... LOG
@@ -85,15 +105,13 @@ REFUSED = """
     RIG ./RIG => RIG ... twice
     RIG --check ./RIG => RIG ... twice
     RIG --check absent.csv --no-files => absent.csv
-    RIG --no-delay --terms offset SWAPPED => rig.csv ... friction
 """
-SWAPPED = "--angle torque_Nm --torque angle_deg --angle-unit deg --trust-units --no-files"
 
 
 @pytest.mark.parametrize("row", [row.strip() for row in REFUSED.strip().split("\n")])
 def test_options_without_use_and_bad_words_are_refused(row, rig, monkeypatch):
     monkeypatch.chdir(rig.parent)
-    words, facts = row.replace("RIG", rig.name).replace("SWAPPED", SWAPPED).split(" => ")
+    words, facts = row.replace("RIG", rig.name).split(" => ")
     code, line = complaint(run("identify", *words.split()))
     assert code == 2 and all(fact in line for fact in facts.split(" ... "))
 

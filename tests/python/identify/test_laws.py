@@ -172,7 +172,8 @@ BOUNDS = {  # least Fc over FC, and the largest presliding length over FC/SIGMA0
 @pytest.mark.parametrize("name", BOUNDS)
 def test_bounds_for_a_compensator_hold_at_each_speed_and_in_both_directions(name):
     least, most = BOUNDS[name]
-    Fc_low, length_long = found(name).compensator_bounds  # noqa: N806
+    Fc_low, length_long, sigma0_high = found(name).compensator_bounds  # noqa: N806
+    assert sigma0_high == found(name).sigma0.high
     assert 0.9 * least * FC <= Fc_low <= least * FC
     assert most * FC / SIGMA0 <= length_long <= 1.15 * most * FC / SIGMA0
 
@@ -182,11 +183,18 @@ def test_the_length_of_a_compensator_is_that_of_the_breakaway_not_of_the_first_s
     parts = (80.0, 0.25), (20.0, 0.25)
     torque = sum(dahl_torque(MOTION, sigma0, Fc) for sigma0, Fc in parts)
     result = identify([log_of(MOTION, torque, 0.01)])
-    _, length_long = result.compensator_bounds
+    _, length_long, _ = result.compensator_bounds
     angle = np.linspace(1e-5, 0.06, 1000)
     true = sum(-Fc / FC * np.expm1(-sigma0 / Fc * angle) for sigma0, Fc in parts)
     assert np.all((-np.expm1(-angle / length_long) <= true)[true < 0.95])
     assert 1.9 * FC / SIGMA0 < length_long < 2.5 * FC / SIGMA0  # the softer side alone: 2.5
+
+
+@pytest.mark.parametrize("seed", [52001, 52002])
+def test_a_slope_at_rest_that_no_log_resolves_has_no_upper_bound(seed: int) -> None:
+    result = identify([hostile_logs.KINDS["eight elements"](seed)])
+    *known, sigma0_high = result.compensator_bounds
+    assert sigma0_high is None and not result.sigma0.claimed and all(known)
 
 
 def test_a_play_between_encoder_and_friction_leaves_no_bounds() -> None:
@@ -197,7 +205,8 @@ def test_a_play_between_encoder_and_friction_leaves_no_bounds() -> None:
 
 def test_a_peak_after_rests_hides_the_slope_at_rest_only() -> None:
     result = identify([hostile_logs.KINDS["adhesion after rests"](1)])
-    assert result.compensator_bounds is None and "claimed" in result.against_bounds
+    Fc_low, length_long, _ = result.compensator_bounds  # noqa: N806
+    assert Fc_low <= FC and length_long >= FC / SIGMA0  # although sigma0 is not claimed
     assert result.hypothesis.law == "breakaway" and result.claimed == (False, True)
     assert result.Fc.low <= FC <= result.Fc.high
 

@@ -12,8 +12,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dahl import Error
-from dahl.identify import Log, encoder_grid
+from dahl.identify import Log
 from dahl.identify.preprocess import preprocess
+from dahl.io import encoder_grid
 from identify_tools import COUNT, FC, dahl_torque, noise_of, shaft, sine, synthetic
 
 # --- rejected -------------------------------------------------------------------------------------
@@ -93,6 +94,8 @@ REJECTED: dict[str, tuple[Callable[[], Log], str]] = {
         lambda: replace(SHAFT, torque=np.full(2400, -1.5)),
         r"torque .*-1\.5 .*2400",
     ),
+    "a torque of 1e200": (lambda: replace(SHAFT, torque=1e200 * SHAFT.torque), "torque .*1e.15"),
+    "a torque of 1e-30": (lambda: replace(SHAFT, torque=1e-30 * SHAFT.torque), "torque .*1e-15"),
     "29 rows": (lambda: synthetic(1, rows=29), "29 rows.* 30"),
     "30 rows": (lambda: synthetic(1, rows=30), ""),
     "clipped": (lambda: clipped(0.03), r"clipped at 0\.\d+ N m .120 of 4000 rows.* row 1001"),
@@ -104,6 +107,8 @@ REJECTED: dict[str, tuple[Callable[[], Log], str]] = {
     "22 clipped rows": (lambda: clipped(0.058, rows=380), "clipped .*22 of 380"),
     "creeping, clipped": (lambda: creeping(0.9), r"clipped at -?0\.45 N m"),
     "creeping": (lambda: creeping(2), ""),
+    "noisy, clipped at Fc": (lambda: creeping(1.0), r"clipped at -?0\.5 N m"),
+    "noisy, clipped above Fc": (lambda: creeping(1.2), ""),
     "coarse torque": (lambda: COARSE, ""),
     "110 m": (lambda: spanning(1.1e2, True), "110 m.*100 "),
     "90 m": (lambda: spanning(0.9e2, True), ""),
@@ -232,6 +237,15 @@ def test_a_log_is_split_at_the_gaps_of_its_clock():
     log.theta[2300:3000] = log.theta[2300]
     pieces, notes = repaired(without(log, (2000, 2100), (2120, 2300), (3000, 3100)))
     assert [piece.rows for piece in pieces] == [2000, 2900] and "720 rows" in notes
+
+
+@pytest.mark.parametrize("repeats", [0, 1, 7])
+def test_rows_after_a_gap_that_repeat_the_one_before_it_are_left_out(repeats):
+    log = without(SHAFT, (1000, 1400))
+    for values in (log.theta, log.torque):
+        values[1000 : 1000 + repeats] = values[999]
+    pieces, _ = repaired(log)
+    assert [piece.rows for piece in pieces] == [1000, 1000 - repeats]
 
 
 ROWS, STEPS = np.arange(6000), np.full(6000, 1e-3)

@@ -192,15 +192,43 @@ def test_a_long_log_becomes_few_samples(rows, cycles):
     """Blocks of rows if its strokes are long, segments from all of it if they are short."""
     log = shaft(rows=rows, cycles=cycles)
     samples = samples_of([log])
-    assert samples.rows <= 8000 and (samples.block > 1) == (rows > 8000 and cycles == 9)
+    assert samples.rows <= 10_000 and (samples.block > 1) == (rows > 8000 and cycles == 9)
     assert len(samples.pieces) == (8 if cycles == 300 else 1)
     if samples.block > 1:
-        means = log.torque[: samples.rows * samples.block].reshape(samples.rows, -1).mean(axis=1)
+        used = log.torque[: round(samples.rows * samples.block)]
+        means = used.reshape(samples.rows, -1).mean(axis=1)
         assert samples.torque == pytest.approx(means)
     assert samples.time[0] < 0.1 and samples.time[-1] > 0.99 * (rows - 1) * 1e-3
     marked = replace(log, weight=np.arange(rows) % 4 / 3)
     spiked = replace(log, torque=log.torque + FC * (np.arange(rows) % 100 == 0))
     assert samples_of([marked]).block == samples_of([spiked]).block == 1
+
+
+def to_and_fro(rows: int, cycles: float) -> np.ndarray:
+    """A motion at one speed, rad."""
+    return 0.3 * (4 * np.abs(np.arange(rows) * cycles / rows % 1 - 0.5) - 1)
+
+
+@pytest.mark.parametrize("rows", [9_000, 30_000, 100_000, 400_000])
+@pytest.mark.parametrize("cycles", [3.3, 8.6, 40.3, 100.4])
+@pytest.mark.parametrize("motion", [to_and_fro, lambda *shape: sine(1, *shape, amplitude=0.3)])
+def test_more_rows_never_mean_fewer_cycles(rows, cycles, motion):
+    """Of the cycles of a log at least eight are scored, or all but one; turns of both sides."""
+    theta = motion(rows, cycles)
+    log = log_of(theta, theta, count=COUNT / 64)
+    block = block_for([log], samples_of([log], angles=()).block, A)
+    samples = samples_of([log], block, angles=())
+    samples.prepare(A, np.zeros(samples.rows))
+    assert samples.cycles >= min(int(cycles) - 1, 8) and samples.rows < 17_000
+    seen = samples.angles["between counts"]
+    ends = [seen[one][models.turning_points(seen[one], 0.3 / A)] for one in samples.pieces]
+    assert abs(np.mean(np.sign(np.concatenate(ends)))) < 0.35
+
+
+def test_many_long_logs_share_the_samples():
+    log = shaft(rows=50_000, cycles=300)
+    samples = samples_of([replace(log, name=str(k)) for k in range(40)], angles=())
+    assert samples.logs == 40 and samples.rows < 15_000
 
 
 def test_a_block_is_short_against_presliding():

@@ -84,6 +84,7 @@ TABLES: dict[str, Callable[[Path, Table], None]] = {
     "columns.json": json_columns,
     "plain.mat": mat,
     "structure.mat": mat_structure,
+    "archive.npz": lambda path, table: np.savez(path, **table),
     "log.parquet": parquet,
     "channels.mf4": channels,
 }

@@ -129,10 +129,105 @@ def test_an_option_overrides_the_unit_of_a_name(tmp_path):
         assert f"--{what}-unit {wrong}" in line and f"'{near}'" in line
 
 
+TURN = {"deg": 360.0, "rad": 2 * math.pi, "turn": 1.0}
+SWING = 0.3 * np.sin(np.arange(4000) / 97) + 0.02 * np.sin(np.arange(4000) / 11)  # rad
+
+
+def swinging(unit: str, counts: int, noise: float = 0.0) -> np.ndarray:
+    """An angle in a unit, read by an encoder of so many counts a turn; 0: without one."""
+    draw = np.random.default_rng(counts).normal(size=len(SWING))
+    read = SWING / (2 * math.pi) * (counts or 1)
+    read = np.round(read + noise * draw) if counts else read
+    return read if unit == "counts" else read / (counts or 1) * TURN[unit]
+
+
+@pytest.mark.parametrize("unit", [*TURN, "counts"])
+@pytest.mark.parametrize("counts", [0, 2**12, 2**14, 2**17, 2**20, 10_000])
+@pytest.mark.parametrize("is_given", [False, True])
+def test_an_angle_without_a_unit_is_confirmed_by_its_steps_or_asked_for(
+    unit, counts, is_given, tmp_path
+):
+    """Only steps of an encoder in deg confirm deg. Other steps name their unit in the question."""
+    if unit == "counts" and not counts:
+        return
+    for name, noise in (("angle", 0.0), ("position", 2.0)):
+        path = written_as(tmp_path, {name: swinging(unit, counts, noise), "torque_Nm": SWING})
+        log = read(path, *(("--counts-per-turn", counts) if is_given and counts else ()))
+        asked = log.questions.get("angle", "")
+        assert bool(asked) is not (unit == "deg" and counts > 0), (name, asked)
+        looks_printed = (unit, counts, is_given) == ("turn", 10_000, False)  # steps of 1e-4
+        named = unit if counts and not looks_printed else "deg"
+        steps = {"rad": f"2 pi/{counts}", "turn": f"1/{counts}", "deg": ""}.get(named, "whole")
+        assert not asked or (f"in {named}?" in asked and (steps in asked or not counts)), asked
+        stated = read(path, "--angle-unit", unit, "--counts-per-turn", counts or 1e6)
+        assert not stated.questions
+
+
+@pytest.mark.parametrize(("stated", "unit"), [("deg", "rad"), ("rad", "deg"), ("deg", "turn")])
+@pytest.mark.parametrize("counts", [4096, 16384, 10_000])
+def test_a_stated_unit_is_refused_if_the_steps_are_those_of_an_encoder_in_another(
+    stated, unit, counts, tmp_path
+):
+    """Also if the counts of a turn are given, which may then be any number."""
+    path = written_as(tmp_path, {f"angle_{stated}": swinging(unit, counts), "torque_Nm": SWING})
+    given = ("--counts-per-turn", counts)
+    assert f"in {unit} (--angle-unit" in refused(path, *given)
+    if counts != 10_000:
+        assert f"in {unit} (--angle-unit" in refused(path)
+    assert read(path, *given, "--angle-unit", unit).questions == {}
+
+
+@pytest.mark.parametrize("column", ["torque", "load_V", "force"])
+def test_a_torque_without_a_unit_is_asked_for(column, tmp_path):
+    path = written_as(tmp_path, {"angle_rad": SWING, column: np.cos(SWING)})
+    asked = read(path).questions["torque"]
+    assert "N m" in asked and f"'{column}'" in asked and "--torque-unit" in asked
+    assert read(path, "--torque-unit", "mNm").questions == {}
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "t_s q_rad i_q",
+        "millis shaft_angle_rad current.q",
+        "__time pos_rad motor_current_A",
+        "time_s pid_pos_rad avg_motor_current",
+        "stamp position_rad Iq_measured",
+        "t_s angle_rad torque_A",
+    ],
+)
+def test_a_motor_current_needs_a_torque_constant(names, tmp_path):
+    values = (1e3 * UP if "millis" in names else UP, UP, WAVE)
+    path = written_as(tmp_path, dict(zip(names.split(), values, strict=True)))
+    line = refused(path)
+    assert f"'{names.split()[2]}'" in line and "--torque-constant" in line
+    for words, factor in ((), 0.5), (("--torque-unit", "mA"), 0.5e-3):
+        log = read(path, "--torque-constant", 0.5, *words)
+        assert log.torque == pytest.approx(factor * WAVE) and log.time == pytest.approx(UP)
+        assert log.questions == {} and any("current" in note for note in log.notes)
+    assert "Nm" in refused(path, "--torque-constant", 0.5, "--torque-unit", "Nm")
+    assert read(path, "--torque-unit", "Nm").torque == pytest.approx(WAVE)
+
+
+@pytest.mark.parametrize(("unit", "size"), [("s", 1), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_a_clock_since_1970_has_the_unit_of_its_size(unit, size, tmp_path):
+    stamps = [round((1_790_000_000 + at) * size) for at in 64 * UP]
+    path = written_as(tmp_path, {"stamp": stamps, "angle_rad": UP, "effort_Nm": WAVE})
+    assert np.diff(read(path).time) == pytest.approx(1, rel=1e-4)
+
+
+def test_seconds_and_nanoseconds_of_a_stamp_are_added(tmp_path):
+    stamp = {
+        "header.stamp.sec": 1_790_000_000 + UP // 0.25,
+        "header.stamp.nanosec": 4e9 * (UP % 0.25),
+    }
+    path = written_as(tmp_path, stamp | {"position_rad": UP, "effort_Nm": WAVE})
+    assert np.diff(read(path).time) == pytest.approx(4 / 64, abs=1e-5)
+
+
 ASSUMED = """
 time_s,angle_deg,torque_Nm | |
 angle,load | --angle-unit rad --torque-unit Nm |
-angle_deg,torque_A | | torque Nm
 angle,load | | angle deg, torque Nm
 t,angle,torque | | angle deg, torque Nm, time s 0.0156
 position_mm,load | | torque N
@@ -189,6 +284,14 @@ def test_a_clock_that_may_be_in_milliseconds_is_noted(step, is_doubted, tmp_path
         ("torque", "torque_cmd load_N angle", 1),
         ("torque", "trq_ref angle", 0),
         ("time", "T_degC T_Nm t_start angle", None),
+        ("time", "header.stamp position effort", 0),
+        ("time", "__time /joint_states/j1/position /joint_states/j1/effort", 0),
+        ("angle", "__time /joint_states/j1/velocity /joint_states/j1/position effort", 2),
+        ("torque", "stamp position velocity effort", 3),
+        ("angle", "t q_rad dq_rad tau", 1),
+        ("torque", "t q dq tau_est", 3),
+        ("torque", "joint.0.pos-fb joint.0.pos-cmd torque-fb", 2),
+        ("torque", "pos_estimate vel_estimate torque_target torque_estimate Iq_measured", 3),
         ("time", "T_degC T_Nm t angle time_ms", 2),
     ],
 )

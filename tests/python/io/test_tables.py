@@ -19,6 +19,7 @@ from identify_tools import complaint
 from law_tools import holds, modes
 from log_reading import read, refused, run
 from log_writers import TABLES
+from scipy.io import savemat
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -51,6 +52,17 @@ def test_a_table_of_each_kind_comes_back_as_it_was_written(kind, tmp_path):
             for found, wrote in zip((log.time, log.theta, log.torque), table.values(), strict=True):
                 assert found.dtype == float
                 np.testing.assert_allclose(found, wrote, rtol=1e-14)
+
+
+def test_a_mat_file_with_vectors_of_other_lengths_is_read_by_those_that_two_share(tmp_path):
+    table = {"t": np.arange(60) / 8, "pos_m": np.arange(60.0), "force_N": np.sin(np.arange(60))}
+    others = {"raw": {"adc": np.arange(900.0)}, "gains": np.ones(7), "rig": table, "Kp": 3.0}
+    path = tmp_path / "x.mat"
+    savemat(path, others)
+    log = read(path, "--time", "rig.t")
+    assert log.theta == pytest.approx(table["pos_m"])
+    savemat(path, {"raw": {"adc": np.arange(900.0)}, "gains": np.ones(7)})
+    assert "x.mat" in refused(path) and "no two vectors" in refused(path)
 
 
 @pytest.mark.parametrize("kind", TABLES)

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Propose the motion that finds sigma0 and Fc within a wanted interval, for a given encoder.
 
-It needs a guess of both parameters: from a first log (--from FILE.json, written by dahl identify)
-or by options. It writes the motion as CSV (time, angle, counts) and as a scene for dahl-loop.
+It needs a guess of both parameters: from a first log (--from FILE.json, written by dahl identify,
+if it claims them) or by options. A guess may be wrong by a factor of 2 or 3. For a position loop,
+give its inertia and bandwidth. It writes the motion as CSV (time, angle, counts) and as a scene for
+dahl-loop.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dahl.commands.arguments import add_output, positive
-from dahl.errors import Error
+from dahl.errors import InputError
 from dahl.io import files
 
 if TYPE_CHECKING:
@@ -41,6 +43,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--within", type=positive, default=1.0, metavar="PERCENT", help=within)
     add("--rate", type=positive, default=1000.0, metavar="HZ", help="rows per s (default 1000)")
     add("--speed", type=positive, default=math.inf, metavar="V", help="highest, rad/s (m/s)")
+    inertia = "of all that moves, kg m^2 (linear: kg): its torque stays below that of friction"
+    add("--inertia", type=positive, default=0.0, metavar="J", help=inertia)
+    bandwidth = "of the position loop, which then can follow the motion"
+    add("--bandwidth", type=positive, default=math.inf, metavar="HZ", help=bandwidth)
     add("--name", default="excite", help="of the files")
     add("--force", action="store_true", help="overwrite files that are not written by dahl")
     add_output(parser)
@@ -56,7 +62,7 @@ def run(args: argparse.Namespace) -> None:
         files.refuse_foreign_files((table, played), "use --name, or --force to overwrite it")
     motion = design.propose(wanted)
     if motion.rows > MAX_ROWS:
-        raise Error(
+        raise InputError(
             f"--within {args.within:g}: this needs {motion.cycles} cycles, {motion.seconds:.0f} s;"
             " ask for less, or use a quieter torque sensor"
         )
@@ -83,28 +89,41 @@ def _wanted(args: argparse.Namespace) -> Wanted:
     from dahl.binding.friction import Plan
     from dahl.identify.design import Wanted
 
-    for option, value in (("--sigma0", args.sigma0), ("--fc", args.fc)):
-        if args.known and value is not None:
-            raise Error(f"--from {args.known} and {option} {value:g}: one guess, not two")
     if args.known:
-        args.sigma0, args.fc = _known(args.known, args.mm)
+        args.sigma0, args.fc = _known(args.known, args.mm, args.sigma0, args.fc)
     if args.sigma0 is None or args.fc is None:
-        raise Error("a guess is needed: --sigma0 and --fc, or --from JSON")
+        raise InputError("a guess is needed: --sigma0 and --fc, or --from JSON")
     turn = 1e-3 if args.mm else 2 * math.pi
     count = turn / args.counts_per_turn
     Plan(args.sigma0, args.fc, count)  # names a parameter that is out of range
     part = args.within / 100
-    return Wanted(args.sigma0, args.fc, count, args.noise, part, args.rate, args.speed)
+    loop = args.inertia, args.bandwidth
+    return Wanted(args.sigma0, args.fc, count, args.noise, part, args.rate, args.speed, *loop)
 
 
-def _known(path: Path, linear: bool) -> tuple[float, float]:
-    found = files.read_json(path)
+def _known(
+    path: Path,
+    linear: bool,
+    sigma0: float | None,
+    Fc: float | None,  # noqa: N803
+) -> tuple[float, float]:
+    """Return the claimed numbers of an identification; options give those that are not claimed."""
+    found, numbers = files.read_json(path), []
     try:
         if found.get("linear", linear) != linear:
-            raise Error(f"{path}: {'turns: leave out' if linear else 'linear motion: give'} --mm")
-        return positive(str(found["sigma0"])), positive(str(found["Fc"]))
+            raise InputError(
+                f"{path}: {'turns: leave out' if linear else 'linear motion: give'} --mm"
+            )
+        for name, option, given in (("sigma0", "--sigma0", sigma0), ("Fc", "--fc", Fc)):
+            is_claimed = found["identifiable"][name]
+            if is_claimed and given is not None:
+                raise InputError(f"--from {path} and {option} {given:g}: one guess, not two")
+            if not is_claimed and given is None:
+                raise InputError(f"{path}: {name} is not claimed; give a guess of it with {option}")
+            numbers.append(given or positive(str(found[name])))
     except (KeyError, TypeError, AttributeError, argparse.ArgumentTypeError):
-        raise Error(f"{path}: not written by dahl identify (sigma0 and Fc)") from None
+        raise InputError(f"{path}: not written by dahl identify (sigma0 and Fc)") from None
+    return numbers[0], numbers[1]
 
 
 def _write_csv(path: Path, wanted: Wanted, motion: Motion) -> Path:

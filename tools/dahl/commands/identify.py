@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Find sigma0 and Fc from measured logs, with intervals, and say whether they can be trusted.
 
-LOG is a table (CSV, TSV, JSON, MAT, Parquet) or a CAN log (candump .log, ASC, BLF, TRC, MF4) with
---dbc; an MF4 of measured channels needs no DBC. Columns and units are found by the names of the
-columns if no option gives them. All LOGs are fitted together. --each fits the logs of a folder one
-by one, --follow a live bus.
+LOG is a table (CSV, TSV, JSON, MAT, NPZ, Parquet) or a CAN log (candump .log, ASC, BLF, TRC, MF4)
+with --dbc; an MF4 of measured channels needs no DBC. Columns and units are found by the names of
+the columns if no option gives them. All LOGs are fitted together. --each fits the logs of a folder
+one by one, --follow a live bus.
 
 It writes a picture, JSON and a scene that replays the log. If both parameters are identifiable and
 their plan explains the raw motion, it writes a header with a const plan too. A log needs about 100
@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 from dahl.commands.arguments import add_limits, add_output, number, positive, whole
 from dahl.commands.bus_arguments import add_bus_arguments
-from dahl.errors import Error, RunError
+from dahl.errors import Error, InputError, RunError
 
 if TYPE_CHECKING:
     from dahl.identify.estimate import Options
@@ -73,7 +73,9 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
         "a load that friction may follow, as a normal force; several are added",
     )
     _add_text(group, "--angle-unit", "UNIT", angles)
-    _add_text(group, "--torque-unit", "UNIT", "Nm, mNm, kNm, N, mN, uN, kN, lb, kip, ...")
+    _add_text(group, "--torque-unit", "UNIT", "Nm, mNm, kNm, N, mN, uN, kN, lb, kip, A, mA, ...")
+    constant = "torque is K times a motor current, N m/A (linear motion: N/A)"
+    group.add_argument("--torque-constant", type=positive, default=0.0, metavar="K", help=constant)
     _add_text(group, "--time-unit", "UNIT", "s, ms, us")
     counts = "of the encoder (linear motion: per millimetre; default: found in the log)"
     group.add_argument("--counts-per-turn", type=number, metavar="N", help=counts)
@@ -146,7 +148,9 @@ def source_of(args: argparse.Namespace) -> Source:
 
     counts = args.counts_per_turn
     if counts is not None and not 0 < counts < 2**32:
-        raise Error(f"--counts-per-turn {counts:g}: a number above 0 and below 2^32 was expected")
+        raise InputError(
+            f"--counts-per-turn {counts:g}: a number above 0 and below 2^32 was expected"
+        )
     given: dict[str, Any] = {
         name: getattr(args, name, None) for name in Source.__dataclass_fields__
     }
@@ -164,10 +168,10 @@ def options_of(args: argparse.Namespace) -> Options:
         terms = () if args.terms == "none" else tuple(filter(None, args.terms.split(",")))
         wrong = next((term for term in terms if term not in TERMS), None)
         if wrong:
-            raise Error(f"--terms {wrong}: no such term{meant(wrong, list(TERMS))}")
+            raise InputError(f"--terms {wrong}: no such term{meant(wrong, list(TERMS))}")
     model = args.model.lower()
     if model and model not in OPTIONS:
-        raise Error(f"--model {args.model}: no such model{meant(model, list(OPTIONS))}")
+        raise InputError(f"--model {args.model}: no such model{meant(model, list(OPTIONS))}")
     target = args.target_counts_per_turn
     return Options(terms, not args.no_delay, args.median, args.trust_units, target, model)
 
@@ -178,7 +182,7 @@ def run(args: argparse.Namespace) -> int:
     from dahl.io import readers
 
     if [bool(args.logs), bool(args.each), args.follow].count(True) != 1:
-        raise Error("give LOGs, or --each DIR, or --follow (see dahl identify --help)")
+        raise InputError("give LOGs, or --each DIR, or --follow (see dahl identify --help)")
     _refuse_unused(args)
     _refuse_duplicates(args)
     if args.each:
@@ -186,7 +190,7 @@ def run(args: argparse.Namespace) -> int:
     if args.follow:
         return _follow(args)
     if folder := next((log for log in args.logs if log.is_dir()), None):
-        raise Error(f"{folder}: a folder; --each {folder} takes the logs in it one by one")
+        raise InputError(f"{folder}: a folder; --each {folder} takes the logs in it one by one")
     source, options = source_of(args), options_of(args)
     name = plan_header.identifier(args.name or _name_of(args.logs[0]))
     _refuse_overwriting(args, name)
@@ -207,7 +211,7 @@ def _refuse_unused(args: argparse.Namespace) -> None:
     kind = "--each" if args.each else "--follow" if args.follow else "LOG"
     for name in UNUSED[kind]:
         if getattr(args, name) != args.command_parser.get_default(name):
-            raise Error(f"--{name.replace('_', '-')}: has no use with {kind}")
+            raise InputError(f"--{name.replace('_', '-')}: has no use with {kind}")
 
 
 def _refuse_duplicates(args: argparse.Namespace) -> None:
@@ -215,7 +219,7 @@ def _refuse_duplicates(args: argparse.Namespace) -> None:
     known: list[Path] = []
     for log in filter(Path.exists, (*args.logs, *args.check)):
         if any(map(log.samefile, known)):
-            raise Error(f"{log}: given twice")
+            raise InputError(f"{log}: given twice")
         known.append(log)
 
 
@@ -232,9 +236,11 @@ def _refuse_overwriting(args: argparse.Namespace, name: str) -> None:
     written = {args.output / f"{name}{end}" for end in endings}
     for log in filter(Path.exists, (*args.logs, *args.check)):
         if any(map(log.samefile, filter(Path.exists, written))):
-            raise Error(f"{log}: what is written into {args.output} would destroy it; use --name")
+            raise InputError(
+                f"{log}: what is written into {args.output} would destroy it; use --name"
+            )
         if args.json and Path(args.json).exists() and log.samefile(args.json):
-            raise Error(f"{log}: --json {args.json} would destroy it")
+            raise InputError(f"{log}: --json {args.json} would destroy it")
     if not args.no_files:
         refuse_foreign_files(
             (args.output / f"{name}{end}" for end in (".csv", ".ini")), "use --name"
@@ -281,7 +287,7 @@ def _each(args: argparse.Namespace) -> int:
     from dahl.report.terminal import console
 
     if args.jobs == 0:
-        raise Error("--jobs 0: a number of processes from 1 on, or -1 for all cores")
+        raise InputError("--jobs 0: a number of processes from 1 on, or -1 for all cores")
     paths = batch.logs_in(args.each)
     store = batch.Store(args.output / "each", source_of(args), options_of(args))
     rows, earlier = {}, 0

@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from dahl.errors import Error, RunError
+from dahl.errors import Error, InputError, RunError
 from dahl.identify import estimate, report
 from dahl.identify.estimate import Options
 from dahl.io import can_logs, readers
@@ -24,7 +24,7 @@ from dahl.io.files import one_line, read_json, write_atomic
 from dahl.io.readers import Source
 from dahl.version import __version__
 
-ENDINGS = {".csv", ".tsv", ".txt", ".json", ".mat", ".parquet"} | {*can_logs.CAN_LOGS}
+ENDINGS = {".csv", ".tsv", ".txt", ".json", ".mat", ".npz", ".parquet"} | {*can_logs.CAN_LOGS}
 CLUSTER_TIMEOUT_S = 10.0
 COLUMNS = ("sigma0", "Fc", "r2", "r2_coulomb", "reversals", "verdict")
 
@@ -32,10 +32,10 @@ COLUMNS = ("sigma0", "Fc", "r2", "r2_coulomb", "reversals", "verdict")
 def logs_in(folder: Path) -> list[Path]:
     """Return the logs in a folder by their endings. Raises dahl.Error for a folder without logs."""
     if not folder.is_dir():
-        raise Error(f"--each {folder}: no such folder")
+        raise InputError(f"--each {folder}: no such folder")
     found = sorted(path for path in folder.resolve().iterdir() if path.suffix.lower() in ENDINGS)
     if not found:
-        raise Error(f"--each {folder}: no logs in it ({', '.join(sorted(ENDINGS))})")
+        raise InputError(f"--each {folder}: no logs in it ({', '.join(sorted(ENDINGS))})")
     return found
 
 

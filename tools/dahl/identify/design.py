@@ -5,8 +5,9 @@ For guessed parameters, the sensitivities of the torque to sigma0, Fc, offset, s
 friction are known along any motion. Their products, summed over the rows, give the interval that a
 fit can reach (the Cramer-Rao bound). The amplitude of a sine is chosen for the least time, and the
 number of cycles for the wanted interval. The strokes then get different lengths and speeds:
-otherwise a delayed torque or an encoder error at the turning points looks like another sigma0. The
-encoder adds a uniform error of one count times the slope. Presliding must be several counts long.
+otherwise a delayed torque, damping or an encoder error at the turning points looks like another
+sigma0. The encoder adds a uniform error of one count times the slope. Presliding must be several
+counts long. If inertia and bandwidth of a position loop are known, the loop can follow the motion.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dahl.errors import Error
+from dahl.errors import InputError
 from dahl.identify import models
 
 AMPLITUDES = np.geomspace(3, 30, 12)  # presliding lengths 1/a; at least 3 if the guess is wrong
@@ -27,7 +28,10 @@ QUANTILE = 1.96  # of a 95 % interval
 MIN_CYCLES = 8  # six must be scored; the first and the last may be incomplete
 MAX_CYCLE_ROWS = 1_000_000
 PLACES = (1.0, 0.9, 0.8)  # of the amplitude, turning point by turning point
-PACES = (1.0,) * 6 + (1.6,) * 6  # of the rows of a stroke; few changes, since these are no sine
+PACES = (1.0,) * 6 + (1.6,) * 6 + (2.6,) * 6  # of the rows of a stroke; few changes: no sine there
+BANDWIDTH_RATIO = 5.0  # bandwidth of the loop over the frequency of the strokes
+MAX_INERTIA_TORQUE = 0.5  # of Fc, at a turning point
+MIN_LOOP_ERRORS = 4.0  # of a loop that friction holds back by Fc over its stiffness, in amplitudes
 RELATIVE_STEP = 0.01  # of a parameter, for its sensitivity
 
 
@@ -42,6 +46,14 @@ class Wanted:
     within: float = 0.01  # half width of the 95 % interval of sigma0, in sigma0
     rate: float = 1000.0  # rows per s
     speed: float = math.inf  # highest, rad/s (m/s)
+    inertia: float = 0.0  # of all that moves, kg m^2 (kg); 0: not limited
+    bandwidth: float = math.inf  # of the position loop, Hz
+
+    @property
+    def loop_error(self) -> float:
+        """How far friction holds back the loop, rad (m)."""
+        stiffness = self.inertia * (2 * math.pi * self.bandwidth) ** 2
+        return self.Fc / stiffness if 0 < stiffness < math.inf else 0.0
 
 
 @dataclass(frozen=True)
@@ -106,14 +118,16 @@ def propose(wanted: Wanted) -> Motion:
     a = wanted.sigma0 / wanted.Fc
     counts = 1 / (a * wanted.theta_per_count)
     if counts < MIN_COUNTS:
-        raise Error(
+        raise InputError(
             f"presliding is {counts:.2g} counts of this encoder long (Fc/sigma0 = {1 / a:.3g});"
             f" at least {MIN_COUNTS:g} are needed to see sigma0"
         )
-    amplitudes = AMPLITUDES / a
+    amplitudes = np.maximum(AMPLITUDES / a, MIN_LOOP_ERRORS * wanted.loop_error)
     needed = _rows_per_cycle(wanted, amplitudes)
     if not needed[0] <= MAX_CYCLE_ROWS:
-        raise Error(f"a cycle needs {needed[0]:.3g} rows; at most {MAX_CYCLE_ROWS} were expected")
+        raise InputError(
+            f"a cycle needs {needed[0]:.3g} rows; at most {MAX_CYCLE_ROWS} were expected"
+        )
     possible = amplitudes[needed <= MAX_CYCLE_ROWS].tolist()
     return min((_sine(wanted, one) for one in possible), key=lambda motion: motion.seconds)
 
@@ -121,7 +135,10 @@ def propose(wanted: Wanted) -> Motion:
 def _rows_per_cycle(wanted: Wanted, amplitude: np.ndarray) -> np.ndarray:
     a = wanted.sigma0 / wanted.Fc
     speed = min(wanted.speed, wanted.rate / (a * MIN_ROWS_PER_LENGTH))
-    return 2 * np.pi * amplitude / speed * wanted.rate
+    by_torque = wanted.inertia * amplitude / (MAX_INERTIA_TORQUE * wanted.Fc)
+    seconds = np.maximum(amplitude / speed, np.sqrt(by_torque)) * 2 * np.pi
+    least: np.ndarray = np.maximum(seconds, BANDWIDTH_RATIO / wanted.bandwidth)
+    return least * wanted.rate
 
 
 def _sine(wanted: Wanted, amplitude: float) -> Motion:

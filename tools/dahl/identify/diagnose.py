@@ -15,7 +15,7 @@ import numpy as np
 
 from dahl.identify import models
 from dahl.identify.fit import Fit, Fitter, Optimum, excess, jackknife, score
-from dahl.identify.samples import MIN_TURN_LENGTHS, Samples
+from dahl.identify.samples import Samples
 
 SURE = 2.0  # standard errors of the gain on cycles left out
 MIN_RESIDUAL_GAIN = 0.02  # of the residual, that a row must explain
@@ -111,7 +111,8 @@ def _lack(row: Row, before: Fit, after: Fit, quantile: float, is_known: bool) ->
         low, high = _at_ends(row.ends, after, quantile)
     extra = EXTRA_MOVE * np.abs(value - before.value)
     ratio, part = gain / after.total, 100 * gain / before.total
-    text = f"{row.name} would explain {part:.0f} % of the residual"
+    covered = ", and the interval covers it" if row.ends is not None else ""
+    text = f"{row.name} would explain {part:.0f} % of the residual{covered}"
     withdraws = _withdraws(row, moved, ratio)
     return Lack(row.name, ratio, moved, low - extra, high + extra, withdraws, text, x)
 
@@ -162,19 +163,11 @@ def _turns_and_lags(x: Context) -> list[Row]:
 
 def _since_turn(x: Context) -> np.ndarray:
     """Hat functions of the travel since the last turn, with the sign of the motion."""
-    knots, angle = np.array([0.0, *SHAPE_KNOTS]), x.samples.angles["between counts"]
-    columns = []
-    for rows in x.samples.pieces:
-        part = angle[rows]
-        turns = models.turning_points(part, MIN_TURN_LENGTHS / x.a)
-        last = np.searchsorted(turns, np.arange(len(part)), side="right") - 1
-        from_turn = part - part[np.append(turns, 0)[last]]
-        direction = np.where(from_turn == 0, 1.0, np.sign(from_turn))
-        hats = np.eye(len(knots))[1:-1]  # what fades: neither at the turn nor far from it
-        travel = x.a * np.abs(from_turn)
-        columns.append(np.column_stack([np.interp(travel, knots, h) for h in hats]))
-        columns[-1] *= direction[:, None]
-    return np.concatenate(columns)
+    knots, from_turn = np.array([0.0, *SHAPE_KNOTS]), x.samples.from_turn(x.a)
+    direction = np.where(from_turn == 0, 1.0, np.sign(from_turn))
+    hats = np.eye(len(knots))[1:-1]  # what fades: neither at the turn nor far from it
+    travel = x.a * np.abs(from_turn)
+    return np.column_stack([direction * np.interp(travel, knots, hat) for hat in hats])
 
 
 def _speed(x: Context) -> list[Row]:

@@ -8,21 +8,28 @@ fit and simulated logs widen it. One rule then decides what is claimed (result.p
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import t as student
 
-from dahl.errors import Error
+from dahl.errors import InputError
 from dahl.identify import diagnose, preprocess, select, simulate
 from dahl.identify.diagnose import CORRECTABLE, Lack
 from dahl.identify.fit import LAGS, Fit, Fitter, Hypothesis, solve
 from dahl.identify.models import ONE_ELEMENT, OPTIONS
 from dahl.identify.result import Intervals, Result, claims_of
-from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, block_for, samples_of
+from dahl.identify.samples import (
+    MIN_SCORED_CYCLES,
+    Samples,
+    block_for,
+    fill_quick_strokes,
+    has_quick_strokes,
+    samples_of,
+)
 from dahl.identify.select import Plausible, SearchSpace
-from dahl.identify.start import coarse_start
-from dahl.io.log import TERMS, Log
+from dahl.identify.start import coarse_start, sign_by_work
+from dahl.io.log import TERMS, Log, resolution_of
 
 CONFIDENCE = 0.99  # of the t quantile: a 95 % interval, and room for what no hypothesis covers
 SIMULATED_CONFIDENCE = 0.975  # of the quantile of the simulated errors: two-sided 95 %
@@ -30,6 +37,9 @@ MIN_ENCODER_GAIN = 0.1  # of the residual, from which an encoder error is taken 
 MAX_CORRECTIONS = 2
 HIDDEN_ROUNDING = 0.3  # of the variance of a torque's rounding: it repeats in each cycle
 COARSE_ERROR = 2.0  # times the variance of rounding, below which a torque sensor is coarse here
+SPLINE_ERROR = 0.02  # of sigma0 and Fc, if turns between two rows are those of a spline
+MAX_SWAPPED_COST = 0.8  # of the robust cost, with angle and torque swapped, if they are; half of
+# it if the torque takes energy as given, which a soft loop's does too
 MORE_ELEMENTS, OTHER_LAW = 1.4, 0.5  # see _beyond_one_element()
 
 
@@ -54,27 +64,70 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
     trust, median = options.trust_units, options.median
     pieces = [piece for log in logs for piece in preprocess.preprocess(log, trust, median)]
     _check_times(pieces, options)
-    fitter, a, delay, sign = _start(pieces)
+    pieces = _with_one_sign(pieces)
+    fitter, a, delay, sign = _start(fill_quick_strokes(pieces))
     space = _space(options)
     if fitter.samples.cycles < MIN_SCORED_CYCLES:
         space = select.few_cycles(space)
     fits = select.fit_all(fitter, a, delay, space)
     if not fits:
-        raise Error(f"{logs[0].name}: no friction law fits; are angle and torque swapped?")
+        why = "are angle and torque swapped (--angle, --torque)?"
+        if not _are_swapped(pieces):
+            why = "record strokes to and fro in which friction is most of the torque"
+        raise InputError(f"{logs[0].name}: no friction law fits; {why}")
     fitter, fits, corrected = _correct_encoder(fitter, fits, delay, space)
     found = _judge(fitter, fits, corrected)
-    return claims_of(
-        Result(list(logs), pieces, fitter.samples, fitter, sign, options, fits, *found)
-    )
+    result = Result(list(logs), pieces, fitter.samples, fitter, sign, options, fits, *found)
+    result.are_swapped = _are_swapped(pieces)
+    return claims_of(result)
+
+
+def _with_one_sign(pieces: Sequence[Log]) -> list[Log]:
+    """Return pieces whose torque has the sign of that of the first log."""
+    names = list(dict.fromkeys(piece.name for piece in pieces))
+    if len(names) < 2:
+        return list(pieces)
+    samples = samples_of(pieces, angles=())
+    owner = samples.log_of_rows
+    ends = np.searchsorted(owner, range(len(names) + 1)).tolist()
+    signs = [sign_by_work(samples, slice(i, j)) for i, j in zip(ends, ends[1:], strict=False)]
+    first = next((sign for sign in signs if sign), 1.0)
+    return [
+        _turned_round(piece) if signs[names.index(piece.name)] * first < 0 else piece
+        for piece in pieces
+    ]
+
+
+def _are_swapped(pieces: Sequence[Log]) -> bool:
+    """Whether the torque explains the angle as friction much better than the other way round."""
+    swapped = [
+        replace(one, theta=one.torque, torque=one.theta, resolution=resolution_of(one.torque))
+        for one in pieces
+    ]
+    both = [list(pieces), swapped]
+    if any(map(has_quick_strokes, pieces)):  # noise makes any torque look quick
+        both = [fill_quick_strokes(some) for some in both]
+    given, other = (Fitter(samples_of(some)) for some in both)
+    drives = sign_by_work(given.samples, slice(None)) < 0  # swapped friction seems to drive
+    most = MAX_SWAPPED_COST if drives else MAX_SWAPPED_COST / 2
+    return coarse_start(other).cost < most * coarse_start(given).cost
+
+
+def _turned_round(piece: Log) -> Log:
+    """Return a log with the other sign of the torque, and a note."""
+    note = "its friction has the other sign than in the other logs: the torque is turned round"
+    return replace(piece, torque=-piece.torque, notes=[*piece.notes, note])
 
 
 def _start(pieces: Sequence[Log]) -> tuple[Fitter, float, float, float]:
     """Return samples with cycles and weights, and rough start values: a, delay in samples, sign."""
     fitter = Fitter(samples_of(pieces))
-    a, delay, sign = coarse_start(fitter)
-    block = block_for(pieces, fitter.samples.block, a)
-    if block < fitter.samples.block:
-        delay *= fitter.samples.block / block
+    found = coarse_start(fitter)
+    a, delay, sign = found.a, found.delay, found.sign
+    rows = fitter.samples.block
+    block = block_for(pieces, int(rows), a) if rows > 1 else 1
+    if block < rows:
+        delay *= rows / block
         fitter = Fitter(samples_of(pieces, block))
     if sign < 0:
         fitter.samples.torque = -fitter.samples.torque
@@ -87,7 +140,7 @@ def _check_times(pieces: Sequence[Log], options: Options) -> None:
     timed = [term for term in options.terms or () if term in ("viscous", "inertia")]
     untimed = next((log.name for log in pieces if log.time is None), None)
     if timed and untimed is not None:
-        raise Error(f"{untimed}: {timed[0]} needs times of the rows (--time)")
+        raise InputError(f"{untimed}: {timed[0]} needs times of the rows (--time)")
 
 
 def _space(options: Options) -> SearchSpace:
@@ -162,7 +215,8 @@ def _judge(
         simulated = widths["counts"] * value
         low = value - np.hypot(value - low, simulated)
         high = value + np.hypot(high - value, simulated)
-    least = select.MODEL_ERROR * value  # no parameter is known better than its law
+    part = SPLINE_ERROR if samples.block < 1 else select.MODEL_ERROR
+    least = part * value  # no parameter is known better than its law
     low, high = np.minimum(low, value - least), np.maximum(high, value + least)
     return seen, lacks, Intervals(value, low, high, widths)
 
@@ -223,7 +277,10 @@ def check(result: Result, log: Log) -> float:
 
     Raises dahl.Error if the log cannot be used.
     """
-    samples, predicted = result.predict(preprocess.preprocess(log, trust_units=True))
+    pieces = preprocess.preprocess(log, trust_units=True)
+    if result.sign * sign_by_work(samples_of(pieces, angles=()), slice(None)) < 0:
+        pieces = [_turned_round(piece) for piece in pieces]
+    samples, predicted = result.predict(fill_quick_strokes(pieces))
     weight = samples.used
     mean = float(weight @ samples.torque / weight.sum())
     lost = weight @ (samples.torque - predicted) ** 2

@@ -16,17 +16,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dahl.errors import Error
-from dahl.identify import encoder_grid, models
+from dahl.errors import InputError
+from dahl.identify import models
+from dahl.identify.angle import smooth_angle
 from dahl.identify.fit import Fit
 from dahl.identify.models import LAWS, OPTIONS
-from dahl.identify.result import Result, terms_of
-from dahl.identify.samples import SETTLE_LENGTHS
+from dahl.identify.result import Result, term_coefficients, terms_of
+from dahl.identify.samples import KNOTS, NO_CLOCK_STEP, SETTLE_LENGTHS, rates_of
 from dahl.identify.select import best_of
+from dahl.io import encoder_grid
 from dahl.io.files import write_atomic
 
 if TYPE_CHECKING:
     from dahl.binding.plan_header import AnyPlan
+    from dahl.io.log import Log
 
 MIN_PLAN_R2 = 0.9  # on the raw motion; a worse plan does more harm than good
 MAX_REPLAYED_ROWS = 200_000  # of the first log, in a scene
@@ -78,12 +81,29 @@ class RunnableModel:
         """Which model is exported and what it loses; "" if it is Dahl's, as chosen."""
         law, chosen = self.fit.hypothesis.friction, self.result.hypothesis.friction
         if law.name == chosen.name == "dahl":
-            return ""
+            return self.outside
         why = "asked for" if self.result.options.model else "chosen"
         if not self.result.options.model and law.name != chosen.name:
             why = f"the nearest that the library runs to {chosen.label}"
         loss = f"it loses {self.lost_r2:.4f} of R2 on cycles left out"
-        return f"The model is {law.label}, {why}; {loss}."
+        return f"The model is {law.label}, {why}; {loss}. {self.outside}".strip()
+
+    @property
+    def sums(self) -> dict[str, float]:
+        """sigma0 and Fc of all elements together; of both directions the mean."""
+        halves = 2 if self.model == "asymmetric" else 1
+        return {"sigma0": sum(self.sigma0), "Fc": sum(self.Fc) / halves}
+
+    @property
+    def outside(self) -> str:
+        """Which exported numbers lie outside the claimed intervals, and why; "" if none does."""
+        found = []
+        for name, value in self.sums.items() if self.model != "loaded" else ():
+            p = getattr(self.result, name)
+            if p.claimed and not p.low <= value <= p.high:
+                found.append(f"its {name}, {value:.4g}, is outside {p.low:.4g} to {p.high:.4g}")
+        why = "a simpler law without a lag fits best so on average"
+        return f"Note that {' and '.join(found)}: {why}." if found else ""
 
     def torque(self, moves: np.ndarray, load: np.ndarray | None = None) -> np.ndarray:
         """Return the torque after each move, from rest: (n,) N m (N)."""
@@ -124,19 +144,23 @@ class RunnableModel:
 
     @cached_property
     def plan_r2(self) -> float:
-        """R2 of the plan by counts on the raw motion, with the best torque at each start."""
+        """R2 of the plan by counts on the raw motion, with the best torque at each start.
+
+        All other torques that were fitted are taken out first, such as gravity and inertia. Offset
+        and spring are those that suit the plan.
+        """
         lost = spread = 0.0
-        count, centre = self.theta_per_count, self.result.samples.reference.centre
-        offset, spring = (self.terms.get(name, 0.0) for name in SCENE_TERMS)
+        count = self.theta_per_count
         for log in self.result.logs:
             theta = log.theta - log.theta[0]
             theta = np.round(theta / count) * count if count else theta
             moves = np.diff(theta, prepend=0.0)
-            measured = self.result.sign * log.torque - (offset + spring * (log.theta - centre))
+            measured = self.result.sign * log.torque - _other_torque(self.result, log)
             torque = self.torque(moves, log.load)
             fading = np.exp(-np.minimum(self.a * np.cumsum(np.abs(moves)), 700.0))
-            first = float(fading @ (measured - torque) / (fading @ fading))
-            left = measured - (torque + fading * first)
+            free = np.column_stack((fading, *_free_terms(self.result, log)))
+            left = measured - torque
+            left -= free @ np.linalg.lstsq(free.T @ free, free.T @ left, rcond=None)[0]
             lost += float(left @ left)
             spread += float(np.sum((measured - measured.mean()) ** 2))
         return 1 - lost / spread if spread else 0.0
@@ -160,6 +184,32 @@ class RunnableModel:
         return [words for words, holds in reasons.items() if holds]
 
 
+def _other_torque(result: Result, log: Log) -> np.ndarray:
+    """Return the torque of the fitted terms at each row of a log: (n,) N m (N)."""
+    reference = result.samples.reference
+    z = (log.theta - reference.centre) / reference.reach
+    coefficients = term_coefficients(result.chosen, result.samples)
+    torque = np.zeros(log.rows)
+    for name, power in (("offset", 0), ("spring", 1), ("cubic", 3)):
+        torque += coefficients.get(name, np.zeros(1)) * z**power
+    if "waves" in coefficients:
+        torque += np.interp(z, np.linspace(-1, 1, KNOTS), [0.0, *coefficients["waves"]])
+    timed = [coefficients.get(name, np.zeros(1)) for name in ("viscous", "inertia")]
+    if any(map(np.any, timed)):
+        noise, time = result.samples.noise, log.time
+        time = NO_CLOCK_STEP * np.arange(log.rows) if time is None else time
+        smooth = smooth_angle(log.theta, log.resolution, noise)
+        rates = rates_of(log.theta, smooth, time, 0.0 if noise else log.resolution)
+        torque += sum(c * rate for c, rate in zip(timed, rates, strict=True))
+    return torque
+
+
+def _free_terms(result: Result, log: Log) -> list[np.ndarray]:
+    """Return the columns of offset and spring, if they were fitted."""
+    columns = {"offset": np.ones(log.rows), "spring": log.theta - log.theta.mean()}
+    return [columns[name] for name in SCENE_TERMS if name in result.hypothesis.terms]
+
+
 @lru_cache(maxsize=1)  # JSON, tables, picture and header of one result need it
 def runnable_model(result: Result) -> RunnableModel:
     """Return the law of --model or the chosen one; the nearest one if the library lacks it."""
@@ -167,7 +217,7 @@ def runnable_model(result: Result) -> RunnableModel:
     library = [f for f in result.fits if LAWS[f.hypothesis.law].in_library]
     same = [f for f in library if f.hypothesis.law == wanted]
     if result.options.model and wanted != "coulomb" and not same:
-        raise Error(f"--model {result.options.model}: this law does not fit the log")
+        raise InputError(f"--model {result.options.model}: this law does not fit the log")
     is_chosen = wanted == result.hypothesis.law and LAWS[wanted].in_library
     fit = result.chosen if is_chosen else _alone(result, best_of(same or library))
     kinds, sigma0, Fc = fit.hypothesis.friction.kinds, fit.slopes, fit.limits  # noqa: N806
@@ -184,12 +234,13 @@ def runnable_model(result: Result) -> RunnableModel:
 
 
 def _alone(result: Result, fit: Fit) -> Fit:
-    """Fit a law as a plan runs it: without a lag, and with offset and spring at most."""
+    """Fit a law as a plan runs it, without a lag; with the terms of the result if that fits."""
     if fit.hypothesis.law == "loaded":
         return fit
     h = replace(fit.hypothesis, lag="none", skew=0.0)
     start = fit.p[: h.friction.parameters]
-    alone = (result.fitter.fit(replace(h, terms=t), start) for t in (SCENE_TERMS, ("offset",)))
+    sets = (result.hypothesis.terms, SCENE_TERMS, ("offset",))
+    alone = (result.fitter.fit(replace(h, terms=terms), start) for terms in sets)
     return next((one for one in alone if one is not None), fit)
 
 
@@ -229,9 +280,9 @@ def header(model: RunnableModel, name: str, title: str) -> str:
     whole = [line.replace("*/", "* /") for line in comment if line]
     folded = [part for line in whole for part in textwrap.wrap(line, COMMENT_WIDTH)]
     text = plan_header.text(name, model.plans(), folded)
-    if result.compensator_bounds:
-        known = *result.compensator_bounds, result.sigma0.high
-        text += plan_header.bounds(name, *known, log.unit, log.angle_unit)
+    Fc_low, length, high = result.compensator_bounds or (None, None, None)  # noqa: N806
+    if Fc_low is not None and length is not None and high is not None:
+        text += plan_header.bounds(name, Fc_low, length, high, log.unit, log.angle_unit)
     return plan_header.with_load(text, name, *model.load) if model.model == "loaded" else text
 
 

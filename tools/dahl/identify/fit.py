@@ -19,11 +19,14 @@ from scipy.signal import filtfilt, lfilter
 
 from dahl.identify import models
 from dahl.identify.models import LAWS, Law
-from dahl.identify.samples import Samples, delayed
+from dahl.identify.samples import FAST_PERCENTILE, Samples, delayed
 
-LAGS = ("none", "damping", "delay", "low pass", "zero-phase filter", "play", "delay+filter")
-FILTERS = ("low pass", "zero-phase filter")  # the latter runs forward and backward
+FILTERS = ("low pass", "zero-phase filter", "damped low pass")  # the second runs to and fro
 DELAYED = ("delay", *FILTERS, "delay+filter")  # the last parameter is a number of samples
+LAGS = ("none", "damping", "play", *DELAYED)
+LATE_TERMS = ("spring", "viscous", "inertia")  # that a late sensor shows late too
+SPECIAL_LAGS = {"delay+filter": ("delay",), "damped low pass": ("damping", "low pass")}
+FADING_SPEED = 0.25  # of fast motion: LuGre's damping fades as its state comes to rest in sliding
 ROUNDS = 8  # Gauss-Newton steps of a fit, at most
 MAX_STEP, MAX_DELAY_STEP = 0.4, 6.0  # of a Gauss-Newton step: in ln a and shapes, in samples
 MIN_GAIN, SETTLED_STEP = 1e-4, 1e-3  # of the cost and of ln a, below which the fit has converged
@@ -31,7 +34,7 @@ MIN_LOW_PASS = 0.3  # samples; a shorter time constant has no effect
 MAX_LINEAR = 0.6  # of ln a: beyond it a linearisation is useless
 MAX_ELEMENT = 1.0  # presliding lengths in a count: one of several elements cannot be stiffer
 MIN_PEAK = -0.02  # of Fc: its increase if slow or after a rest, which noise may bring below 0
-MIN_VISCOUS = -0.02  # of MAX_FRICTION, at high speed; friction that falls with speed is Stribeck's
+MIN_TIMED = -0.02  # of MAX_FRICTION, at high speed: viscous torque and inertia resist the motion
 MAX_FRICTION = 1.5  # of the measured torque: more would have to be cancelled by inertia or a spring
 MIN_LOG_SPEED = 0.01  # of fast motion; at a reversal a logarithm would have no bound
 MIN_LIMIT = 0.05  # of Fc: friction must not vanish or push at any speed
@@ -55,19 +58,19 @@ class Hypothesis:
     @property
     def size(self) -> int:
         """Parameters beyond a Dahl element and an offset."""
-        lag = {"none": 0, "delay+filter": 2, "delays": 2}.get(self.lag, 1)
+        lag = {"none": 0, "delay+filter": 3, "delays": 2, "damped low pass": 3}.get(self.lag, 1)
         terms = sum(16 if term == "waves" else 1 for term in self.terms) - 1
         return self.friction.size + lag + terms
 
     @property
     def lag_columns(self) -> int:
         """Linear ones."""
-        return int(self.lag in ("damping", "delay+filter"))
+        return {"damping": 1, "delay+filter": 2, "damped low pass": 2}.get(self.lag, 0)
 
     def contains(self, other: Hypothesis) -> bool:
         """Whether the other one is a special case of this one."""
         law = other.law == self.law or other.law in self.friction.special_cases
-        lag = other.lag in (self.lag, "none") or (other.lag, self.lag) == ("delay", "delay+filter")
+        lag = other.lag in (self.lag, "none", *SPECIAL_LAGS.get(self.lag, ()))
         terms = set(other.terms) <= set(self.terms)
         return law and lag and terms and self.angle == other.angle
 
@@ -112,6 +115,14 @@ class Fit:
         """How far the linearisation went from the optimum, in ln a."""
         m = len(self.taken_at)
         return float(np.abs(self.coefficients[m : 2 * m]).max())
+
+    @property
+    def is_near_optimum(self) -> bool:
+        """Whether the linearisation went no further than it holds, in ln a and in the lag."""
+        last = len(self.taken_at) + len(self.p) - 1
+        is_late = self.hypothesis.lag in DELAYED
+        lag = abs(float(self.coefficients[last])) if is_late else 0.0
+        return self.step < MAX_LINEAR and lag < MAX_DELAY_STEP
 
     @property
     def error(self) -> np.ndarray:
@@ -192,6 +203,8 @@ class Fitter:
         self.samples = samples
         self.moves = {name: samples.moves(angle) for name, angle in samples.angles.items()}
         self.fast = samples.reference.fast
+        self.quick = float(np.percentile(np.abs(samples.acceleration), FAST_PERCENTILE))
+        self.max_delay = samples.max_delay()
         torque = samples.torque[samples.weight > 0]
         self.max_friction = MAX_FRICTION * float(np.ptp(np.percentile(torque, (1, 99)))) / 2
 
@@ -278,7 +291,7 @@ class Fitter:
             parts = zip(s.pieces, s.log_of, strict=True)
             return np.concatenate([delayed(x[rows], each[k]) for rows, k in parts])
         if h.lag in FILTERS:
-            run = lfilter if h.lag == "low pass" else filtfilt
+            run = filtfilt if h.lag == "zero-phase filter" else lfilter
             kept = np.exp(-1 / max(p[-1], 1e-2))
             return s.by_piece(lambda y: run([1 - kept], [1, -kept], y), x)
         return x
@@ -293,26 +306,55 @@ class Fitter:
         if limits is None:
             limits = self._limits_of(w, terms)
         friction = sum(c * x for c, x in zip(limits, w, strict=True))
+        names = [name for name in terms if name in ("offset", *LATE_TERMS)]
+        others = self._other_torques(h, p, names)
+        weights = self._weights(friction, others)
         changes = []
         for k in range(len(p)):
             step = np.zeros(len(p))
             step[k] = DERIVATIVE_STEP_ROWS if k in self._row_parameters(h, p) else DERIVATIVE_STEP
             moved = self.elements(h, p + step)
             change = sum(c * (x - y) for c, x, y in zip(limits, moved, w, strict=True))
+            if k >= h.friction.parameters and h.lag != "play":
+                again = self._other_torques(h, p + step, names)
+                change += sum(c * (x - y) for c, x, y in zip(weights, again, others, strict=True))
             changes.append(change / step[k])
         lag = self._lag_columns(h, friction)
-        return np.column_stack((*w, *changes, *lag, *self.term_columns(terms))), limits
+        return np.column_stack((*w, *changes, *lag, *self._other_torques(h, p, terms))), limits
+
+    def _other_torques(
+        self, h: Hypothesis, p: np.ndarray, names: Iterable[str]
+    ) -> list[np.ndarray]:
+        """Return the columns of terms as the torque sensor shows them: its lag is that of all."""
+        found: list[np.ndarray] = []
+        for name in names:
+            columns = self.term_columns([name])
+            if name in LATE_TERMS and h.lag in (*DELAYED, "delays"):
+                columns = [self._apply_lag(h, p, x - x.mean()) for x in columns]
+            found += columns
+        return found
+
+    def _weights(self, friction: np.ndarray, columns: list[np.ndarray]) -> list[float]:
+        """Return the coefficients of columns beside a friction, by least squares."""
+        gram = self.samples.grams(np.column_stack((friction, *columns))).sum(axis=0)
+        found: list[float] = solve(gram, range(len(columns) + 1))[1:].tolist()
+        return found
 
     def _lag_columns(self, h: Hypothesis, friction: np.ndarray) -> list[np.ndarray]:
-        """Derivatives of friction by time that a lag adds, as many as h.lag_columns.
+        """Derivatives by time that a lag adds, as many as h.lag_columns.
 
-        The second one is what any short filter adds to its delay: a mean over rows, a filter
-        that runs to and fro, a torque cell that rings.
+        The second derivative is what any short filter adds to its delay: a mean over rows, a
+        filter that runs to and fro, a torque cell that rings.
         """
+        s, damping = self.samples, self.samples.rate(friction) / self.fast
         if h.lag == "damping":
-            return [self.samples.rate(friction) / self.fast]
+            return [damping]
+        if h.lag == "damped low pass":
+            return [damping, s.rate(s.acceleration)]
         if h.lag == "delay+filter":
-            return [self.samples.by_piece(lambda x: np.gradient(np.gradient(x)), friction)]
+            fading = np.exp(-((s.speed / (FADING_SPEED * self.fast)) ** 2))
+            bend = s.by_piece(lambda x: np.gradient(np.gradient(x)), friction)
+            return [bend, damping * fading]
         return []
 
     def _limits_of(self, w: list[np.ndarray], terms: Iterable[str]) -> np.ndarray:
@@ -366,7 +408,8 @@ class Fitter:
         """A Gauss-Newton step within its limits."""
         step: np.ndarray = np.clip(wanted, -MAX_STEP, MAX_STEP)
         for k in self._row_parameters(h, p):
-            step[k] = np.clip(wanted[k], -MAX_DELAY_STEP, MAX_DELAY_STEP)
+            near = np.clip(wanted[k], -MAX_DELAY_STEP, MAX_DELAY_STEP)
+            step[k] = np.clip(near, -self.max_delay - p[k], self.max_delay - p[k])
         if h.lag in FILTERS:
             step[-1] = max(step[-1], MIN_LOW_PASS - p[-1])
         return step
@@ -379,15 +422,21 @@ class Fitter:
         is_too_stiff = m > 1 and np.exp(fit.p[:m].max()) * self.samples.count > MAX_ELEMENT
         has_peak = fit.hypothesis.law in ("stribeck", "breakaway")
         falls = not has_peak or fit.p[1] + c[m + 1] > MIN_PEAK
-        resists = self._viscous(fit.hypothesis, c) > MIN_VISCOUS * self.max_friction
-        return bool(is_positive and falls and resists and not is_too_large and not is_too_stiff)
+        resists = self.timed(fit).get("viscous", 0.0) > MIN_TIMED * self.max_friction
+        delays = [fit.p[k] + c[m + k] for k in self._row_parameters(fit.hypothesis, fit.p)]
+        is_too_late = max(map(abs, delays), default=0.0) > self.max_delay
+        is_beyond = is_too_large or is_too_stiff or is_too_late
+        return bool(is_positive and falls and resists and not is_beyond)
 
-    def _viscous(self, h: Hypothesis, coefficients: np.ndarray) -> float:
-        """Viscous torque at high speed, N m (N)."""
-        if "viscous" not in h.terms:
-            return 0.0
-        after = len(h.terms) - h.terms.index("viscous")  # all behind it have one column each
-        return float(coefficients[-after]) * self.fast
+    def drives(self, fit: Fit) -> bool:
+        """Whether the inertia is negative by more than noise."""
+        return self.timed(fit).get("inertia", 0.0) < MIN_TIMED * self.max_friction
+
+    def timed(self, fit: Fit) -> dict[str, float]:
+        """Viscous torque and inertia at high speed and acceleration, N m (N)."""
+        terms, sizes = fit.hypothesis.terms, {"viscous": self.fast, "inertia": self.quick}
+        after = {name: len(terms) - terms.index(name) for name in sizes if name in terms}
+        return {name: float(fit.coefficients[-k]) * sizes[name] for name, k in after.items()}
 
     def fit(self, h: Hypothesis, p: np.ndarray, rounds: int = ROUNDS) -> Fit | None:
         """Fit and score one hypothesis from start values p."""
@@ -413,6 +462,7 @@ class Fitter:
         for terms in _term_sets(names):
             own = [base + k for term in terms for k, name in enumerate(term_of) if name == term]
             found.append(score(replace(h, terms=terms), at, [*range(base), *own]))
+        found = [fit for fit in found if self.timed(fit).get("inertia", 1.0) > 0]
         return [fit for fit in found if self._is_friction(fit, at.peaks)]
 
     def predicted(self, fit: Fit) -> np.ndarray:
@@ -421,6 +471,14 @@ class Fitter:
         table, _ = self.columns(h, fit.p, fit.taken_at, h.terms)
         torque: np.ndarray = table @ fit.coefficients
         return torque
+
+    def other_torque(self, fit: Fit) -> np.ndarray:
+        """The torque of the terms of a fit at each sample: (n,) N m (N)."""
+        h = fit.hypothesis
+        columns = self._other_torques(h, fit.p, h.terms)
+        own = fit.coefficients[len(fit.coefficients) - len(columns) :]
+        parts = (c * x for c, x in zip(own, columns, strict=True))
+        return sum(parts, np.zeros(self.samples.rows))
 
 
 def _term_sets(names: Sequence[str]) -> list[tuple[str, ...]]:

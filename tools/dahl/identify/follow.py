@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
-from dahl.errors import Error
+from dahl.errors import Error, InputError
 from dahl.identify.estimate import Options, identify
 from dahl.identify.result import Result
 from dahl.io.can_signals import Signals
@@ -56,7 +56,7 @@ def follow(
 def signals_of(source: Source) -> Signals:
     """Return the signals to follow. Raises dahl.Error if the options do not name them."""
     if source.dbc is None or not (source.angle and source.torque):
-        raise Error("--follow needs --dbc FILE, --angle SIGNAL and --torque SIGNAL")
+        raise InputError("--follow needs --dbc FILE, --angle SIGNAL and --torque SIGNAL")
     return Signals(source.dbc, source.signals)
 
 

@@ -46,8 +46,12 @@ def draw(path: Path, result: Result, title: str) -> None:
         for name, values in result.by_cycle().items():
             if name in NAMES:
                 _draw_cycles(panels[name], result, name, values)
-        found = {name: f"{getattr(result, name).value:.4g} {result.units[name]}" for name in NAMES}
-        numbers = ", ".join(f"{name} = {words}" for name, words in found.items())
+        found = {
+            name: f"{name} = {getattr(result, name).value:.4g} {result.units[name]}"
+            for name, is_claimed in zip(NAMES, result.claimed, strict=True)
+            if is_claimed
+        }
+        numbers = ", ".join(found.get(name, f"{name} not known") for name in NAMES)
         words = f"{plots.escape(title)}\n{result.hypothesis.friction.label}: {numbers}"
         figure.suptitle(words, fontsize=14, fontweight="bold", x=0.01, ha="left")
         plots.save(figure, path)
@@ -56,23 +60,28 @@ def draw(path: Path, result: Result, title: str) -> None:
 def _draw_loop(axes: Axes, result: Result, angle: np.ndarray, label: str) -> None:
     """Draw torque over angle, measured and fitted; each piece is a line.
 
+    If other torques are larger than friction, draw friction alone over the travel since the turn.
     The fit begins when the unknown torque at the start of a piece is forgotten.
     """
-    measured, log = result.samples.torque, result.logs[0]
+    log, other = result.logs[0], np.zeros(result.samples.rows)
+    what = "force" if log.linear else "torque"
+    if max(result.other_torques.values(), default=0.0) > result.Fc.value:
+        size, unit = log.shown_in
+        angle, other = result.samples.from_turn(result.a.value) / size, result.other_torque
+        what, label = "friction", f"travel since the turn [{unit}]"
+    measured, predicted = result.samples.torque - other, result.predicted - other
     for k, rows in enumerate(result.samples.pieces):
         words = ("measured", f"fitted: {result.hypothesis.friction.label}") if k == 0 else ("", "")
         axes.plot(angle[rows], measured[rows], color=MEASURED, linewidth=1.1, label=words[0])
         start = rows.start + int(np.argmax(result.samples.used[rows] > 0))
         settled = slice(start, rows.stop)
-        axes.plot(
-            angle[settled], result.predicted[settled], color=COMPUTED, linewidth=1.4, label=words[1]
-        )
+        axes.plot(angle[settled], predicted[settled], color=COMPUTED, linewidth=1.4, label=words[1])
     weight = result.samples.weight
     is_outlier = (weight > 0) & (weight < OUTLIER_WEIGHT)
     if is_outlier.any():
         label_outliers = f"outliers, {100 * is_outlier.mean():.1f} % of the samples"
         axes.plot(angle[is_outlier], measured[is_outlier], "x", color=MARK, label=label_outliers)
-    axes.set(xlabel=label, ylabel=f"{'force' if log.linear else 'torque'} [{log.unit}]")
+    axes.set(xlabel=label, ylabel=f"{what} [{log.unit}]")
     axes.legend(loc="best", fontsize=9)
     verdict = plots.escape(result.verdict)
     axes.set_title(verdict, loc="left", fontsize=10, color="#555555", wrap=True)

@@ -13,14 +13,16 @@ import numpy as np
 from scipy.ndimage import maximum_filter, median_filter
 from scipy.signal import savgol_filter
 
-from dahl.errors import Error
-from dahl.identify import encoder_grid
+from dahl.errors import InputError
 from dahl.identify.angle import white_noise
 from dahl.identify.models import turning_points
+from dahl.io import encoder_grid
 from dahl.io.log import HEAD_ROWS, Log, resolution_of
 
 MIN_ROWS = 30  # of a log or a piece
 MIN_CLIPPED_PART = 0.02  # of all rows, at one extreme torque
+MIN_IN_RUNS, MIN_IN_NOISY_RUNS = 0.7, 0.2  # of these rows, next to another one
+MIN_FINE_LEVELS = 200  # of a torque, from which a sensor is not coarse
 NOISELESS = 1e-4  # of the range of the torque: no sensor resolves such a second difference
 MIN_REPEATED_PART = 0.01  # of all rows; fewer repeated rows do no harm
 MAX_AT_REST_PART = 0.9  # of all rows; beyond it there is too little motion to decide
@@ -43,6 +45,7 @@ MIN_EVENT_PART = 0.9  # of the moves by one count, if a row is written at each e
 MAX_FLICKER = 8  # rows that turn back at once, without the true reversals
 FLICKER_ROWS = 9  # of the running median that removes them
 MIN_SPIKE_RATIO = 10.0  # largest distance from the median over that of 90 % of the rows
+TORQUES = (1e-15, 1e15)  # N m (N), range of a torque
 RANGES = {True: (1e-8, 1e2, "m"), False: (1e-7, 1e4, "rad")}  # of an angle, by `linear`
 
 
@@ -65,16 +68,25 @@ def preprocess(log: Log, trust_units: bool = False, median: int = 0) -> list[Log
 def check(log: Log, trust_units: bool = False) -> None:
     """Raise dahl.Error for a log that no fit can use."""
     if log.rows < MIN_ROWS:
-        raise Error(f"{log.name}: {log.rows} rows; at least {MIN_ROWS} were expected")
+        raise InputError(f"{log.name}: {log.rows} rows; at least {MIN_ROWS} were expected")
     for name, values in (("angle", log.theta), ("torque", log.torque)):
         if np.ptp(values) == 0:
-            raise Error(f"{log.name}: {name} is constant ({values[0]:g} in all {log.rows} rows)")
+            raise InputError(
+                f"{log.name}: {name} is constant ({values[0]:g} in all {log.rows} rows): is it the"
+                f" right column (--{name})?"
+            )
+    low, high = TORQUES
+    if not low <= np.ptp(log.torque) <= high:
+        raise InputError(
+            f"{log.name}: the torque covers {np.ptp(log.torque):g} {log.unit}, {low:g} to {high:g}"
+            " was expected; is the unit right (--torque-unit)?"
+        )
     _check_clipping(log)
     if trust_units:
         return
     span, (low, high, unit) = float(np.ptp(log.theta)), RANGES[log.linear]
     if not low <= span <= high:
-        raise Error(
+        raise InputError(
             f"{log.name}: the angle covers {span:g} {unit}, {low:g} to {high:g} was expected;"
             " is the unit right (--angle-unit, or --trust-units)?"
         )
@@ -92,9 +104,10 @@ def _check_clipping(log: Log) -> None:
         rows = np.flatnonzero(log.torque == extreme)
         many = len(rows) > max(MIN_CLIPPED_PART * log.rows, 20)
         if many and np.mean(moving[rows]) > 0.25 and _is_stuck(log, rows):
-            raise Error(
+            raise InputError(
                 f"{log.name}: torque is clipped at {extreme:g} {log.unit}"
-                f" ({len(rows)} of {log.rows} rows, the first is row {rows[0] + 1})"
+                f" ({len(rows)} of {log.rows} rows, the first is row {rows[0] + 1}): record with a"
+                " wider range of the sensor"
             )
 
 
@@ -108,10 +121,14 @@ def _is_moving(log: Log) -> np.ndarray:
 
 
 def _is_stuck(log: Log, rows: np.ndarray) -> bool:
-    """Whether the extreme occurs in long runs, unlike the last step of a coarse sensor."""
+    """Whether the extreme occurs in runs, unlike the last step of a coarse sensor.
+
+    With many levels, the noise of the sensor may interrupt the runs.
+    """
     levels, counts = np.unique(log.torque, return_counts=True)
     near = counts[1:6] if levels[0] == log.torque[rows[0]] else counts[-6:-1]
-    return bool(np.mean(np.diff(rows) == 1) > 0.7 and len(rows) > 10 * np.mean(near))
+    in_runs = MIN_IN_RUNS if len(levels) < MIN_FINE_LEVELS else MIN_IN_NOISY_RUNS
+    return bool(np.mean(np.diff(rows) == 1) > in_runs and len(rows) > 10 * np.mean(near))
 
 
 # --- repeated rows --------------------------------------------------------------------------------
@@ -155,7 +172,9 @@ def drop_stale_angles(log: Log) -> Log:
 
 def _check_readings(log: Log, words: str, readings: int) -> None:
     if readings < MIN_ROWS:
-        raise Error(f"{log.name}: {words}: {readings} readings, at least {MIN_ROWS} were expected")
+        raise InputError(
+            f"{log.name}: {words}: {readings} readings, at least {MIN_ROWS} were expected"
+        )
 
 
 def rows_per_reading(values: np.ndarray, changes: np.ndarray, step: float) -> int:
@@ -243,7 +262,7 @@ def unwrap(log: Log, trust_units: bool = False) -> Log:
         return log
     times, period = np.count_nonzero(jumps), wrap_period(log, jumps)
     if period == 0:
-        raise Error(
+        raise InputError(
             f"{log.name}: the angle jumps from one end of its range to the other {times} times, as"
             " a counter that wraps does, but not by a turn or a power of two counts: unwrap it"
             " first (--trust-units uses it as it is)"
@@ -288,8 +307,9 @@ def split_at_gaps(log: Log) -> list[Log]:
     if len(after) == 0:
         return [log]
     assert log.time is not None  # gaps() finds none without a clock
-    ends = [0, *after.tolist(), log.rows]
-    pieces = [slice(start, end) for start, end in zip(ends, ends[1:], strict=False)]
+    ends = [*after.tolist(), log.rows]
+    starts = [0, *(_first_new_row(log, row) for row in after.tolist())]
+    pieces = [slice(start, end) for start, end in zip(starts, ends, strict=True)]
     kept = [rows for rows in pieces if _is_usable(log, rows)]
     lost = float(np.sum(log.time[after] - log.time[after - 1]))
     left = log.rows - sum(rows.stop - rows.start for rows in kept)
@@ -299,8 +319,14 @@ def split_at_gaps(log: Log) -> list[Log]:
         + (f"; {left} rows in pieces too short left out" if left else "")
     )
     if not kept:
-        raise Error(f"{log.name}: {note}")
+        raise InputError(f"{log.name}: {note}")
     return [log.part(rows, [] if i else [*log.notes, note]) for i, rows in enumerate(kept)]
+
+
+def _first_new_row(log: Log, row: int) -> int:
+    """Return the first row from here on that does not repeat the row before a gap."""
+    new = (log.theta[row:] != log.theta[row - 1]) | (log.torque[row:] != log.torque[row - 1])
+    return row + int(np.argmax(new))
 
 
 def _is_usable(log: Log, rows: slice) -> bool:

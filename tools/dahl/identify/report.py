@@ -70,7 +70,6 @@ def best_by_law(result: Result) -> dict[str, Fit]:
 def numbers(result: Result) -> dict[str, Any]:
     """Return all numbers by their JSON keys, in N m and rad, or N and m if `linear` is true."""
     log, model, samples = result.logs[0], runnable_model(result), result.samples
-    parameters = {name: getattr(result, name) for name in ("sigma0", "Fc", "a")}
     residual = result.residual * np.sqrt(samples.used)
     least = MIN_TURN_LENGTHS / result.a.value
     delays = [result.delay_of(fit) for fit in result.plausible.fits]
@@ -79,17 +78,11 @@ def numbers(result: Result) -> dict[str, Any]:
         "rows": sum(one.rows for one in result.logs),
         "linear": log.linear,
         "units": result.units,
-        **{name: p.value for name, p in parameters.items()},
-        "ci95": {name: [_finite(p.low), _finite(p.high)] for name, p in parameters.items()},
-        **dict.fromkeys(BOUNDS),
-        **dict(zip(BOUNDS, _bounds(result), strict=False)),
-        "uncertainty": {name: parameters[name].uncertainty for name in NAMES},
-        "identifiable": dict(zip(NAMES, result.claimed, strict=True)),
-        "verdict": result.verdict,
-        "reasons": result.reasons,
+        **_claims(result),
         "notes": notes(result),
         "extra": result.terms,
         "extra_standard_errors": _term_errors(result),
+        "other_torques": {f"{k}_torque": size for k, size in result.other_torques.items()},
         "r2": 1 - float(residual @ residual) / result.spread,
         "rmse": float(np.sqrt(residual @ residual / samples.used.sum())),
         **_simple_models(result),
@@ -97,12 +90,15 @@ def numbers(result: Result) -> dict[str, Any]:
         "reversals": sum(len(turning_points(one.theta, least)) for one in result.logs),
         "informs_sigma0": _informing_part(result),
         "cycles_scored": samples.cycles,
+        "rows_used": round(samples.rows * samples.block),
         "delay_rows": result.delay_rows,
         "delay_rows_standard_error": float(np.ptp(delays)) / 2,
         "backlash": result.play,
         "resolution": log.resolution,
         "r2_plan": model.plan_r2,
         "plan": {
+            "sigma0": list(model.sigma0),
+            "Fc": list(model.Fc),
             "theta_per_count": model.theta_per_count,
             "of_target": bool(result.options.target_counts),
             "against": model.against,
@@ -110,6 +106,22 @@ def numbers(result: Result) -> dict[str, Any]:
         "load": _load(result),
         **_how(result),
         **_models(result, model),
+    }
+
+
+def _claims(result: Result) -> dict[str, Any]:
+    """Return the parameters, their intervals and bounds, and what is claimed of them."""
+    parameters = {name: getattr(result, name) for name in ("sigma0", "Fc", "a")}
+    return {
+        **{name: p.value for name, p in parameters.items()},
+        "ci95": {name: [_finite(p.low), _finite(p.high)] for name, p in parameters.items()},
+        **dict.fromkeys(BOUNDS),
+        **dict(zip(BOUNDS, result.compensator_bounds or (), strict=False)),
+        "uncertainty": {name: parameters[name].uncertainty for name in NAMES},
+        "identifiable": dict(zip(NAMES, result.claimed, strict=True)),
+        "verdict": result.verdict,
+        "reasons": result.reasons,
+        "next_steps": {name: step for name, (_, step) in result.refusals.items()},
     }
 
 
@@ -208,7 +220,7 @@ def _how(result: Result) -> dict[str, Any]:
     """Return how the numbers came about: options, preprocessing, cycles and lack of fit."""
     weight = result.samples.weight
     cycles = result.by_cycle()
-    first = [fold.start * result.samples.block for fold in result.samples.folds]
+    first = [round(fold.start * result.samples.block) for fold in result.samples.folds]
     return {
         "version": __version__,
         "options": asdict(result.options),
@@ -317,27 +329,21 @@ def tables(result: Result) -> tuple[Table, Table]:
     return shown, laws
 
 
-def _bounds(result: Result) -> tuple[float, ...]:
-    """Return the bounds for a compensator; () if there is a reason against them."""
-    known = result.compensator_bounds
-    return (*known, result.sigma0.high) if known else ()
-
-
 def _rows(result: Result, kept: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield name and words of each number."""
     log, h = result.logs[0], result.hypothesis
     yield "verdict", kept["verdict"]
+    yield (
+        "rows",
+        f"{sum(one.rows for one in result.raw)} read, {kept['rows_used']} used;"
+        f" {kept['reversals'] // 2} cycles found, {kept['cycles_scored']} scored",
+    )
     for name, unit in kept["units"].items():
         p = getattr(result, name)
         high = f"{p.high:.5g}" if math.isfinite(p.high) else "no end"
         yield name, f"{p.value:.5g} {unit}, 95 %: {p.low:.5g} to {high}"
-    words = f"no bounds: {result.against_bounds}"
-    if bounds := _bounds(result):
-        units = log.unit, log.angle_unit, log.slope_unit
-        each = zip(BOUNDS, bounds, units, strict=True)
-        words = ", ".join(f"{name} {value:.5g} {unit}" for name, value, unit in each)
-    yield "compensator", words
-    late = f", torque late by {kept['delay_rows']:.2g} rows" if kept["delay_rows"] else ""
+    yield "compensator", _bounds(result)
+    late = _delay(result) if kept["delay_rows"] else ""
     yield "law", kept["model"] + (late or f", with {h.lag}" * (h.lag != "none"))
     if load := kept["load"]:
         least, most = load["shares"]
@@ -349,13 +355,36 @@ def _rows(result: Result, kept: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for name, value in kept["extra"].items():
         unit = UNITS.get(name, "").format(T=log.unit, k=log.slope_unit, x=log.angle_unit)
         yield name, f"{value:.4g} {unit}".strip()
+    others = [(name, size) for name, size in result.other_torques.items() if name != "offset"]
+    if words := ", ".join(f"{name} {size:.3g} {log.unit}" for name, size in others):
+        yield "other torques", f"{words} (half of the range)"
     yield "R2, cycles left out", f"{result.r2:.4f} of {kept['cycles_scored']} cycles"
     for path, r2 in kept["checks"].items():
         yield f"check {_shorten_name(Path(path).name)}", f"R2 {r2:.4f}, not fitted"
-    if about := runnable_model(result).about:
-        yield "header and scene", about
+    model, units = runnable_model(result), kept["units"]
+    sums = ", ".join(f"{key} {x:.5g} {units[key]}" for key, x in model.sums.items())
+    yield "header and scene", f"{sums}. {model.about}".strip()
     yield "R2 of the plan alone", f"{kept['r2_plan']:.4f} on the raw motion"
     yield from (("note", note) for note in kept["notes"])
+
+
+def _delay(result: Result) -> str:
+    """Return the delay of the torque in words."""
+    rows, time = result.delay_rows, result.logs[0].time
+    words = f", torque {'late' if rows > 0 else 'early'} by {abs(rows):.2g} rows"
+    if time is None:
+        return words
+    return f"{words} ({1e3 * abs(rows) * float(np.median(np.diff(time))):.2g} ms)"
+
+
+def _bounds(result: Result) -> str:
+    """Return the bounds for a compensator in words, or the reason against them."""
+    bounds, log = result.compensator_bounds, result.logs[0]
+    if bounds is None:
+        return f"no bounds: {result.against_bounds}"
+    ends = zip(BOUNDS, bounds, (log.unit, log.angle_unit, log.slope_unit), strict=True)
+    known = (f"{key} {x:.5g} {unit}" for key, x, unit in ends if x is not None)
+    return ", ".join(known) or "no bounds: no interval has an end"
 
 
 def _shorten_name(name: str) -> str:

@@ -12,8 +12,10 @@ import numpy as np
 
 from dahl.identify.fit import DELAYED, Fit, Fitter, Hypothesis, Optimum, parameters_of, solve
 from dahl.identify.models import ONE_ELEMENT, rise_lengths
+from dahl.identify.refusals import SOURCES as STEPS_OF_SOURCES
+from dahl.identify.refusals import next_step
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, samples_of
-from dahl.io.log import Log, resolution_of
+from dahl.io.log import Log
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,6 +27,8 @@ NAMES = ("sigma0", "Fc")
 SLIP_LENGTHS = 3  # presliding lengths that a compensator needs if slip elements fit best
 MAX_HALF_WIDTH = 0.3  # of the value; a wider interval is no basis for a firmware
 MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller shapes still more
+MIN_REACHED = 0.8  # of Fc, by the friction in a log; Dahl's law alone may extrapolate further
+BOUND_MARGIN = 1.1  # of bounds from intervals that are not claimed
 MIN_R2 = 0.5  # on cycles left out; below it most of the torque is not friction
 POWERS_OF_REACH = {"spring": 1, "cubic": 3}  # by which samples.py divides the angle of these terms
 SOURCES = {  # of the width of an interval, in the order in which they are added
@@ -86,6 +90,8 @@ class Result:
     intervals: Intervals
     claimed: tuple[bool, bool] = (False, False)
     reasons: list[str] = field(default_factory=list)
+    refusals: dict[str, tuple[str, str]] = field(default_factory=dict)  # reason and next step
+    are_swapped: bool = False  # angle and torque
     checks: dict[str, float] = field(default_factory=dict)  # log not fitted -> R2
 
     # --- numbers ---
@@ -130,13 +136,16 @@ class Result:
         return Parameter(s.value / c.value, low, high, s.claimed and c.claimed, s.uncertainty)
 
     @property
-    def compensator_bounds(self) -> tuple[float, float] | None:
-        """Fc_low in N m (N) and length_long in rad (m) for dahl_compensator.h, from the ends of the
-        95 % intervals; None if there is a reason against them.
+    def compensator_bounds(self) -> tuple[float | None, float | None, float | None] | None:
+        """Fc_low in N m (N), length_long in rad (m) and sigma0_high in N m/rad (N/m) for
+        dahl_compensator.h, from the ends of the 95 % intervals; None if there is a reason against
+        them.
 
-        If Fc changes with speed or direction, its least value counts for Fc_low, its largest for
-        length_long. The length is that of the breakaway, which is more than Fc/sigma0 if the slope
-        falls early. Slip elements lose no energy in presliding, so length_long is three times
+        An end may be known although the interval is too wide for a claim; a margin is then added. A
+        bound whose interval has no end is None, and so is sigma0_high if the log hides the slope at
+        rest. If Fc changes with speed or direction, its least value counts for Fc_low, its largest
+        for length_long. The length is that of the breakaway, which is more than Fc/sigma0 if the
+        slope falls early. Slip elements lose no energy in presliding, so length_long is three times
         theirs.
         """
         if self.against_bounds:
@@ -146,16 +155,26 @@ class Result:
         least, most = zip(*map(self.fitter.limit_range, [self.chosen, *alike]), strict=True)
         lengths = max(most) * (SLIP_LENGTHS if "slip" in self.hypothesis.friction.kinds else 1)
         lengths *= rise_lengths(self.hypothesis.friction, fit.p, fit.limits)
-        return min(least) * self.Fc.low, lengths / self.a.low
+        margin = 1.0 if all(self.claimed) else BOUND_MARGIN
+        is_asked = any("angle" in log.questions for log in self.raw)
+        Fc_low = min(least) * self.Fc.low / margin  # noqa: N806
+        length_long = lengths * margin / self.a.low if self.a.low > 0 and not is_asked else None
+        sigma0_high = self.sigma0.high * margin
+        is_hidden = any(_against_sigma0(self, self.intervals))
+        is_known = np.isfinite(sigma0_high) and not is_asked and not is_hidden
+        return Fc_low or None, length_long, sigma0_high if is_known else None
 
     @property
     def against_bounds(self) -> str:
         """Reason against bounds for a compensator; "" if there is none."""
-        if not all(self.claimed):
-            return "sigma0 and Fc are not both claimed"
+        if self.hypothesis.law == "loaded":
+            return "the friction follows a load"
         if self.play > 0:
             return "a play is between encoder and friction"
-        return "the friction follows a load" if self.hypothesis.law == "loaded" else ""
+        if all(self.claimed):
+            return ""
+        doubts = [*_against_units(self), *_against_log(self), *_against_lacks(self)]
+        return next((text for against, _, text in doubts if all(against)), "")
 
     def _parameter(self, k: int) -> Parameter:
         i = self.intervals
@@ -206,10 +225,29 @@ class Result:
         return self.fitter.predicted(self.chosen)
 
     @property
+    def other_torque(self) -> np.ndarray:
+        """Torque of the fitted terms at each sample, (n,) N m (N)."""
+        return self.fitter.other_torque(self.chosen)
+
+    @property
     def residual(self) -> np.ndarray:
         """Measured less predicted torque at each sample, (n,) N m (N)."""
         residual: np.ndarray = self.samples.torque - self.predicted
         return residual
+
+    @cached_property
+    def other_torques(self) -> dict[str, float]:
+        """Size of each torque that was fitted beside friction: half its range, N m (N).
+
+        The offset has its sign. "angle" is a torque that depends on the angle, as gravity does.
+        """
+        s, found = self.samples, {}
+        for name, c in term_coefficients(self.chosen, s).items():
+            torque = s.waves @ c if name == "waves" else s.terms[name] * c
+            size = float(np.ptp(torque[s.used > 0])) / 2
+            key = "angle" if name == "waves" else name
+            found[key] = float(c[0]) if name == "offset" else size
+        return found
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return one row for each sample of the fit.
@@ -291,23 +329,35 @@ class Result:
                 words.append(f"{name} = {p.value:.4g} {self.units[name]} {within}")
             else:
                 words.append(f"{name} is not identifiable")
-        return "; ".join([*words, *self.reasons])
+        asked = [text for log in self.raw for text in log.questions.values()]
+        refused = dict.fromkeys(self.refusals.values())
+        why = [f"{reason}; next: {step}" for reason, step in refused if reason not in asked]
+        known = {text for lack in self.lacks if not any(lack.withdraws) for text in [lack.text]}
+        remarks = [text for text in self.reasons if text in known and text not in "; ".join(why)]
+        return "; ".join([*dict.fromkeys(asked), *words, *why, *remarks])
+
+
+def term_coefficients(fit: Fit, samples: Samples) -> dict[str, np.ndarray]:
+    """Coefficients of the columns of each term in N m (N): (1,), of waves (KNOTS - 1,)."""
+    h = fit.hypothesis
+    k, found = len(fit.limits) + len(fit.p) + h.lag_columns, {}
+    for name in h.terms:
+        width = samples.waves.shape[1] if name == "waves" else 1
+        found[name] = fit.coefficients[k : k + width]
+        k += width
+    if h.law == "asymmetric":  # the mean of both limits is friction, not offset
+        found["offset"] = found.get("offset", np.zeros(1)) - fit.limits[0] * fit.p[1]
+    return found
 
 
 def terms_of(fit: Fit, samples: Samples) -> dict[str, float]:
     """Coefficients of the terms of a fit in N m, N m/rad, ... (N, N/m, ...)."""
-    h, reach = fit.hypothesis, samples.reference.reach
-    first = len(fit.limits) + len(fit.p) + h.lag_columns
-    found, k = {}, first
-    for name in h.terms:
-        if name == "waves":
-            k += samples.waves.shape[1]
-            continue
-        found[name] = float(fit.coefficients[k]) / reach ** POWERS_OF_REACH.get(name, 0)
-        k += 1
-    if h.law == "asymmetric":  # the mean of both limits is friction, not offset
-        found["offset"] = found.get("offset", 0.0) - float(fit.limits[0] * fit.p[1])
-    return found
+    reach, found = samples.reference.reach, term_coefficients(fit, samples)
+    return {
+        name: float(c[0]) / reach ** POWERS_OF_REACH.get(name, 0)
+        for name, c in found.items()
+        if name != "waves"
+    }
 
 
 def _is_steepest_at_rest(fit: Fit) -> bool:
@@ -316,40 +366,80 @@ def _is_steepest_at_rest(fit: Fit) -> bool:
     return law.name == "bouc-wen" and float(fit.p[law.elements]) < MIN_BOUC_WEN
 
 
-Objection = tuple[tuple[bool, bool], str]  # against claims of sigma0 and of Fc, and why
+# Against claims of sigma0 and of Fc: a reason of refusals.NEXT_STEPS, and the words for it.
+Objection = tuple[tuple[bool, bool], str, str]
 
 
 def claims_of(result: Result) -> Result:
     """Apply the rule: enough cycles, enough explained, a narrow interval, nothing withdrawn."""
     i = _without_hidden_presliding(result)
     objections = [
+        *_against_units(result),
         *_against_log(result),
         *_against_widths(i),
-        *((lack.withdraws, lack.text) for lack in result.lacks),
+        *_against_lacks(result),
         *_against_sigma0(result, i),
+        *_against_short_strokes(result),
+        *_against_ends(i),
     ]
-    refused = np.any([(False, False), *(against for against, _ in objections)], axis=0)
+    first = [next((one for one in objections if one[0][k]), None) for k in range(len(NAMES))]
+    refusals = {
+        name: (one[2], next_step(one[1]))
+        for name, one in zip(NAMES, first, strict=True)
+        if one is not None
+    }
+    claimed = (first[0] is None, first[1] is None)
+    reasons = [text for _, _, text in objections if text]
+    return replace(result, intervals=i, claimed=claimed, reasons=reasons, refusals=refusals)
+
+
+def _against_lacks(result: Result) -> Iterator[Objection]:
+    for lack in result.lacks:
+        yield lack.withdraws, lack.name, lack.text
+
+
+def _against_short_strokes(result: Result) -> Iterator[Objection]:
+    """Objections to an Fc that only the form of an unusual law extrapolates."""
+    friction = np.abs(result.predicted - result.other_torque)[result.samples.used > 0]
+    part = float(friction.max(initial=0.0)) / result.Fc.value
+    laws = {fit.hypothesis.law for fit in result.plausible.fits}
+    if part < MIN_REACHED and laws - ONE_ELEMENT:
+        text = f"friction reaches {100 * part:.0f} % of Fc only"
+        yield (False, True), "no end of the interval", text
+
+
+def _against_ends(i: Intervals) -> Iterator[Objection]:
+    """Objections to an interval without an end. It has another reason in most cases."""
     known = np.isfinite(i.low) & np.isfinite(i.high) & (i.low > 0)
-    claimed = known & ~refused
-    reasons = [text for _, text in objections if text]
-    return replace(
-        result, intervals=i, claimed=(bool(claimed[0]), bool(claimed[1])), reasons=reasons
-    )
+    for k, name in enumerate(NAMES):
+        if not known[k]:
+            text = f"the log shows no {'upper' if i.low[k] > 0 else 'lower'} end of {name}"
+            yield (k == 0, k == 1), "no end of the interval", text
+
+
+def _against_units(result: Result) -> Iterator[Objection]:
+    """Objections to numbers in units that nothing confirms; Fc has no unit of the angle."""
+    asked = [question for log in result.raw for question in log.questions.items()]
+    for what, text in dict.fromkeys(asked):
+        yield (True, what == "torque"), f"unit of the {what}", text
 
 
 def _against_log(result: Result) -> Iterator[Objection]:
     """Objections to a log whatever its intervals are."""
     cycles, r2 = result.samples.cycles, result.r2_of(result.plausible.best)
+    if result.are_swapped:
+        text = "the angle follows the torque as friction follows a motion"
+        yield (True, True), "swapped columns", f"{text}: are angle and torque swapped?"
+    if result.fitter.drives(result.chosen):
+        text = "the inertia is negative: it stands for another torque"
+        yield (True, True), "negative inertia", text
     if r2 < MIN_R2:
         percent = f"{100 * r2:.0f} %"
-        yield (True, True), f"the best hypothesis explains {percent} of what was left out"
+        text = f"the best hypothesis explains {percent} of what was left out"
+        yield (True, True), "little explained", text
     if cycles < MIN_SCORED_CYCLES:
         text = f"only {cycles} cycles, {MIN_SCORED_CYCLES} are needed to score a fit"
-        yield (True, True), text
-    counts = [(resolution_of(log.theta), resolution_of(log.torque)) for log in result.raw]
-    if result.sign < 0 and all(angle == 0 < torque for angle, torque in counts):
-        text = "friction would drive the motion, and only the torque lies on a grid of counts"
-        yield (True, True), f"{text}: are angle and torque swapped?"
+        yield (True, True), "few cycles", text
 
 
 def _against_widths(i: Intervals) -> Iterator[Objection]:
@@ -358,23 +448,25 @@ def _against_widths(i: Intervals) -> Iterator[Objection]:
         if half > MAX_HALF_WIDTH and np.isfinite(half):
             cause = SOURCES[i.dominant(k)]
             text = f"{name} is known within {100 * half:.0f} % only, due to {cause}"
-            yield (k == 0, k == 1), text
+            yield (k == 0, k == 1), STEPS_OF_SOURCES[i.dominant(k)], text
 
 
 def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
-    """Objections to the slope at rest, if no log resolves it."""
+    """Objections to the slope at rest, if no log resolves it; an unusual lag hides Fc too."""
     if i is not result.intervals:
-        yield (True, False), "presliding is shorter than a count or a move of one row"
+        text = "presliding is shorter than a count or a move of one row"
+        yield (True, False), "short presliding", text
     plausible = [fit.hypothesis for fit in result.plausible.fits]
     if all(h.lag != "none" and h.law not in ONE_ELEMENT for h in plausible):
         text = "law and lag both round the loop at a reversal, and both are unusual"
-        yield (True, False), f"{text}: no log separates them"
+        hides_Fc = result.hypothesis.law != "breakaway"  # noqa: N806  (its peak is at the turns)
+        yield (True, hides_Fc), "law and lag", f"{text}: no log separates them"
     if result.hypothesis.law == "breakaway":
         text = "the torque has a peak after each rest: its form changes the slope there"
-        yield (True, False), text
+        yield (True, False), "peak after a rest", text
     if any(_is_steepest_at_rest(fit) for fit in result.plausible.fits):
         text = "the loop is steepest at rest, as of small stiff elements: sigma0 is larger"
-        yield (True, False), text
+        yield (True, False), "steepest at rest", text
 
 
 def _without_hidden_presliding(result: Result) -> Intervals:

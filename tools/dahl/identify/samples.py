@@ -2,7 +2,8 @@
 """All rows of all logs in one table: angles, torque, terms, weights and the cycles that are scored.
 
 A long log is thinned first. If its strokes have many rows, blocks of rows become one sample. If
-there are many strokes, evenly spread segments are used. So a fit costs the same for any log.
+these are still too many, segments with whole cycles are used, or with turns if cycles are long. So
+a fit costs the same for any log.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import median_filter
 
 from dahl.identify import angle as treatments
@@ -18,10 +20,12 @@ from dahl.identify import models
 from dahl.io.log import HEAD_ROWS, Log
 
 TREATMENTS = ("between counts", "sharp turns", "as read")
-MAX_SAMPLES = 8000  # a fit of more costs seconds and knows little more
+MAX_SAMPLES = 10_000  # a fit of more costs seconds and knows little more
 MIN_STROKE_SAMPLES = 100  # a stroke of fewer shows its turn poorly
 MIN_PRESLIDING_SAMPLES = 20  # in the first presliding length after a turn
 SEGMENTS = 8  # of a log with many strokes, so that drift shows
+TURNS, SLIDES = 24, 6  # segments round a turn and between turns, if cycles are long
+BEFORE_TURN = 0.4  # of a segment round a turn
 MAX_FOLDS = 24  # cycles in more are left out in groups
 MIN_SCORED_CYCLES = 6  # with fewer a jackknife says little and no parameter is claimed
 MIN_FOLDS, FEW_CYCLES_FOLDS = 3, 8  # with fewer cycles, equal parts of the log are left out
@@ -29,6 +33,11 @@ SETTLE_LENGTHS = 6.0  # presliding lengths of travel that forget the unknown tor
 SETTLE_PART = 0.25  # of the travel of a piece, at most
 EDGE_SAMPLES = 100  # at both ends of a piece, where a shifted torque is not known
 MIN_TURN_LENGTHS = 0.3  # presliding lengths by which a reversal must turn to be counted
+QUICK_STROKE_ROWS = 30  # with fewer, a turn between two rows hides a part of a presliding length
+ROWS_BETWEEN = 4  # samples for each row of such a log
+MIN_MOVE_COUNTS = 4  # from row to row, of a spline through the rows
+MIN_STROKE_PART = 0.05  # of the range of the angle, that a stroke covers
+MIN_STROKES, MIN_STROKE_RATIO = 6, 1.5  # from which a delay of several strokes can be seen
 HUBER = 4.0  # robust standard deviations beyond which a row weighs less
 NEIGHBOURS = 9  # rows whose median says what a row should be
 MAX_OUTLIERS = 0.002  # part of the rows; with more, blocks would spread outliers
@@ -36,7 +45,7 @@ MIN_NOISE_COUNTS = 0.3  # below it, noise of an angle is part of its counts
 NOISE_PLAY = 8.0  # standard deviations of an angle: noise at rest moves it less
 ROUNDING = 1e-9  # of the range of an angle: a computed one rests with its last bits in motion
 KEEP_ALL = 0.6  # part of the rows, above which segments are not worth the cycles that they cut
-MIN_SEGMENT_ROWS = 300
+MIN_SEGMENT_ROWS, MIN_WINDOW_ROWS = 300, 100  # of a segment, and of one round a turn
 NO_CLOCK_STEP = 1e-3  # s, of rows without a clock
 FAST_PERCENTILE = 98  # of the speeds: a few wild ones of a jittering clock lie above
 REST_SPEED = 0.02  # of fast motion, below which the shaft rests
@@ -70,7 +79,7 @@ class Samples:
     direction: np.ndarray  # of the last move that is no noise: -1 .. 1
     count: float  # rad (m)
     noise: float  # rad (m), of the angle beyond its counts
-    block: int  # rows of each sample
+    block: float  # rows of each sample; below 1 if there are samples between rows
     timed: bool
     reference: Reference
     load: np.ndarray | None = None
@@ -126,6 +135,17 @@ class Samples:
         since: np.ndarray = travel - travel[last]
         return since
 
+    def from_turn(self, a: float) -> np.ndarray:
+        """How far each sample is from the last turn of its piece, with the sign: (n,) rad (m)."""
+
+        def of_piece(angle: np.ndarray) -> np.ndarray:
+            turns = models.turning_points(angle, MIN_TURN_LENGTHS / a)
+            last = np.searchsorted(turns, np.arange(len(angle)), side="right") - 1
+            away: np.ndarray = angle - angle[np.append(turns, 0)[last]]
+            return away
+
+        return self.by_piece(of_piece, self.angles["between counts"])
+
     def with_angle(self, name: str, angle: np.ndarray) -> Samples:
         """The same samples with another angle."""
         return replace(self, angles={**self.angles, name: angle})
@@ -134,6 +154,20 @@ class Samples:
         """Products of the columns and of the torque, by cycle: (cycles, k + 1, k + 1)."""
         table = np.column_stack((columns, self.torque)) * np.sqrt(self.used)[:, None]
         return np.stack([table[fold].T @ table[fold] for fold in self.folds])
+
+    def max_delay(self) -> float:
+        """Return the samples by which the torque may be late: half a stroke if all are alike.
+
+        Such a motion looks the same if the torque is late by a stroke and has the other sign.
+        """
+        angle = self.angles["between counts"]
+        least = max(5 * self.count, MIN_STROKE_PART * float(np.ptp(angle)))
+        parts = [np.diff(models.turning_points(angle[rows], least)) for rows in self.pieces]
+        lengths = np.concatenate(parts)
+        if len(lengths) < MIN_STROKES:
+            return np.inf
+        low, high = np.percentile(lengths, (10, 90))
+        return float(np.median(lengths)) / 2 if high < MIN_STROKE_RATIO * low else np.inf
 
     def prepare(self, a: float, residual: np.ndarray) -> None:
         """Set weights and cycles for a stiffness `a` that is roughly known."""
@@ -233,13 +267,42 @@ def samples_of(
         direction=joined["direction"],
         count=count,
         noise=noise,
-        block=block,
+        block=block / max(log.rows_between for log in logs),
         timed=timed,
         reference=reference or _reference_of(joined),
         load=joined.get("load"),
     )
     _add_terms(samples)
     return samples
+
+
+def fill_quick_strokes(logs: Sequence[Log]) -> list[Log]:
+    """Return logs with rows without weight between their rows, if strokes have few rows.
+
+    A shaft that turns between two rows goes further than they show. A spline has these turns.
+    """
+    return [_with_rows_between(log) if has_quick_strokes(log) else log for log in logs]
+
+
+def has_quick_strokes(log: Log) -> bool:
+    """Whether turns between rows hide a part of the motion."""
+    moves = np.abs(log.moves[:HEAD_ROWS])
+    usual = float(np.median(moves[moves > 0])) if moves.any() else 0.0
+    return usual > MIN_MOVE_COUNTS * log.resolution and _rows_of_a_stroke(log) < QUICK_STROKE_ROWS
+
+
+def _with_rows_between(log: Log) -> Log:
+    rows = np.arange(log.rows)
+    places = np.arange((log.rows - 1) * ROWS_BETWEEN + 1) / ROWS_BETWEEN
+    last = places.astype(int)
+    weight = np.ones(log.rows) if log.weight is None else log.weight
+    return replace(
+        log.part(last),
+        theta=CubicSpline(rows, log.theta)(places),
+        time=None if log.time is None else np.interp(places, rows, log.time),
+        weight=np.where(places == last, weight[last], 0.0),
+        rows_between=ROWS_BETWEEN,
+    )
 
 
 def _join(tables: list[dict[str, np.ndarray]]) -> tuple[dict[str, np.ndarray], list[slice]]:
@@ -297,17 +360,52 @@ def _keeps_rows(log: Log) -> bool:
 
 def _rows_of_a_stroke(log: Log) -> float:
     theta = log.theta[:HEAD_ROWS]
-    turns = models.turning_points(theta, max(5 * log.resolution, 0.05 * float(np.ptp(theta))))
+    least = max(5 * log.resolution, MIN_STROKE_PART * float(np.ptp(theta)))
+    turns = models.turning_points(theta, least)
     return float(np.median(np.diff(turns))) if len(turns) > 1 else float(len(theta))
 
 
 def _segments_of(log: Log, part: float) -> list[Log]:
-    """The log or, if only a small part of its rows is to be used, evenly spread segments."""
-    length = int(log.rows * part) // SEGMENTS
-    if part > KEEP_ALL or length < MIN_SEGMENT_ROWS:
+    """Return the log or, if only a small part of its rows is to be used, segments from all of it.
+
+    A segment has whole cycles and begins in mid-stroke. If no cycle fits, there are segments round
+    turns, and some of the sliding between them.
+    """
+    budget = max(int(log.rows * part), MIN_SEGMENT_ROWS)
+    if budget > KEEP_ALL * log.rows:
         return [log]
-    starts = np.linspace(0, log.rows - length, SEGMENTS).astype(int)
-    return [log.part(slice(int(i), int(i) + length)) for i in starts]
+    least = max(5 * log.resolution, MIN_STROKE_PART * float(np.ptp(log.theta)))
+    turns = models.turning_points(log.theta, least)
+    number = min(budget // MIN_SEGMENT_ROWS, SEGMENTS)
+    if len(turns) < 3:
+        return _cut(log, np.linspace(0, log.rows, number), budget // number)
+    cycle = float(np.median(turns[2:] - turns[:-2]))
+    cycles = int(budget / number / cycle)
+    if cycles == 0:
+        return _cut(log, *_round_turns(log, turns, budget))
+    first = np.linspace(0, max(len(turns) - 2 * cycles - 2, 0), number).astype(int)
+    return _cut(log, (turns[first] + turns[first + 1]) / 2, int(cycles * cycle))
+
+
+def _round_turns(log: Log, turns: np.ndarray, budget: int) -> tuple[np.ndarray, int]:
+    """Return the starts and the width of segments round turns of both directions, and of others."""
+    number = min(TURNS + SLIDES, budget // MIN_WINDOW_ROWS)
+    width = budget // number
+    first = np.linspace(0, len(turns) - 2, max(number * TURNS // (TURNS + SLIDES) // 2, 1))
+    chosen = np.unique(np.concatenate((first.astype(int), first.astype(int) + 1)))
+    sliding = np.linspace(0, log.rows - width, SLIDES + 2)[1:-1]
+    return np.concatenate((turns[chosen] - BEFORE_TURN * width, sliding)), width
+
+
+def _cut(log: Log, starts: np.ndarray, width: int) -> list[Log]:
+    """Return segments of a width; those that overlap are joined."""
+    found: list[list[int]] = []
+    for start in np.sort(np.clip(starts, 0, log.rows - width)).astype(int).tolist():
+        if found and start <= found[-1][1]:
+            found[-1][1] = start + width
+        else:
+            found.append([start, start + width])
+    return [log.part(slice(i, j)) for i, j in found]
 
 
 def _columns_of(
@@ -316,15 +414,13 @@ def _columns_of(
     """All arrays of a log at its own rows."""
     smooth = treatments.smooth_angle(log.theta, log.resolution, noise)
     time = log.time if timed and log.time is not None else NO_CLOCK_STEP * np.arange(log.rows)
-    step = np.gradient(time)
-    usual = float(np.median(step)) or 1.0
-    one, two = treatments.derivatives(log.theta, smooth, 0.0 if noise else log.resolution)
+    speed, acceleration = rates_of(log.theta, smooth, time, 0.0 if noise else log.resolution)
     table = {
         "torque": log.torque,
         "time": time,
         "weight": np.ones(log.rows) if log.weight is None else log.weight,
-        "speed": one / np.maximum(step, MIN_STEP * usual),
-        "acceleration": two / usual**2,
+        "speed": speed,
+        "acceleration": acceleration,
         "between counts": smooth,
         "direction": _direction(log.theta, NOISE_PLAY * noise or ROUNDING * np.ptp(log.theta)),
     }
@@ -336,6 +432,16 @@ def _columns_of(
     if log.load is not None:
         table["load"] = log.load
     return table
+
+
+def rates_of(
+    theta: np.ndarray, smooth: np.ndarray, time: np.ndarray, resolution: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return speed and acceleration of an angle by its smoothed form: (n,) each."""
+    step = np.gradient(time)
+    usual = float(np.median(step)) or 1.0
+    one, two = treatments.derivatives(theta, smooth, resolution)
+    return one / np.maximum(step, MIN_STEP * usual), two / usual**2
 
 
 def _direction(theta: np.ndarray, play: float) -> np.ndarray:

@@ -15,7 +15,15 @@ from itertools import product
 import numpy as np
 
 from dahl.identify import models
-from dahl.identify.fit import FILTERS, LAGS, MAX_LINEAR, Fit, Fitter, Hypothesis, excess
+from dahl.identify.fit import (
+    FILTERS,
+    LAGS,
+    SPECIAL_LAGS,
+    Fit,
+    Fitter,
+    Hypothesis,
+    excess,
+)
 from dahl.identify.models import LAWS
 from dahl.identify.start import pair_starts, slip_start
 from dahl.io.log import TERMS
@@ -68,7 +76,7 @@ def fit_all(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[
         return fits
     fits += _other_laws(fitter, fits, space)
     fits = [f for f in fits if np.isfinite(f.value).all() and np.isfinite(f.cost).all()]
-    fits = [f for f in fits if f.step < MAX_LINEAR] or fits
+    fits = [f for f in fits if f.is_near_optimum] or fits
     return _with_best_at_optimum(fitter, fits)
 
 
@@ -91,6 +99,7 @@ def _with_all_choices(fitter: Fitter, a: float, delay: float, space: SearchSpace
         "delays": delay,
         "low pass": max(delay, 3.0),
         "zero-phase filter": 3.0,
+        "damped low pass": max(delay, 2.0),
         "play": float(np.log(0.2 / a)),
     }
     choices = [("dahl", lag) for lag in space.lags]
@@ -128,7 +137,9 @@ def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit
     terms = best.hypothesis.terms if "waves" not in best.hypothesis.terms else ("offset",)
     starts = _law_starts(fitter, Hypothesis("dahl", "none", angle, terms), a, space)
     found: list[Fit] = []
-    for lag in sorted({"none", "damping", best.hypothesis.lag} & {*space.lags, "delays"}):
+    own_lag = best.hypothesis.lag
+    lags = {"none", "damping", own_lag, *SPECIAL_LAGS.get(own_lag, ())}
+    for lag in sorted(lags & {*space.lags, "delays"}):
         own = by_lag.get(lag, best)
         lead = own.p[own.hypothesis.friction.parameters :]
         for law, p in starts.items():

@@ -3,17 +3,23 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import nnls
 
 from dahl.identify import models
 from dahl.identify.fit import Fitter, Hypothesis, cost_of, solve
+from dahl.identify.samples import Samples
 
 DELAYS = (0.0, -60.0, -25.0, -10.0, 10.0, 25.0, 60.0)  # samples
 MIN_DELAY_GAIN = 0.8  # of the robust cost, that a delay must reach to be a start value
-STIFFNESSES = 18  # grid points of a
+STIFFNESS_RATIO = 1.45  # from one grid point of a to the next
+MAX_STROKE_LENGTHS = 4000  # presliding lengths in a stroke, that a grid of a covers
+MAX_LIKE_DRY_FRICTION = 0.97  # correlation of speed and direction; a sine has .9
+WORK_PARTS = 12  # of a log, whose spread shows how well the work of friction is known
+CLEAR_WORK = 2.0  # standard errors
 ROBUST = 6.0  # medians beyond which a residual counts no more
 GRID_SAMPLES = 3000  # that the coarse grid is scored on
 PAIR_GRID = np.geomspace(0.15, 7, 8)  # of a, for pairs of elements
@@ -22,25 +28,75 @@ MIN_ELEMENT = 0.01  # of Fc in all; a smaller element is noise
 MAX_SLIPS = 4  # as the library's tables and pictures show them
 
 
-def coarse_start(fitter: Fitter) -> tuple[float, float, float]:
-    """(a, delay in samples, sign of the torque) of the least robust cost on a grid."""
+@dataclass(frozen=True)
+class Start:
+    """A point of the coarse grid."""
+
+    cost: float  # robust mean of the residual, over the range of the torque
+    a: float
+    delay: float  # samples
+    sign: float  # of the torque
+
+
+def coarse_start(fitter: Fitter) -> Start:
+    """Return the point of the least robust cost on a grid of stiffness and delay.
+
+    The usual sign is the one with which friction takes energy from the motion, and the usual delay
+    is 0. Another sign or delay must explain much more, since a motion that repeats itself looks the
+    same with the torque late by whole strokes.
+    """
+    best: dict[bool, Start] = {}
+    resists = sign_by_work(fitter.samples, slice(None))
+    for point in _grid(fitter):
+        is_usual = point.delay == 0 and point.sign * resists >= 0
+        if is_usual not in best or point.cost < best[is_usual].cost:
+            best[is_usual] = point
+    if not best:
+        return Start(np.inf, 1.0, 0.0, resists or 1.0)
+    usual, other = best.get(True), best.get(False)
+    if usual is None or (other is not None and other.cost < MIN_DELAY_GAIN * usual.cost):
+        assert other is not None  # one of both is there
+        return other
+    return usual
+
+
+def _grid(fitter: Fitter) -> Iterator[Start]:
+    """Yield the points whose friction is not larger than the torque allows."""
     s = fitter.samples
     rows = _grid_samples(fitter)
     weight, torque = s.weight[rows], s.torque[rows]
-    names = ("offset", "spring", "viscous", *(["inertia"] if s.timed else []))
+    with np.errstate(invalid="ignore", divide="ignore"):  # of a shaft that turns one way
+        like_dry = np.corrcoef(s.speed[rows], s.direction[rows])[0, 1] > MAX_LIKE_DRY_FRICTION
+    names = ("offset", "spring", *(["viscous"] if not like_dry else []))
+    names += ("inertia",) if s.timed else ()
     terms = [s.terms[name][rows] for name in names]
-    moves = fitter.moves["between counts"]
-    best, found = np.inf, (1.0, 0.0, 1.0)
-    for a in _stiffnesses(fitter):
-        w = models.dahl(moves, s.pieces, a)
-        for delay in DELAYS:
+    for a in _stiffnesses(fitter).tolist():
+        w = models.dahl(fitter.moves["between counts"], s.pieces, a)
+        for delay in (one for one in DELAYS if abs(one) <= fitter.max_delay):
             columns = np.column_stack((s.delayed(w, delay)[rows], *terms, torque))
             c = solve((columns * weight[:, None]).T @ columns, range(columns.shape[1] - 1))
+            if abs(c[0]) * np.abs(w).max() > fitter.max_friction:
+                continue
             left = np.abs(torque - columns[:, :-1] @ c) * np.sqrt(weight)
             cost = float(np.mean(np.minimum(left, ROBUST * np.median(left))))
-            if cost < best * (1.0 if delay == 0 or found[1] != 0 else MIN_DELAY_GAIN):
-                best, found = cost, (float(a), delay, float(np.sign(c[0])) or 1.0)
-    return found
+            yield Start(cost / fitter.max_friction, a, delay, float(np.sign(c[0])) or 1.0)
+
+
+def sign_by_work(s: Samples, rows: slice) -> float:
+    """Return the sign of the torque with which friction takes energy from the motion; 0 if unclear.
+
+    Offset, springs and inertia are taken out of the torque and of the moves first.
+    """
+    names = ("offset", "spring", "cubic", *(["inertia"] if s.timed else []))
+    known = s.weight[rows] > 0
+    table = np.column_stack([s.terms[name][rows] for name in names])[known]
+    moves = s.moves(s.angles["between counts"])
+    both = np.column_stack((s.torque[rows], moves[rows]))[known]
+    free = both - table @ np.linalg.lstsq(table, both, rcond=None)[0]
+    work = np.array([part.sum() for part in np.array_split(free.prod(axis=1), WORK_PARTS)])
+    error = float(work.std(ddof=1)) / np.sqrt(WORK_PARTS)
+    mean = float(work.mean())
+    return float(np.sign(mean)) if abs(mean) > CLEAR_WORK * error else 0.0
 
 
 def _grid_samples(fitter: Fitter) -> np.ndarray:
@@ -60,8 +116,9 @@ def _stiffnesses(fitter: Fitter) -> np.ndarray:
     moves = np.abs(fitter.moves["between counts"])
     span = float(np.ptp(s.angles["between counts"]))
     usual = float(np.median(moves[moves != 0])) / 3 if moves.any() else span
-    high = max(3 / max(s.count, usual), 100 / span)
-    return np.geomspace(0.7 / span, min(high, 400 / span), STIFFNESSES)
+    low, high = 0.7 / span, max(3 / max(s.count, usual), 100 / span)
+    high = min(high, MAX_STROKE_LENGTHS / span)
+    return np.geomspace(low, high, round(np.log(high / low) / np.log(STIFFNESS_RATIO)) + 1)
 
 
 def pair_starts(fitter: Fitter, h: Hypothesis, a: float) -> dict[str, np.ndarray]:

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO, TypeVar, cast
 
-from dahl.errors import Error, printable
+from dahl.errors import Error, InputError, printable
 from dahl.io import candump, files
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class _Clock:
     def check(self) -> None:
         """Raise dahl.Error, with the first place, if too many times go back."""
         if self._back > BACKWARD_PART * self.frames:
-            raise Error(
+            raise InputError(
                 f"{self._place}: the time goes back here and in {self._back} of {self.frames}"
                 " frames: is each the time since the frame before (candump -td)?"
                 " Record again with absolute times (candump -L)"
@@ -75,7 +75,7 @@ def read_candump(path: Path | str) -> list[can.Message]:
     notes: list[str] = []
     messages = list(frames_of(Path(path), notes))
     if notes:
-        raise Error(notes[0])
+        raise InputError(notes[0])
     return messages
 
 
@@ -93,7 +93,7 @@ def _candump_frames(path: Path, notes: list[str], clock: _Clock) -> Iterator[can
     if bad:
         note = f"{first}; {bad} such lines of {bad + clock.frames}"
         if bad > clock.frames:
-            raise Error(note)
+            raise InputError(note)
         notes.append(f"{note} are left out")
 
 
@@ -165,7 +165,7 @@ def _asc_frames(path: Path, clock: _Clock) -> Iterator[can.Message]:
                 clock.feed(message.timestamp, f"{path}:{lines.number}")
                 yield message
     except ValueError as error:
-        raise Error(f"line {lines.number}: {error}") from None
+        raise InputError(f"line {lines.number}: {error}") from None
 
 
 @contextlib.contextmanager
@@ -201,7 +201,7 @@ def _binary_frames(path: Path, clock: _Clock) -> Iterator[can.Message]:
             clock.frames += 1  # programs that write these files have absolute times
             yield message
         if getattr(reader, "file_size", 0) > path.stat().st_size:  # a BLF has its length
-            raise Error("the file is shorter than it says")
+            raise InputError("the file is shorter than it says")
 
 
 def with_notes(notes: Sequence[str], work: Callable[[], T]) -> T:
@@ -209,7 +209,7 @@ def with_notes(notes: Sequence[str], work: Callable[[], T]) -> T:
     try:
         return work()
     except Error as error:
-        raise Error("; ".join([*notes, str(error)])) from None
+        raise InputError("; ".join([*notes, str(error)])) from None
 
 
 def frames_of(path: Path, notes: list[str]) -> Iterator[can.Message]:
@@ -218,7 +218,9 @@ def frames_of(path: Path, notes: list[str]) -> Iterator[can.Message]:
     """
     ending, clock = path.suffix.lower(), _Clock()
     if ending not in CAN_LOGS:
-        raise Error(f"{path}: no log of frames by its ending; {', '.join(CAN_LOGS)} was expected")
+        raise InputError(
+            f"{path}: no log of frames by its ending; {', '.join(CAN_LOGS)} was expected"
+        )
     if ending == ".log":
         yield from _candump_frames(path, notes, clock)
     else:
@@ -228,7 +230,7 @@ def frames_of(path: Path, notes: list[str]) -> Iterator[can.Message]:
         except Exception as error:  # each reader of python-can raises its own kinds
             words = files.one_line(error, 120)
             place = f"broken or cut off after {clock.frames} frames"
-            raise Error(f"{path}: {place} ({words})") from None
+            raise InputError(f"{path}: {place} ({words})") from None
     clock.check()
     if clock.frames == 0:
-        raise Error(f"{path}: no frames in it")
+        raise InputError(f"{path}: no frames in it")

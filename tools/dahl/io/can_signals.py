@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from dahl.errors import Error
+from dahl.errors import Error, InputError
 from dahl.io import can_logs
 from dahl.io.files import one_line
 
@@ -81,7 +81,7 @@ class Signals:
         rows, torques = _torque_at(angle_time, *torque)
         if len(rows) < 2:
             names = f"'{self.names['angle']}' and '{self.names['torque']}'"
-            raise Error(f"{place}: {names} share no time")
+            raise InputError(f"{place}: {names} share no time")
         time = angle_time[rows]
         loads = {role: np.interp(time, *one) for role, one in series.items()}
         return {"angle": angle[rows], "torque": torques, "time": time, **loads}
@@ -96,13 +96,13 @@ class Signals:
         origins = [one for one in found if one[1] == kind] or list(found)
         channels = sorted(channel for channel, _ in origins)
         if len(channels) > 1:
-            raise Error(
+            raise InputError(
                 f"{place}: signal '{name}' comes on channels {', '.join(channels)}:"
                 f" which one is it? -c {channels[0]} selects that"
             )
         pairs = found[origins[0]] if origins else []
         if len(pairs) < 2:
-            raise Error(f"{place}: signal '{name}' comes in {len(pairs)} valid frames")
+            raise InputError(f"{place}: signal '{name}' comes in {len(pairs)} valid frames")
         time, values = np.array(pairs).T
         check_clock(time, lambda row: f"{place}: frame {row + 1} of '{name}'")
         return time, values
@@ -117,11 +117,11 @@ def read_dbc(path: Path) -> cantools.database.Database:
         text = re.sub(r"^CM_ \d.*$", "", text, flags=re.MULTILINE)
         found = cantools.database.load_string(text, database_format="dbc", strict=False)
     except OSError as error:
-        raise Error(f"{path}: {error.strerror}") from None
+        raise InputError(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError as error:
-        raise Error(f"{path}: not a DBC (byte {error.start} is no text)") from None
+        raise InputError(f"{path}: not a DBC (byte {error.start} is no text)") from None
     except (cantools.Error, ValueError) as error:
-        raise Error(f"{path}: not a DBC ({one_line(error)})") from None
+        raise InputError(f"{path}: not a DBC ({one_line(error)})") from None
     return cast("cantools.database.Database", found)
 
 
@@ -132,9 +132,11 @@ def _message_with(database: cantools.database.Database, name: str) -> cantools.d
     messages = [one for one in known if signal in known[one] and within in ("", one)]
     if len(messages) > 1:
         places = ", ".join(f"{one}.{signal}" for one in messages)
-        raise Error(f"signal '{signal}' is in several messages, which one is it: {places}?")
+        raise InputError(f"signal '{signal}' is in several messages, which one is it: {places}?")
     if not messages:
-        raise Error(f"no signal '{name}' in the DBC{can_logs.meant(name, sum(known.values(), []))}")
+        raise InputError(
+            f"no signal '{name}' in the DBC{can_logs.meant(name, sum(known.values(), []))}"
+        )
     return database.get_message_by_name(messages[0])
 
 
@@ -173,17 +175,17 @@ def read_channels(path: Path, choose: Callable[[list[str]], dict[str, str]]) -> 
     try:
         with can_logs.discard_broken_readers(), MDF(can_logs.mf4_in_memory(path)) as file:
             if "CAN_DataFrame" in file.channels_db:  # raw frames, by ASAM's name for them
-                raise Error(f"{path}: {NEEDS_DBC}")
+                raise InputError(f"{path}: {NEEDS_DBC}")
             places = _unique_names(file.channels_db)
             names = choose(sorted(places))
             channels = {role: file.get(None, *places[name]) for role, name in names.items()}
     except Error:
         raise
     except Exception as error:  # asammdf has no root exception of its own
-        raise Error(f"{path}: broken, cut off or no MF4 ({one_line(error)})") from None
+        raise InputError(f"{path}: broken, cut off or no MF4 ({one_line(error)})") from None
     for role, one in channels.items():
         if one.samples.dtype.kind not in "fiub" or one.samples.ndim != 1:
-            raise Error(f"{path}: channel '{names[role]}' holds no numbers")
+            raise InputError(f"{path}: channel '{names[role]}' holds no numbers")
     named = {role: _with_unit(name, channels[role].unit) for role, name in names.items()}
     return {**named, "time": TIME_COLUMN}, _at_the_angle(path, channels)
 
@@ -206,7 +208,7 @@ def _at_the_angle(path: Path, channels: Mapping[str, Any]) -> dict[str, np.ndarr
     start, end = max(clock[0] for clock in clocks), min(clock[-1] for clock in clocks)
     rows = (time >= start) & (time <= end)
     if not rows.any():
-        raise Error(f"{path}: its channels share no time")
+        raise InputError(f"{path}: its channels share no time")
     values = {"time": time[rows]}
     for role, one in channels.items():
         is_same = np.array_equal(time, one.timestamps)  # also if several rows have one time
@@ -226,4 +228,4 @@ def check_clock(time: np.ndarray, place: Callable[[int], str]) -> None:
     if len(back):
         row = int(back[0]) + 1
         before, now = time[row - 1], time[row]
-        raise Error(f"{place(row)}: {now:g} after {before:g}, the clock goes backward")
+        raise InputError(f"{place(row)}: {now:g} after {before:g}, the clock goes backward")

@@ -16,7 +16,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from dahl import paths
-from dahl.errors import Error, RunError
+from dahl.errors import Error, InputError, RunError
 
 SOURCE = "https://raw.githubusercontent.com/{repo}/{commit}/{path}"  # or $DAHL_DATA_URL
 DOWNLOAD_TIMEOUT_S = 15  # without an answer
@@ -145,7 +145,7 @@ SETS = {
 def named(name: str) -> Set:
     """Return a set by name. Raises dahl.Error that lists all sets."""
     if name not in SETS:
-        raise Error(f"no measured set '{name}' (there are: {', '.join(SETS)})")
+        raise InputError(f"no measured set '{name}' (there are: {', '.join(SETS)})")
     return SETS[name]
 
 
@@ -190,7 +190,7 @@ def download(name: str) -> Path:
     """Fetch a set into the cache. Each file gets its name only once its sha256 is right."""
     wanted = named(name)
     if not wanted.commit:
-        raise Error(
+        raise InputError(
             f"set '{name}' is derived from {wanted.repo} and cannot be downloaded;"
             " point DAHL_DATA at the folder that holds it"
         )
@@ -252,8 +252,8 @@ def find_log(relative: str, beside: Path) -> Path:
         return path
     name, _, rest = relative.partition("/")
     if Path(relative).is_absolute() or name not in SETS:
-        raise Error(f"{path}: no such file")
+        raise InputError(f"{path}: no such file")
     found = folder(name) / rest
     if not found.is_file():
-        raise Error(f"{found}: no such file in the measured set '{name}'")
+        raise InputError(f"{found}: no such file in the measured set '{name}'")
     return found

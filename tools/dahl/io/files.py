@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, TextIO
 
-from dahl.errors import Error, RunError
+from dahl.errors import InputError, RunError
 
 # First bytes of the scenes and tables that dahl writes.
 OURS = re.compile(
@@ -58,7 +58,7 @@ def refuse_foreign_files(paths: Iterable[Path], hint: str) -> None:
     """
     for path in paths:
         if path.is_file() and not _is_ours(path):
-            raise Error(f"{path}: exists, and dahl did not write it; {hint}")
+            raise InputError(f"{path}: exists, and dahl did not write it; {hint}")
 
 
 def _is_ours(path: Path) -> bool:
@@ -66,7 +66,7 @@ def _is_ours(path: Path) -> bool:
         with path.open("rb") as file:
             return OURS.match(file.read(80)) is not None
     except OSError as error:
-        raise Error(f"{path}: {error.strerror}") from None
+        raise InputError(f"{path}: {error.strerror}") from None
 
 
 def read_text(path: Path, hint: str = "") -> str:
@@ -74,11 +74,11 @@ def read_text(path: Path, hint: str = "") -> str:
     try:
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        raise Error(f"{path}: no such file{hint}") from None
+        raise InputError(f"{path}: no such file{hint}") from None
     except OSError as error:
-        raise Error(f"{path}: {error.strerror}") from None
+        raise InputError(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError as error:
-        raise Error(f"{path}: not a text file (byte {error.start})") from None
+        raise InputError(f"{path}: not a text file (byte {error.start})") from None
 
 
 def open_text(path: Path) -> TextIO:
@@ -86,7 +86,7 @@ def open_text(path: Path) -> TextIO:
     try:
         return path.open(encoding="utf-8-sig", errors="replace")
     except OSError as error:
-        raise Error(f"{path}: {error.strerror}") from None
+        raise InputError(f"{path}: {error.strerror}") from None
 
 
 def read_json(path: Path, hint: str = "") -> Any:
@@ -95,9 +95,9 @@ def read_json(path: Path, hint: str = "") -> Any:
     try:
         return json.loads(text)
     except json.JSONDecodeError as error:
-        raise Error(f"{path}:{error.lineno}: not JSON, or cut off ({error.msg})") from None
+        raise InputError(f"{path}:{error.lineno}: not JSON, or cut off ({error.msg})") from None
     except (ValueError, RecursionError) as error:  # a number of 5000 digits, lists in lists
-        raise Error(f"{path}: not JSON that can be read ({error})") from None
+        raise InputError(f"{path}: not JSON that can be read ({error})") from None
 
 
 def one_line(error: Exception, most: int = 160) -> str:
@@ -112,7 +112,7 @@ def replace_atomic(path: Path) -> Iterator[Path]:
     """
     try:
         if path.is_dir():
-            raise Error(f"{path}: a folder; the name of a file was expected")
+            raise InputError(f"{path}: a folder; the name of a file was expected")
         if path.exists() and not path.is_file():
             yield path
             return

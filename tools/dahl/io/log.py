@@ -25,7 +25,9 @@ class Log:
     resolution: float = 0.0  # rad (m) per encoder count; 0 if it is unknown
     weight: np.ndarray | None = None  # of each row, at most 1; 0 if it has no reading
     load: np.ndarray | None = None  # that the friction may follow, in any unit
+    rows_between: int = 1  # rows for each one that was recorded
     notes: list[str] = field(default_factory=list)  # what was found and repaired
+    questions: dict[str, str] = field(default_factory=dict)  # about assumed units, by quantity
 
     @property
     def rows(self) -> int:

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dahl.errors import Error
-from dahl.io import can_logs, text_tables, units
+from dahl.errors import Error, InputError
+from dahl.io import can_logs, encoder_grid, text_tables, units
 from dahl.io.can_signals import (
     NEEDS_DBC,
     TIME_COLUMN,
@@ -43,14 +43,18 @@ NO_TIME = "no column of times: what depends on speed (viscous, inertia) is not f
 
 ROLES = {  # patterns of the names of columns
     "angle": r"angle|theta|position|deflection|displacement|encoder|counts?$|winkel|weg(?![a-z])"
-    r"|(?<![a-z])pos(?![a-z])",
-    "torque": r"torque|friction|force|trq|load|moment|kraft|(?<![a-z])N_?m(?![a-z])",
+    r"|(?<![a-z])pos(?![a-z])|(^|[/.])(?<!current\.)q\d*(?![a-z])",
+    "torque": r"torque|friction|force|trq|load|moment|kraft|effort|(?<![a-z])(N_?m|tau)(?![a-z])"
+    r"|(?<![a-z])i_?q(?![a-z])|current(?![._ ]?(pos|angle|vel|speed|temp|time|state|mode))|amps",
     # not T and T_degC, which are temperatures
-    "time": r"^time|^(uhr)?zeit|^(?-i:t)$|^t[\s_(\[]+[mun]?s(ec|econds)?(?![a-z])",
+    "time": r"^_*time|stamp|^(uhr)?zeit|^(?-i:t)$|^t[\s_(\[]+[mun]?s(ec|econds)?(?![a-z])"
+    r"|^(milli|micro)s(?![a-z])",
 }
 DERIVED = r"(?<![a-z])(vel|speed|rate|d+ot|acc(el|$|[^a-z])|err(or)?(?![a-z]))|theta_?d+ot"
 SETPOINT = r"(?<![a-z])(ref|set|target|cmd|command|desired|demand)"
 FORCE = r"force|load|kraft"  # a torque is more likely
+CURRENT = r"(?<![a-z])i_?q(?![a-z])|current|amps"  # a torque or a force is more likely
+SINCE_1970 = {"ns": 1e17, "us": 1e14, "ms": 1e11}  # least times in these units
 
 
 @dataclass(frozen=True)
@@ -63,6 +67,7 @@ class Source:
     angle_unit: str = ""
     torque_unit: str = ""
     time_unit: str = ""
+    torque_constant: float = 0.0  # N m/A (N/A) of a motor whose current is the torque
     counts_per_turn: float = 0.0  # of the encoder; for a linear motion counts per mm
     dbc: Path | None = None
     skip_gaps: bool = False
@@ -105,19 +110,19 @@ def read_columns(path: Path, wanted: Mapping[str, str]) -> Columns:
 
 def _check_file(path: Path) -> None:
     if path.is_dir():
-        raise Error(f"{path}: a folder; dahl identify --each reads the logs in it")
+        raise InputError(f"{path}: a folder; dahl identify --each reads the logs in it")
     if not path.is_file():
-        raise Error(f"{path}: no such file")
+        raise InputError(f"{path}: no such file")
     if path.stat().st_size == 0:
-        raise Error(f"{path}: empty")
+        raise InputError(f"{path}: empty")
 
 
 def _read_frames(path: Path, source: Source, notes: list[str]) -> Columns:
     """Read the signals of a CAN log."""
     if source.dbc is None:
-        raise Error(f"{path}: {NEEDS_DBC}")
+        raise InputError(f"{path}: {NEEDS_DBC}")
     if not (source.angle and source.torque):
-        raise Error(f"{path}: name the signals with --angle SIGNAL and --torque SIGNAL")
+        raise InputError(f"{path}: name the signals with --angle SIGNAL and --torque SIGNAL")
     signals = Signals(source.dbc, source.signals)
     for frame in can_logs.frames_of(path, notes):
         if source.channel is None or str(frame.channel) == source.channel:
@@ -145,7 +150,20 @@ def _read_table(path: Path, source: Source, notes: list[str]) -> Columns:
     if "time" not in places and (clock := _clock(table, places)) is not None:
         places["time"] = clock
         notes.append(f"time read from '{table.names[clock]}' by its unit (--time)")
-    return _columns_at(table, places, source.skip_gaps)
+    if "time" in places and (rest := _nanoseconds(table.names, places["time"])) is not None:
+        places["nanoseconds"] = rest
+    names, values = _columns_at(table, places, source.skip_gaps)
+    if "nanoseconds" in values:
+        values["time"] = values["time"] + 1e-9 * values.pop("nanoseconds")
+    return names, values
+
+
+def _nanoseconds(names: Sequence[str], seconds: int) -> int | None:
+    """Return the column of the nanoseconds beside whole seconds, as ROS writes a stamp, or None."""
+    stem = re.sub(r"secs?$", "", names[seconds])
+    beside = (stem + end for end in ("nanosec", "nanosecs", "nsec", "nsecs"))
+    found = (names.index(name) for name in beside if stem != names[seconds] and name in names)
+    return next(found, None)
 
 
 def _columns_at(table: Table, places: dict[str, int], skip_gaps: bool = False) -> Columns:
@@ -194,13 +212,13 @@ def _numbers(table: Table, name: str, column: pandas.Series) -> np.ndarray:
     try:
         values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float)
     except OverflowError:
-        raise Error(f"{table.head}: column '{name}': a number is beyond 1e308") from None
+        raise InputError(f"{table.head}: column '{name}': a number is beyond 1e308") from None
     rows = np.flatnonzero(np.isnan(values) & column.notna().to_numpy())
     if len(rows):  # one of them leaves decimal commas as text too
         cells = [str(cell) for cell in column.iloc[rows]]
         first = next((k for k, cell in enumerate(cells) if not text_tables.is_number(cell)), 0)
         place, cell = table.place(int(rows[first])), cells[first][:60]
-        raise Error(f"{place}: column '{name}': '{cell}' is not a number")
+        raise InputError(f"{place}: column '{name}': '{cell}' is not a number")
     return values
 
 
@@ -216,7 +234,7 @@ def _without_gaps(
     if missing and (missing == len(whole) or not skip_gaps):
         row = int(np.argmin(whole))
         role = next(role for role, column in values.items() if not np.isfinite(column[row]))
-        raise Error(
+        raise InputError(
             f"{place(row)}: column '{names[role]}': no finite number ({values[role][row]}) here and"
             f" in {missing} of {len(whole)} rows in all (dahl identify --skip-gaps leaves them out)"
         )
@@ -246,14 +264,14 @@ def find_columns(
             found[role] = fitting[0]
         elif role != "time":
             hint = can_logs.meant(role, known)
-            raise Error(f"{place}: which column is the {role}? Name it with --{role}{hint}")
+            raise InputError(f"{place}: which column is the {role}? Name it with --{role}{hint}")
         if len(fitting) > 1 and role != "time":
             first, *others = (f"'{known[k]}'" for k in fitting)
             notes.append(f"{role} read from {first}, not from {' or '.join(others)} (--{role})")
     for one, other in itertools.combinations(found, 2):
         if found[one] == found[other]:
             name = known[found[one]]
-            raise Error(f"{place}: column '{name}' cannot be both {one} and {other}")
+            raise InputError(f"{place}: column '{name}' cannot be both {one} and {other}")
     return found
 
 
@@ -264,7 +282,8 @@ def _likeliest(role: str, known: Sequence[str], free: Sequence[int]) -> list[int
         return fitting
     fitting = [k for k in fitting if not re.search(DERIVED, known[k], re.IGNORECASE)]
     doubts = [
-        2 * bool(re.search(SETPOINT, known[k], re.IGNORECASE))
+        4 * bool(re.search(SETPOINT, known[k], re.IGNORECASE))
+        + 2 * bool(role == "torque" and re.search(CURRENT, known[k], re.IGNORECASE))
         + bool(re.search(FORCE, known[k], re.IGNORECASE))
         for k in fitting
     ]
@@ -280,8 +299,10 @@ def _index_of(given: str, known: Sequence[str], place: str) -> int:
     if given not in known and given.isdecimal() and 1 <= int(given) <= len(known):
         return int(given) - 1
     if given in known:
-        raise Error(f"{place}: {list(known).count(given)} columns '{given}': give a number from 1")
-    raise Error(f"{place}: no column '{given}'{can_logs.meant(given, known)}")
+        raise InputError(
+            f"{place}: {list(known).count(given)} columns '{given}': give a number from 1"
+        )
+    raise InputError(f"{place}: no column '{given}'{can_logs.meant(given, known)}")
 
 
 def _clock(table: Table, places: dict[str, int]) -> int | None:
@@ -303,17 +324,27 @@ def to_log(name: str, source: Source, columns: Columns, notes: Sequence[str] = (
     """Apply the units of columns, and unwrap angle and torque. Raises dahl.Error."""
     names, values = columns
     if len(values["angle"]) < 2:
-        raise Error(f"{name}: {len(values['angle'])} rows; a log has more than one")
+        raise InputError(f"{name}: {len(values['angle'])} rows; a log has more than one")
     unit, angle_notes = units.choose("angle", source.angle_unit, names["angle"], "deg")
     linear, counts = unit in units.LENGTHS, source.counts_per_turn
     if unit == "counts" and not counts:
-        raise Error(f"{name}: an angle in counts needs --counts-per-turn")
+        raise InputError(f"{name}: an angle in counts needs --counts-per-turn")
     theta = values["angle"] * (2 * np.pi / counts if unit == "counts" else units.ANGLES[unit])
     theta, unwrap_notes = (theta, []) if linear else unwrap(theta, 2 * np.pi)
-    torque, torque_notes = _torque(source, names["torque"], values["torque"], linear)
+    try:
+        torque, torque_notes = _torque(source, names["torque"], values["torque"], linear)
+    except Error as error:
+        raise InputError(f"{name}: {error}") from None
     time, time_notes = _time(source, names.get("time", ""), values.get("time"))
     log = Log(name, theta, torque, time, linear)
     log.notes = [*notes, *angle_notes, *unwrap_notes, *torque_notes, *time_notes]
+    if not units.stated("angle", source.angle_unit, names["angle"]):
+        asked = encoder_grid.question(values["angle"], unit, counts)
+        log.questions |= {"angle": asked} if asked else {}
+    is_torque = units.stated("torque", source.torque_unit, names["torque"])
+    if not (is_torque or source.torque_constant):
+        asked = f"is the torque in {log.unit}? '{names['torque']}' names no unit of it"
+        log.questions["torque"] = f"{asked} (--torque-unit)"
     count = (1e-3 if linear else 2 * np.pi) / counts if counts else 0.0
     log.resolution = count or resolution_of(theta)
     if source.loads:
@@ -333,6 +364,8 @@ def _torque(
     source: Source, name: str, torque: np.ndarray, linear: bool
 ) -> tuple[np.ndarray, list[str]]:
     """Return the torque in N m, the force of a linear motion in N, with notes."""
+    if source.torque_constant or _is_current(source, name):
+        return _from_current(source, name, torque)
     unit, notes = units.choose("torque", source.torque_unit, name, "N" if linear else "Nm")
     if unit in units.FORCES and not linear:
         notes.append(f"'{name}' is a force over an angle: N taken for N m")
@@ -340,6 +373,27 @@ def _torque(
         notes.append(f"'{name}' is a torque over a way: N m taken for N")
     torque, sign_notes = restore_sign(torque)
     return torque * units.TORQUES[unit], notes + sign_notes
+
+
+def _is_current(source: Source, name: str) -> bool:
+    unit = units.stated("torque", source.torque_unit, name)
+    return unit in units.CURRENTS if unit else bool(re.search(CURRENT, name, re.IGNORECASE))
+
+
+def _from_current(source: Source, name: str, current: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Return the torque of a motor by its current, with a note. Raises dahl.Error."""
+    unit, constant = units.stated("torque", source.torque_unit, name) or "A", source.torque_constant
+    if not constant:
+        raise InputError(
+            f"column '{name}' is a current, not a torque: give the motor's torque constant in N m/A"
+            " with --torque-constant, or another column with --torque"
+        )
+    if unit not in units.CURRENTS:
+        raise InputError(
+            f"--torque-constant {constant:g}: column '{name}' is in {unit}, no current"
+        )
+    note = f"torque from the current '{name}' by {constant:g} N m/A: losses of a gear count too"
+    return current * units.CURRENTS[unit] * constant, [note]
 
 
 def restore_sign(torque: np.ndarray) -> tuple[np.ndarray, list[str]]:
@@ -357,7 +411,8 @@ def _time(
     """Return the time in s, with a note if its unit was assumed or if there is no time."""
     if time is None:
         return None, [NO_TIME]
-    unit, notes = units.choose("time", source.time_unit, name, "s")
+    usual = next((unit for unit, least in SINCE_1970.items() if time[0] > least), "s")
+    unit, notes = units.choose("time", source.time_unit, name, usual)
     step = float(np.ptp(time)) / (len(time) - 1)
     doubt = f"; a row comes every {step:.3g} s" + ", is it in ms?" * (step >= MAX_ROW_PERIOD_S)
     return time * units.TIMES[unit], [note + doubt for note in notes]

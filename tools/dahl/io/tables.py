@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Open tables of all formats: text, JSON, MAT and Parquet. An error names file, line or row."""
+"""Open tables: text, JSON, MAT, NPZ and Parquet. An error names file, line or row."""
 
 from __future__ import annotations
 
 import contextlib
 import faulthandler
 import os
+from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dahl.errors import Error
+from dahl.errors import Error, InputError
 from dahl.io import files, text_tables
 from dahl.io.files import one_line
 from dahl.io.text_tables import Table
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 def open_table(path: Path, min_columns: int = 2) -> Table:
     """Open a table with at least so many columns of numbers. Raises dahl.Error."""
-    kinds = {".json": _from_json, ".mat": _from_mat, ".parquet": _from_parquet}
+    kinds = {".json": _from_json, ".mat": _from_mat, ".npz": _from_npz, ".parquet": _from_parquet}
     kind = kinds.get(path.suffix.lower())
     try:
         if kind is None:
@@ -34,7 +35,7 @@ def open_table(path: Path, min_columns: int = 2) -> Table:
         raise
     except Exception as error:  # each library raises other kinds for a damaged file
         form = path.suffix or "a table"
-        raise Error(f"{path}: cannot be read as {form}: {one_line(error)}") from None
+        raise InputError(f"{path}: cannot be read as {form}: {one_line(error)}") from None
 
 
 def row_of(path: Path, row: int) -> str:
@@ -47,7 +48,7 @@ def _from_json(path: Path) -> pandas.DataFrame:
 
     rows = _rows_in(files.read_json(path))
     if rows is None:
-        raise Error(f"{path}: no list of rows and no columns of equal length in it")
+        raise InputError(f"{path}: no list of rows and no columns of equal length in it")
     frame = pd.DataFrame(rows)
     if all(isinstance(name, int) for name in frame.columns):
         frame.columns = [str(i + 1) for i in range(frame.shape[1])]
@@ -72,21 +73,34 @@ def _rows_in(content: Any) -> Any:
 
 
 def _from_mat(path: Path) -> pandas.DataFrame:
-    """Read the longest vectors of a MAT file."""
-    import pandas as pd
+    """Read the vectors of a MAT file."""
     from scipy.io import loadmat
 
     if _crashes(lambda: loadmat(path)):
-        raise Error(f"{path}: broken: reading it crashes")
+        raise InputError(f"{path}: broken: reading it crashes")
     try:
         content = loadmat(path, squeeze_me=True, struct_as_record=False)
     except NotImplementedError:
-        raise Error(f"{path}: MATLAB 7.3 (HDF5); save it with -v7") from None
-    columns = dict(_vectors("", {k: v for k, v in content.items() if not k.startswith("__")}))
-    if not columns:
-        raise Error(f"{path}: no vectors in it")
-    longest = max(map(len, columns.values()))
-    return pd.DataFrame({k: v for k, v in columns.items() if len(v) == longest})
+        raise InputError(f"{path}: MATLAB 7.3 (HDF5); save it with -v7") from None
+    return _longest(path, {k: v for k, v in content.items() if not k.startswith("__")})
+
+
+def _from_npz(path: Path) -> pandas.DataFrame:
+    """Read the vectors of an archive of numpy."""
+    with np.load(path, allow_pickle=False) as content:
+        return _longest(path, dict(content))
+
+
+def _longest(path: Path, content: dict[str, Any]) -> pandas.DataFrame:
+    """Return the longest vectors of one length, two at least: a log has an angle and a torque."""
+    import pandas as pd
+
+    columns = dict(_vectors("", content))
+    lengths = Counter(map(len, columns.values()))
+    shared = [length for length, number in lengths.items() if number > 1]
+    if not shared:
+        raise InputError(f"{path}: no two vectors of one length in it")
+    return pd.DataFrame({k: v for k, v in columns.items() if len(v) == max(shared)})
 
 
 def _crashes(read_file: Callable[[], object]) -> bool:

@@ -22,7 +22,7 @@ from itertools import islice, zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dahl.errors import Error
+from dahl.errors import InputError
 from dahl.io import units
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def read(path: Path, min_columns: int = 2) -> Table:
                 index_col=False,
             )
         except (ValueError, pd.errors.ParserWarning) as error:
-            raise Error(_fault(path, form, str(error))) from None
+            raise InputError(_fault(path, form, str(error))) from None
     frame.columns = form.names
     filled = frame.notna().any(axis=1).to_numpy().nonzero()[0]
     frame = frame[: filled[-1] + 1] if len(filled) else frame  # spreadsheets add empty rows
@@ -103,7 +103,7 @@ def form_of(path: Path, min_columns: int = 2) -> Form:
     """Find out how a table is written. Raises dahl.Error."""
     encoding, lines = _head(path)
     if not "".join(lines).strip():
-        raise Error(f"{path}: empty; a line of column names was expected")
+        raise InputError(f"{path}: empty; a line of column names was expected")
     separator, rows, first = _split(path, lines, min_columns)
     above, body = rows[:first], rows[first:]
     names, head = _names(path, above, body, separator)
@@ -124,7 +124,7 @@ def _split(path: Path, lines: list[str], min_columns: int) -> tuple[str, list[Ro
         found = [(*one, k) for one, k in zip(splits, firsts, strict=True) if k is not None]
         if found:
             return max(found, key=lambda one: _number_part(one[1][one[2] :]))
-    raise Error(
+    raise InputError(
         f"{path}:1: no rows with {'two numbers' if min_columns > 1 else 'numbers'}, between tabs,"
         f" semicolons, commas or blanks, in the first {len(lines)} lines"
     )
@@ -136,17 +136,17 @@ def _head(path: Path) -> tuple[str, list[str]]:
         raw = file.read(HEAD_BYTES)
     for start, name in OTHER_FORMATS.items():
         if raw.startswith(start):
-            raise Error(f"{path}: {name}")
+            raise InputError(f"{path}: {name}")
     is_wide = raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     encoding, is_whole = "utf-16" if is_wide else "utf-8-sig", len(raw) < HEAD_BYTES
     if b"\0" in raw and not is_wide:
-        raise Error(f"{path}: not a text file (byte {raw.index(0)})")
+        raise InputError(f"{path}: not a text file (byte {raw.index(0)})")
     try:
         text = codecs.getincrementaldecoder(encoding)().decode(raw, final=is_whole)
     except UnicodeDecodeError as error:
         encoding, text = "cp1252", raw.decode("cp1252", errors="replace")
         if is_wide or BINARY.search(text):
-            raise Error(f"{path}: not a text file (byte {error.start})") from None
+            raise InputError(f"{path}: not a text file (byte {error.start})") from None
     lines = list(io.StringIO(text, newline=None))
     return encoding, lines if is_whole else lines[:-1] or lines
 
@@ -234,7 +234,7 @@ def _names(path: Path, above: list[Row], body: list[Row], separator: str) -> tup
         return [_name(*cells) for cells in zip_longest(names, labels, numbers, fillvalue="")], line
     if len(names) == 1:  # a title
         return numbers, line
-    raise Error(f"{path}:{line}: {len(names)} names over {width} columns")
+    raise InputError(f"{path}:{line}: {len(names)} names over {width} columns")
 
 
 def _name(name: str, label: str, number: str) -> str:

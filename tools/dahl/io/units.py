@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 
-from dahl.errors import Error
+from dahl.errors import InputError
 from dahl.io.can_logs import meant
 
 DEGREE, POUND, G = math.pi / 180, 4.4482216153, 9.80665  # rad, N, m/s^2
@@ -22,14 +22,17 @@ MOMENTS |= {"kgfcm": G / 100, "gfcm": G / 1e5, "lbft": POUND * 12 * INCH, "lbin"
 MOMENTS |= {"ozin": POUND / 16 * INCH}
 FORCES = {f"{prefix}N": size for prefix, size in PREFIXES.items()}  # N
 FORCES |= {"kgf": G, "gf": G / 1e3, "lb": POUND, "kip": 1e3 * POUND}
-ANGLES, TORQUES = ROTATIONS | LENGTHS, MOMENTS | FORCES
+CURRENTS = {"A": 1.0, "mA": 1e-3}  # A; a torque constant makes them a torque
+ANGLES, TORQUES = ROTATIONS | LENGTHS, MOMENTS | FORCES | CURRENTS
 TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "ns": 1e-9}  # s
 QUANTITIES: dict[str, Mapping[str, float]] = {"angle": ANGLES, "torque": TORQUES, "time": TIMES}
 
 SPELLINGS = {
     "s": "second seconds",
-    "ms": "millisecond milliseconds",
-    "us": "microseconds",
+    "sec": "secs",
+    "ms": "millisecond milliseconds millis",
+    "us": "microseconds micros",
+    "ns": "nanosec nanosecs nanoseconds nsecs",
     "deg": "degree degrees °",
     "rad": "radian radians",
     "turn": "turns rev revs revolution revolutions",
@@ -43,9 +46,10 @@ SPELLINGS = {
     "kgfcm": "kgcm",
     "gfcm": "gcm",
     "lb": "lbf",
+    "A": "ampere amperes amps",
 }
 UNIT_OF = {word: unit for unit, words in SPELLINGS.items() for word in words.split()}
-OTHER_UNITS = "A mA V mV W °C C K % bar Pa Hz rpm 1/min g kg -".split()  # in a line of units
+OTHER_UNITS = "V mV W °C C K % bar Pa Hz rpm 1/min g kg -".split()  # in a line of units
 TWO_WORDS = r"lb|oz|nm$"  # in units of two words, such as ft_lb
 IGNORED = str.maketrans({**dict.fromkeys(" *-.·⋅"), **dict.fromkeys("µμ", "u")})
 BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")
@@ -86,7 +90,12 @@ def _unit(word: str, known: Iterable[str]) -> str:
     plain = UNIT_OF.get(plain) or UNIT_OF.get(plain.lower(), plain)
     if plain in known:
         return plain
-    return next((unit for unit in known if plain.lower() == unit.lower() != "n"), "")
+    return next((unit for unit in known if plain.lower() == unit.lower() not in ("n", "a")), "")
+
+
+def stated(what: str, given: str, name: str) -> str:
+    """Return the unit that an option gives or a column's name has, or ""."""
+    return given or unit_in(name, QUANTITIES[what], "")
 
 
 def choose(what: str, given: str, name: str, usual: str) -> tuple[str, list[str]]:
@@ -96,13 +105,13 @@ def choose(what: str, given: str, name: str, usual: str) -> tuple[str, list[str]
     """
     known, option = QUANTITIES[what], f"--{what}-unit"
     if given and given not in known:
-        raise Error(f"{option} {given}: no such unit{meant(given, list(known))}")
-    own, notes = unit_in(name, known, ""), []
-    if not own and (other := _other_quantity(what, name)):
+        raise InputError(f"{option} {given}: no such unit{meant(given, list(known))}")
+    unit, notes = stated(what, given, name), []
+    if not unit_in(name, known, "") and (other := _other_quantity(what, name)):
         notes = [f"the {what} column '{name}' has a unit of {other}: is it the right column?"]
-    if not (given or own):
+    if not unit:
         notes.append(f"{what} assumed in {usual}: '{name}' names no unit of it ({option})")
-    return given or own or usual, notes
+    return unit or usual, notes
 
 
 def _other_quantity(what: str, name: str) -> str:
