@@ -27,6 +27,7 @@ from dahl.commands import (
     excite,
     fmu,
     identify,
+    loop,
     monitor,
     node,
     plan,
@@ -94,6 +95,7 @@ def _hint(word: str, known: list[str]) -> str:
 
 COMMANDS = {
     "demo": demo,
+    "loop": loop,
     "identify": identify,
     "excite": excite,
     "plan": plan,

@@ -23,6 +23,7 @@ from dahl.errors import RunError
 
 NEEDS = {  # command: extras in pyproject.toml, and the packages by import name
     "demo": ("can,plot", ("can", "cantools", "rich", "matplotlib", "mpmath", "pooch", "pandas")),
+    "loop": ("plot", ("pandas", "pooch")),
     "identify": ("identify", ("scipy", "pandas", "joblib", "matplotlib", "mpmath", "rich", "can")),
     "excite": ("identify", ("scipy",)),
     "monitor": ("can", ("can", "cantools", "rich", "plotext", "mpmath")),
@@ -42,7 +43,7 @@ OPTIONAL = {  # packages that only some options or files need: their extra
     "serial": "can",
 }
 DISTRIBUTED_AS = {"can": "python-can", "dask": "dask[distributed]", "serial": "pyserial"}
-WITHOUT_MF4 = ("demo", "monitor", "node", "plot", "record", "report")  # unless a word ends in .mf4
+WITHOUT_MF4 = ("demo", "loop", "monitor", "node", "plot", "record", "report")  # unless a word ends in .mf4
 TRIED = "DAHL_SETUP_TRIED"  # environment variable of a restart, which does not restart again
 
 
