@@ -340,7 +340,9 @@ static bool read_kinds(const reader_t *r)
         is_good = is_good && (strcmp(word, "slip") == 0 || strcmp(word, "dahl") == 0);
         f->slips |= count < DAHL_SLIP_MAX && word[0] == 's' ? 1u << count : 0u;
     }
-    if (!is_good || count != f->Fc.count) {
+    if (count == 0) {
+        log_error("%s: friction.kinds is missing", r->path);
+    } else if (!is_good || count != f->Fc.count) {
         log_error("%s:%d: friction.kinds = %s: not dahl or slip for each of %u elements", r->path, line_of(r, "friction.kinds"),
                   f->kinds, f->Fc.count);
     }

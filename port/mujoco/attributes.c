@@ -23,7 +23,7 @@ typedef struct {
 
 enum { SIGMA0, FC, THETA, BREAKAWAY, FULL, REST, RANGES };
 #define MEMBER(name) offsetof(instance_t, name)
-/* breakaway, full and rest as in host_sim/scene_keys.def */
+/* breakaway, full and rest as in host_sim/keys.csv */
 static const range_t ranges[RANGES] = {
     [SIGMA0] = {"sigma0", NULL, true, DAHL_SLIP_MAX, PARAM_MIN, PARAM_MAX, MEMBER(friction.params.sigma0)},
     [FC] = {"Fc", NULL, true, DAHL_SLIP_MAX, PARAM_MIN, PARAM_MAX, MEMBER(friction.params.Fc)},

@@ -43,7 +43,7 @@ OPTIONAL = {  # packages that only some options or files need: their extra
     "serial": "can",
 }
 DISTRIBUTED_AS = {"can": "python-can", "dask": "dask[distributed]", "serial": "pyserial"}
-WITHOUT_MF4 = ("demo", "loop", "monitor", "node", "plot", "record", "report")  # unless a word ends in .mf4
+WITHOUT_MF4 = ("demo", "loop", "monitor", "node", "plot", "record", "report")  # if no .mf4 is read
 TRIED = "DAHL_SETUP_TRIED"  # environment variable of a restart, which does not restart again
 
 

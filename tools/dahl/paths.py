@@ -43,20 +43,12 @@ def built_file(variable: str, carried: str, *parts: str) -> Path:
     if path.exists():
         return path
     if INSTALLED:
-        raise RunError(f"{path} does not exist; {_missing_reason()}, or set {variable}")
+        hint = "dahl-loop needs Linux" if variable == "DAHL_LOOP" else "reinstall this package"
+        raise RunError(f"{path} does not exist; {hint}, or set {variable}")
     raise RunError(
         f"{path} does not exist; build it (tools/demo.sh, or cmake --preset host"
         f" -DDAHL_BUILD_TESTS=OFF && cmake --build build/host) or set {variable}"
     )
-
-
-def _missing_reason() -> str:
-    """Return why an installed package lacks a built file, and what to do."""
-    try:
-        lacking = (SHARE / "no-dahl-loop.txt").read_text(encoding="ascii").strip()
-    except OSError:
-        return "reinstall this package"
-    return f"this package was built without {lacking}: install that and build the package again"
 
 
 def library() -> Path:

@@ -23,7 +23,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = ROOT / "host_sim" / "keys.csv"
-BEGIN, END = "# --- from host_sim/keys.csv by run_keys.py: begin", "# --- from host_sim/keys.csv: end"
+BEGIN, END = (
+    "# --- from host_sim/keys.csv by run_keys.py: begin",
+    "# --- from host_sim/keys.csv: end",
+)
 HEAD = """/* SPDX-License-Identifier: MIT */
 /*
  * Sections and keys of a run file, from keys.csv by tools/generators/run_keys.py; do not edit.
@@ -64,8 +67,8 @@ def py_row(row: dict[str, str]) -> str:
     is_text = row["type"] in ("TEXT", "LIST")
     default = f'"{row["default"]}"' if is_text else row["default"]
     cells = [f'"{row[name]}"' for name in ("section", "key", "type", "need")]
-    cells += [row["low"] or "0", row["high"] or "0", default, f'"{row["of"]}"']
-    cells += [str(row["in"] == "scene")]
+    cells += [row["low"] or "0", row["high"] or "0", default]
+    cells += [str(row["in"] == "scene"), f'"{row["of"]}"']
     while cells[-1] in ("False", '""'):  # defaults of Key
         cells.pop()
     return f"    Key({', '.join(cells)}),"

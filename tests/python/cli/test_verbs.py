@@ -20,7 +20,7 @@ from log_writers import frames as write_frames
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
 VERBS = ("demo", "identify", "excite", "plan", "fmu", "node", "monitor", "record", "plot", "report")
-VERBS += ("dbc",)
+VERBS += ("dbc", "loop")
 
 
 @pytest.mark.parametrize("verb", VERBS)

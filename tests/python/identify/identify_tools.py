@@ -154,19 +154,19 @@ def seen(*logs: Log, **options: object) -> dict[str, Any]:
     return json.loads(report.as_json(identify(logs, Options(**options))))
 
 
-def replayed(dahl_loop: Path, scene: Path, folder: Path, *words: object) -> Figure:
+def replayed(scene: Path, folder: Path, *words: object) -> Figure:
     """The picture of `dahl plot` after a node has played a scene."""
     from log_reading import drawing, run
 
     record = folder / "run.log"
-    play = [dahl_loop, "--scene", scene, "--virtual", "--log", record, *map(str, words)]
-    subprocess.run(play, check=True, capture_output=True, timeout=60, cwd=scene.parent)
+    play = ["loop", "--scene", scene, "--virtual", "--log", record, *words]
+    assert run(*play).returncode == 0
     with drawing(rendered=False) as figures:
         assert run("plot", record, "--scene", scene).returncode == 0
     return figures[0]
 
 
-def replayed_r2(dahl_loop: Path, scene: Path, folder: Path) -> float:
+def replayed_r2(scene: Path, folder: Path) -> float:
     """R2 of the torque of that node, as the picture states it."""
-    caption = replayed(dahl_loop, scene, folder, "--seconds", 4).axes[0].get_title(loc="left")
+    caption = replayed(scene, folder, "--seconds", 4).axes[0].get_title(loc="left")
     return float(re.search(r"R² = (\S+)", caption)[1])

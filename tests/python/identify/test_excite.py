@@ -101,7 +101,7 @@ def test_each_option_shapes_the_motion_as_it_is_printed(words, tmp_path):
 
 def test_the_scene_plays_the_table(tmp_path, dahl_loop):
     assert run("excite", *KNOWN, "-o", tmp_path).returncode == 0
-    figure = replayed(dahl_loop, tmp_path / "excite.ini", tmp_path)
+    figure = replayed(tmp_path / "excite.ini", tmp_path)
     counts = np.loadtxt(tmp_path / "excite.csv", delimiter=",", skiprows=1)[:, 2]
     shown = figure.axes[0].lines[0].get_xdata() / COUNT
     assert shown == pytest.approx((counts - counts[0])[: len(shown)], abs=0.01)

@@ -190,4 +190,4 @@ def test_a_firmware_with_the_header_follows_the_log(left, firmware):
 
 
 def test_the_scene_replays_the_load(left, dahl_loop, tmp_path):
-    assert replayed_r2(dahl_loop, left.folder / "brake.ini", tmp_path) > 0.998
+    assert replayed_r2(left.folder / "brake.ini", tmp_path) > 0.998

@@ -67,7 +67,6 @@ def test_an_unused_result_of_prepare_warns(compiler: str, tmp_path: Path) -> Non
 PORTS = [
     *(ROOT / "port").glob("s*/*.c"),
     ROOT / "port/loopback/loopback.c",
-    ROOT / "port/frame_bits.c",
 ]
 FILES = [path for path in LIB.rglob("*.c") if not re.match("exact|fast(?!_params)", path.stem)]
 HOST = "-std=c99 -D_GNU_SOURCE= -Wall -Wextra -Werror -Wshadow"

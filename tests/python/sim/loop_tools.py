@@ -30,6 +30,7 @@ logging.getLogger("can").setLevel(logging.CRITICAL)  # it warns at every part of
 
 ERROR = 0x20000000  # in an id of candump: an error frame
 SCENES = ROOT / "host_sim" / "scenes"
+EXAMPLE = ROOT / "host_sim" / "steering.run"  # of dahl-loop alone
 LINE = re.compile(
     r"\((\d{10}\.\d{6})\) (\S+) ([0-9A-F]{3}|[0-9A-F]{8})#((?:[0-9A-F]{2}){0,8}|R[1-8]?)"
 )
@@ -138,8 +139,13 @@ def finished(folder: Path, process: subprocess.Popen, timeout: float = 60) -> Ru
         process.kill()  # its log would fill the disk
         process.wait()
         raise
+    return Run(process.returncode, out, err, summary_of(folder), folder / "run.log")
+
+
+def summary_of(folder: Path) -> dict[str, Any]:
+    """The summary of the last run of a folder, {} if it has written no counters."""
     run_file, *facts = STARTED[folder]
-    return Run(process.returncode, out, err, run_file.summary(*facts), folder / "run.log")
+    return run_file.summary(*facts)
 
 
 def run(folder: Path, scene: Path | str, *options: str, timeout: float = 60) -> Run:

@@ -32,9 +32,7 @@ if TYPE_CHECKING:
 HELP = "run the loop of a scene on a bus, in real or virtual time"
 EXAMPLE = """examples:
   dahl loop --scene steering --virtual --log build/run.log --summary -
-  dahl loop --scene steering --set motion.seconds=1e9 --bus socketcand:28600 --wait-clients 1 \\
-      --until-idle --with-parent $$ &     waits for its first client, ends with its last or the shell
-"""
+  dahl loop --scene steering --set motion.seconds=1e9 --bus socketcand:28600 --until-idle"""
 
 PASSED = {  # options of dahl-loop with a value, which it checks
     "--bus": ("SPEC", "loopback (default), socketcan:IF, socketcand:PORT, socketcand:HOST:PORT"),

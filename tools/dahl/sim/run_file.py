@@ -197,7 +197,7 @@ def _bins(text: str) -> list[tuple[int, int]]:
 
 def _quantiles(text: str) -> dict[str, float]:
     """Return median, 99 % and maximum in us. A quantile is the upper edge of its bin."""
-    bins, most = _bins(text), int(text.split()[0])
+    bins, most = _bins(text), int(text.split(maxsplit=1)[0])
     total, found = sum(count for _, count in bins), {}
     for name, part in (("p50", 0.5), ("p99", 0.99)):
         seen, value = 0, most

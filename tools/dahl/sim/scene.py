@@ -112,7 +112,9 @@ def element(scene: Scene) -> models.AnyModel:
     sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
     own = getattr(scene, model.key) if model.key else None
     try:
-        return models.make(model, sigma0[: model.sigma0s or None], torques, scene.theta_per_count, own)
+        return models.make(
+            model, sigma0[: model.sigma0s or None], torques, scene.theta_per_count, own
+        )
     except InputError as error:
         raise InputError(f"{scene.file.place('friction')}: [friction] {error}") from None
 

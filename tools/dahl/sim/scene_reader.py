@@ -34,6 +34,20 @@ class _Parser(configparser.ConfigParser):
         return optionstr
 
 
+def _syntax_error(error: configparser.Error) -> str:
+    """Return line and reason."""
+    if isinstance(error, configparser.DuplicateSectionError):
+        return f":{error.lineno}: [{error.section}] is given twice"
+    if isinstance(error, configparser.DuplicateOptionError):
+        return f":{error.lineno}: [{error.section}] {error.option} is given twice"
+    if isinstance(error, configparser.MissingSectionHeaderError):
+        return f":{error.lineno}: {error.line.strip()[:80]!r} stands before the first [section]"
+    if isinstance(error, configparser.ParsingError):
+        line, text = error.errors[0]
+        return f":{line}: {text[:80]}: neither a [section], nor key = value, nor a comment"
+    return f": {' '.join(str(error).split())}"
+
+
 class SceneFile:
     """The checked contents of a scene: `values` by section and key, and `sections`."""
 
@@ -77,7 +91,9 @@ class SceneFile:
 
     def place(self, section: str, name: str = "") -> str:
         """Return file and line, or the setting of the command line, of a section or a key."""
-        return self._places.get((section, name)) or self._places.get((section, "")) or f"{self.path}"
+        return (
+            self._places.get((section, name)) or self._places.get((section, "")) or f"{self.path}"
+        )
 
     def fail(self, section: str, name: str, words: str) -> NoReturn:
         raise InputError(f"{self.place(section, name)}: {words}")
@@ -88,9 +104,10 @@ class SceneFile:
         try:
             text = self.path.read_text(encoding="utf-8-sig")
             self._parser.read_string(text, source=str(self.path))
-        except (OSError, UnicodeDecodeError, configparser.Error) as error:
-            words = error.strerror if isinstance(error, OSError) else " ".join(str(error).split())
-            raise InputError(f"{self.path}: {words}") from None
+        except configparser.Error as error:
+            raise InputError(f"{self.path}{_syntax_error(error)}") from None
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"{self.path}: {getattr(error, 'strerror', error)}") from None
         section = ""
         for number, line in enumerate(text.splitlines(), 1):
             if match := SECTION_LINE.match(line):
@@ -160,11 +177,7 @@ class SceneFile:
             self._check_kind()
         for key in keys.KEYS.values():
             self._check_key(key)
-        for section in self.sections:
-            for needed in keys.SECTIONS[section].split():
-                if not self.has(needed):
-                    self.fail(section, "", f"[{section}] needs [{needed}]")
-        self._check_shaft()
+        self._check_sections()
         self._check_faults()
         if self.has("friction"):
             self._check_model()
@@ -188,7 +201,11 @@ class SceneFile:
         if is_given and not is_for_kind:
             self.fail("motion", key.name, f"{key.place} has no meaning for kind = {kind}")
 
-    def _check_shaft(self) -> None:
+    def _check_sections(self) -> None:
+        for section in self.sections:
+            for needed in keys.SECTIONS[section].split():
+                if not self.has(needed):
+                    self.fail(section, "", f"[{section}] needs [{needed}]")
         if self.has("rotor") and self.has("motor") == self.has("control"):
             self.fail("rotor", "", "[rotor] needs one of [motor] and [control]")
         if self.has("motor") and self.has("motion"):
