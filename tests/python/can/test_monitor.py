@@ -150,7 +150,7 @@ def test_a_restarted_node_has_lost_nothing(seen):
     assert min(known[name]["frames"] for name in ("FrictionTorque", "Status")) > 2
 
 
-OWN = "[friction]\nmodel = asymmetric\nnode = 3\nsigma0 = 1\nFc = 0.5 1\n"
+OWN = "[friction]\nmodel = asymmetric\nnode = 3\nsigma0 = 1\nFc = 0.5 1\ntheta_per_count = 1\n"
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ from sources import CORE
 
 @pytest.fixture
 def node(dahl_loop, root):
-    command = [dahl_loop, root / "host_sim/steering.run", "--role", "node"]
+    command = [sys.executable, "-m", "dahl", "loop", "--scene", "segments", "--role", "node"]
     command += ["--bus", "socketcand:0", "--wait-clients", "1"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         port = re.search(r":(\d+) ", process.stdout.readline())[1]

@@ -52,7 +52,11 @@ def picture(tmp_path):
         (tmp_path / "rows.csv").write_text(
             "t,a,torque\n" + "".join(f"{t},0,{y}\n" for t, y in rows)
         )
-        motion = "[motion]\nkind = log\nfile = rows.csv\nangle = a\ntime = t\n" if measured else ""
+        motion = (
+            "[motion]\nkind = log\nfile = rows.csv\nangle = a\ntime = t\ncounts_per_unit = 1\n"
+            if measured
+            else ""
+        )
         (tmp_path / "x.ini").write_text(
             f"[scene]\ntitle = {title}\n[friction]\nsigma0 = {SIGMA0}\nFc = {FC}\n"
             f"theta_per_count = {theta!r}\n{friction}\n{motion}[measured]\n{measured}\n"

@@ -206,7 +206,7 @@ def names_in(folder: Path) -> set[str]:
 
 
 SHORT = ("--seconds", 0.2)
-PAIR = {f"{role}.{kind}" for role in ("node", "encoder") for kind in ("json", "err")}
+PAIR = {"node.err", "encoder.err"}
 SEGMENTS = ("--scene", "segments", "--bus", "socketcand", *SHORT)
 SCENES_IN_ONE_FOLDER = [  # words, picture, and the other files of such a run
     (SEGMENTS, "loop.png", {"run.log", *PAIR}),
@@ -214,7 +214,7 @@ SCENES_IN_ONE_FOLDER = [  # words, picture, and the other files of such a run
     (
         ("--scene", "parking", *SHORT),
         "loop.png",
-        {"run.log", "trace.csv", "uncompensated.csv", "both.json", "both.err"},
+        {"run.log", "trace.csv", "uncompensated.csv", "both.err"},
     ),
     (("--scene", "park-steer"), "park-steer.png", {"run.log"}),
     (SEGMENTS, "loop.png", {"run.log", *PAIR}),

@@ -81,7 +81,7 @@ NODE_ERRORS = [  # scene, line, words of the error
     (model(BREAKAWAY, breakaway="0.5"), 7, f"[friction] sigma0 2 Fc {BREAKAWAY}"),
 ]
 SCENE_ERRORS = [
-    (model("loaded", 1, 1), 4, "[load] loaded"),
+    (model("loaded", 1, 1), 4, "loaded [load]"),
     (scene_of(status=LOAD), 13, "[load] dahl"),
     (scene_of(friction=LOAD), 3, "[load] [friction]"),
     (scene_of(friction=LOADED, status=LOAD), 15, "[load] 'column'"),

@@ -24,7 +24,6 @@ NUMBERS = {  # of the summary, in the order of the page: name, unit, format
     "max_error_ulp_Fc": ("largest error against the exact torque", "ulp of Fc", ".3f"),
     "rmse_measured": ("rms error against the measurement", "", ".4g"),
     "r2_measured": ("R² against the measurement", "", ".4f"),
-    "bus_load": ("bus load", "", ".1%"),
     "realtime_factor": ("times real time", "", ".1f"),
 }
 LATENCIES = {"latency_us": "latency of an answer", "jitter_us": "jitter"}

@@ -34,7 +34,6 @@ SHAPE: dict[str, Any] = {
     "max_error_ulp_Fc": NUMBER,
     "rmse_measured": NUMBER,
     "r2_measured": NUMBER,
-    "bus_load": NUMBER,
     "realtime_factor": NUMBER,
     "parameters": NUMBERS,
     "control": NUMBERS,

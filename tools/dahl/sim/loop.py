@@ -65,7 +65,7 @@ class Program:
     def __init__(self, setup: Setup, role: str, bus: str, *extra: str) -> None:
         self.is_ending = False  # after end()
         self.role = role
-        self._facts = (bus, setup.seed or 1, setup.alone)
+        self._facts = (bus, 1 if setup.seed is None else setup.seed, setup.alone)
         self._run = RunFile(setup.scene, setup.log, role)
         self.errors = (setup.folder / f"{role}.err").open("w", encoding="utf-8")
         command = [paths.loop_program(), self._run.path, "--role", role, "--bus", bus]

@@ -110,8 +110,9 @@ def counts_of(scene: Scene, log: Path) -> str:
 
 def _nearest(values: np.ndarray) -> np.ndarray:
     """Round to the nearest integer, halves away from zero."""
-    whole = np.trunc(values)
-    return (whole + np.sign(values) * (np.abs(values - whole) >= 0.5)).astype(np.int64)
+    whole: np.ndarray = np.trunc(values)
+    whole += np.sign(values) * (np.abs(values - whole) >= 0.5)
+    return whole.astype(np.int64)
 
 
 # --- results --------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from dahl.binding import models
 from dahl.errors import InputError
 from dahl.io import files, readers, units
 from dahl.sim import keys
-from dahl.sim.scene_reader import SceneFile
+from dahl.sim.scene_reader import Contents, SceneFile
 
 SHOWN_UNITS = ("deg", "rad", "mm")  # of angles in the picture of a user's own log
 
@@ -57,7 +57,6 @@ class Scene:
     """The contents of a scene file."""
 
     path: Path
-    file: SceneFile
     title: str  # the name of the file if it has none
     model: str = "dahl"  # a name in models.table()
     # (sigma0 [N m/rad], Fc [N m]) of each element, or of each direction: forward, backward
@@ -72,6 +71,7 @@ class Scene:
     friction: dict[str, float] = field(default_factory=dict)  # NODE_KEYS in the file
     status_ms: float = 0.0  # period of Status; 0: only after an event
     node: int = 0  # number of the node on the bus
+    file: Contents = field(default_factory=Contents, repr=False)
 
     @property
     def name(self) -> str:
@@ -144,7 +144,7 @@ def read(path: Path, sets: Sequence[str] = ()) -> Scene:
     dahl.Error that names place, key, value and range.
     """
     file = SceneFile(path, sets)
-    scene = Scene(path, file, file.text("scene", "title") or path.stem)
+    scene = Scene(path, file.text("scene", "title") or path.stem, file=file)
     scene.model = file.text("friction", "model")
     sigma0, torques = file.numbers("friction", "sigma0"), file.numbers("friction", "Fc")
     if scene.has_directions:
@@ -165,7 +165,7 @@ def read(path: Path, sets: Sequence[str] = ()) -> Scene:
     return scene
 
 
-def _measured(file: SceneFile) -> Measured:
+def _measured(file: Contents) -> Measured:
     found: dict[str, Any] = {name: file.get("measured", name) for name in keys.names("measured")}
     return Measured(**found | {"settle": int(found["settle"])})
 
@@ -186,10 +186,6 @@ def read_log(scene: Scene, log: Path) -> Recorded:
         "torque": scene.measured.torque,
         "time": scene.file.text("motion", "time"),
     }
-    if not wanted["angle"]:
-        raise InputError(
-            f"{scene.path}: [motion] angle is missing: which column of {log.name} holds the angle?"
-        )
     _, table = readers.read_columns(log, {role: name for role, name in wanted.items() if name})
     _check_unwrapped(scene, log, table["angle"])
     torque = table.get("torque")

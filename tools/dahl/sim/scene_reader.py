@@ -10,6 +10,7 @@ import configparser
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn, TypeAlias
 
@@ -48,26 +49,14 @@ def _syntax_error(error: configparser.Error) -> str:
     return f": {' '.join(str(error).split())}"
 
 
-class SceneFile:
-    """The checked contents of a scene: `values` by section and key, and `sections`."""
+@dataclass
+class Contents:
+    """The checked contents of a scene: values by section and key, and the names of its sections."""
 
-    def __init__(self, path: Path, sets: Sequence[str] = ()) -> None:
-        self.path = path
-        self._places: dict[Name, str] = {}
-        self._parser = _Parser(
-            inline_comment_prefixes=(";",), interpolation=None, default_section=""
-        )
-        self._read()
-        for text in sets:
-            self._set(text)
-        self.sections = tuple(self._parser.sections())
-        self._check_names()
-        self.values: dict[Name, Value] = {
-            (section, name): self._value(keys.KEYS[section, name], text)
-            for section in self.sections
-            for name, text in self._parser[section].items()
-        }
-        self._check()
+    path: Path = Path()
+    values: dict[Name, Value] = field(default_factory=dict)
+    sections: tuple[str, ...] = ()
+    places: dict[Name, str] = field(default_factory=dict)  # file and line, or the setting
 
     def has(self, section: str, name: str = "") -> bool:
         return (section, name) in self.values if name else section in self.sections
@@ -91,12 +80,31 @@ class SceneFile:
 
     def place(self, section: str, name: str = "") -> str:
         """Return file and line, or the setting of the command line, of a section or a key."""
-        return (
-            self._places.get((section, name)) or self._places.get((section, "")) or f"{self.path}"
-        )
+        return self.places.get((section, name)) or self.places.get((section, "")) or f"{self.path}"
 
     def fail(self, section: str, name: str, words: str) -> NoReturn:
         raise InputError(f"{self.place(section, name)}: {words}")
+
+
+class SceneFile(Contents):
+    """A scene that is read from a file and from settings. Raises dahl.Error."""
+
+    def __init__(self, path: Path, sets: Sequence[str] = ()) -> None:
+        super().__init__(path)
+        self._parser = _Parser(
+            inline_comment_prefixes=(";",), interpolation=None, default_section=""
+        )
+        self._read()
+        for text in sets:
+            self._set(text)
+        self.sections = tuple(self._parser.sections())
+        self._check_names()
+        self.values = {
+            (section, name): self._value(keys.KEYS[section, name], text)
+            for section in self.sections
+            for name, text in self._parser[section].items()
+        }
+        self._check()
 
     # --- names and values -------------------------------------------------------------------------
 
@@ -112,9 +120,9 @@ class SceneFile:
         for number, line in enumerate(text.splitlines(), 1):
             if match := SECTION_LINE.match(line):
                 section = match[1]
-                self._places.setdefault((section, ""), f"{self.path}:{number}")
+                self.places.setdefault((section, ""), f"{self.path}:{number}")
             elif match := KEY_LINE.match(line):
-                self._places.setdefault((section, match[1]), f"{self.path}:{number}")
+                self.places.setdefault((section, match[1]), f"{self.path}:{number}")
 
     def _set(self, text: str) -> None:
         """Apply a setting "section.key=value"."""
@@ -124,9 +132,9 @@ class SceneFile:
         section, name, value = match.groups()
         if not self._parser.has_section(section):
             self._parser.add_section(section)
-            self._places[section, ""] = f"--set {text}"
+            self.places[section, ""] = f"--set {text}"
         self._parser.set(section, name, value.strip())
-        self._places[section, name] = f"--set {text}"
+        self.places[section, name] = f"--set {text}"
 
     def _check_names(self) -> None:
         for section in self.sections:
@@ -181,8 +189,7 @@ class SceneFile:
         self._check_faults()
         if self.has("friction"):
             self._check_model()
-        if self.has("load"):
-            self._check_load()
+        self._check_load()
 
     def _check_kind(self) -> None:
         if not self.has("motion", "kind"):
@@ -225,7 +232,7 @@ class SceneFile:
             words = f"[friction] model = {name}: not one of {', '.join(known)}"
             self.fail("friction", "model", words)
         model = known[name]
-        for key in {row.key for row in known.values() if row.key}:
+        for key in sorted({row.key for row in known.values()} - {""}):
             if self.has("friction", key) and key != model.key:
                 self.fail("friction", key, f"[friction] {key} has no meaning for model = {name}")
             if key == model.key and not self.has("friction", key):
@@ -238,12 +245,18 @@ class SceneFile:
         if name == "parallel" and (len(kinds) != torques or not {*kinds} <= {"dahl", "slip"}):
             words = f"[friction] kinds = {' '.join(kinds)}: not dahl or slip for each of {torques}"
             self.fail("friction", "kinds", words)
-        if (name == "loaded") != self.has("load"):
-            at = ("load", "") if self.has("load") else ("friction", "model")
-            self.fail(*at, f"[load] belongs to [friction] model = loaded, not to {name} alone")
 
     def _check_load(self) -> None:
         """A load is the motor's torque or a column of the log."""
+        name, has_encoder = self.text("friction", "model"), self.has("motion") or self.has("motor")
+        if name == "loaded" and has_encoder and not self.has("load"):
+            self.fail("friction", "model", "[friction] model = loaded needs [load]")
+        if name != "loaded" and self.has("load"):
+            self.fail("load", "", f"[load] has no meaning for model = {name}")
+        if self.has("load"):
+            self._check_load_source()
+
+    def _check_load_source(self) -> None:
         has_shaft, has_column = self.has("rotor"), self.has("load", "column")
         if not has_shaft and self.text("motion", "kind") != "log":
             self.fail("load", "", "[load] needs a [rotor], or [motion] kind = log")
