@@ -99,7 +99,6 @@ WRONG_INPUT = {  # exit code 2
         SMALL odd.csv --angle ' x' => ' x'
         SMALL odd.csv --angle x --torque 'y ' => 'y '
         SMALL ';a.csv' --angle a => ;a.csv
-        SMALL {"x" * 156}.csv --angle a => {"x" * 156}.csv
         demo --scene replay.ini -o out => replay.ini:5: [motion] ... 'angle'
         demo --scene segments --target m4f --bus socketcan:x => --target ... can:x
         demo --scene own.ini --target m9 => --target m9 ... m4f
