@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Compare laws of friction compensation on two simulated axes: one with a position loop, one that
-a hand leads along a path. Rotor, friction, encoder and drive are simulated here.
+a hand leads along a path. Shaft and controller are those of dahl-loop (host_sim/rotor.h,
+controller.h); encoder and drive are simulated here.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import numpy as np
 
 from dahl.binding.compensator import Compensator
 from dahl.binding.friction import Friction, Plan
+from dahl.binding.library import c
+from dahl.sim import timing
 
 NAME = "compensation"
 FC, SIGMA0 = 0.5, 100.0  # N m, N m/rad: true friction, a presliding length of 5 mrad
@@ -22,7 +25,17 @@ INERTIA = 0.002  # kg m2
 KP, KD = 30.0, 0.4  # N m/rad, N m s/rad
 KI = 300.0  # N m/(rad s), of PID
 CASCADE_KP, CASCADE_KI = 50.0, 8.0  # 1/s of the angle, N m/rad of the speed
-PERIOD_S, SUBSTEPS = 1e-3, 8
+GAINS = {  # of controller_t
+    "PD": {"kp": KP, "kd": KD},
+    "PID": {"kp": KP, "kd": KD, "ki": KI},
+    "cascade": {
+        "kp": CASCADE_KP * KD,
+        "kd": KD,
+        "ki": CASCADE_KP * CASCADE_KI,
+        "ki_speed": CASCADE_KI,
+    },
+}
+PERIOD_S = timing.period_us() / 1e6
 MOTION_S, HOLD_S, SETTLE_S = 4.5, 1.5, 0.5  # s; the reference stops at a peak of its sine
 FIRST_S = 1.0  # s, left out of each RMS
 SINE_HZ = 0.5
@@ -176,18 +189,6 @@ def laws(case: Case, is_position: bool) -> dict[str, Law]:
     }
 
 
-class Bearing:
-    """True friction: Dahl's model in double precision, exact in a move."""
-
-    def __init__(self) -> None:
-        self.F = 0.0  # N m
-
-    def move(self, dtheta: float) -> None:
-        """Step by an angle in rad."""
-        goal = math.copysign(FC, dtheta)
-        self.F = goal + (self.F - goal) * math.exp(-SIGMA0 / FC * abs(dtheta))
-
-
 class Encoder:
     """Counts of an angle. Noise within +-noise counts is added before the rounding."""
 
@@ -209,44 +210,24 @@ def reference(amplitude: float, t: float) -> tuple[float, float, float]:
     return (angle, speed, -w * w * angle) if t < MOTION_S else (angle, 0.0, 0.0)
 
 
-class Loop:
-    """Position loop: PD, PID, or a cascade of a P loop of the angle and a PI loop of the speed."""
-
-    def __init__(self, case: Case) -> None:
-        self._is_cascade = case.loop == "cascade"
-        self._Ki = {"PD": 0.0, "PID": KI, "cascade": CASCADE_KI}[case.loop]
-        self._integral = 0.0  # N m
-
-    def torque(self, error: float, speed_error: float) -> float:
-        """Return the torque in N m, once in each tick."""
-        if self._is_cascade:
-            lacking = CASCADE_KP * error + speed_error  # rad/s
-            self._integral += self._Ki * lacking * PERIOD_S
-            return self._integral + KD * lacking
-        self._integral += self._Ki * error * PERIOD_S
-        return self._integral + KP * error + KD * speed_error
-
-
 def track(case: Case, law: Law, seed: int) -> Run:
     """Run the axis with a position loop. The loop reads the angle by the encoder and the speed
     without an error."""
-    run, bearing, encoder, loop = Run(), Bearing(), Encoder(case, seed), Loop(case)
+    run, encoder = Run(), Encoder(case, seed)
+    shaft, controller = c.new("rotor_t *"), c.new("controller_t *", GAINS[case.loop])
+    c.dahl_rotor_open(shaft, INERTIA, 0.0, SIGMA0, FC)
     commands = [0.0] * (case.delay + 1)  # the last acts in this tick
-    theta = speed = 0.0
     reference_counts = 0
     for tick in range(_ticks(MOTION_S + HOLD_S)):
         target, target_speed, acceleration = reference(case.amplitude, tick * PERIOD_S)
         before, reference_counts = reference_counts, math.floor(target / case.theta_per_count)
-        added = law.torque(encoder.move(theta), reference_counts - before, target_speed)
+        added = law.torque(encoder.move(shaft.theta), reference_counts - before, target_speed)
         error = target - encoder.counts * case.theta_per_count
-        feedback = loop.torque(error, target_speed - speed)
+        change = (target_speed - shaft.omega) * PERIOD_S
+        feedback = c.dahl_controller_torque(controller, error, change)
         commands = [feedback + INERTIA * acceleration + added, *commands[:-1]]
-        for _ in range(SUBSTEPS):
-            step = PERIOD_S / SUBSTEPS
-            speed += (commands[-1] - bearing.F) / INERTIA * step
-            theta += speed * step
-            bearing.move(speed * step)
-        run.error.append(reference(case.amplitude, (tick + 1) * PERIOD_S)[0] - theta)
+        c.dahl_rotor_advance(shaft, commands[-1])
+        run.error.append(reference(case.amplitude, (tick + 1) * PERIOD_S)[0] - shaft.theta)
         run.motor.append(commands[-1])
         run.added.append(added)
     return run
@@ -254,7 +235,7 @@ def track(case: Case, law: Law, seed: int) -> Run:
 
 def lead(case: Case, law: Law, seed: int) -> Run:
     """Run the axis that a hand leads; the error is the torque of the hand."""
-    run, bearing, encoder = Run(), Bearing(), Encoder(case, seed)
+    run, bearing, encoder = Run(), Friction(Plan(SIGMA0, FC)), Encoder(case, seed)
     commands = [0.0] * (case.delay + 1)
     theta = 0.0
     for tick in range(_ticks(MOTION_S + HOLD_S)):
@@ -262,8 +243,7 @@ def lead(case: Case, law: Law, seed: int) -> Run:
         before, theta = theta, case.amplitude * (math.sin(s) + 0.2 * math.sin(3.4 * s))
         added = law.torque(encoder.move(before), 0, 0.0)
         commands = [added, *commands[:-1]]
-        bearing.move(theta - before)
-        run.error.append(bearing.F - commands[-1])
+        run.error.append(bearing.step(theta - before) - commands[-1])
         run.motor.append(commands[-1])
         run.added.append(added)
     return run

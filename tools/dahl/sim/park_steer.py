@@ -17,10 +17,12 @@ import can
 import numpy as np
 
 from dahl.binding.friction import Plan
+from dahl.binding.library import c
 from dahl.can import codec
 from dahl.can.bus import VCAN, open_bus
 from dahl.can.node import Node
 from dahl.errors import RunError
+from dahl.sim import timing
 
 NAME = "park-steer"
 # Steering and car
@@ -43,12 +45,18 @@ HAND_AMPLITUDE, HAND_HZ = math.pi, 0.1  # rad
 CYCLES = 1.5  # the last whole cycle is measured
 GAIN = 0.8  # share of the sticking torque that the assist pushes with
 COUNTS_PER_TURN = 16384
-PERIOD_S, SUBSTEPS = 1e-3, 8
+PERIOD_S = timing.period_us() / 1e6
 TYRES, ASSIST = 0, 1  # numbers of the nodes
 
 PINION_INERTIA = MOTOR_INERTIA * MOTOR_RATIO**2 + RACK_MASS * PINION_RADIUS**2  # kg m2
 PINION_DAMPING = MOTOR_DAMPING * MOTOR_RATIO**2 + RACK_DAMPING * PINION_RADIUS**2  # N m s/rad
 RATE = 2 * math.pi * HAND_HZ  # rad/s
+HAND = {  # hand_t; three quarters of a cycle before the start, so that it starts at rest
+    "stiffness": TORSION_BAR,
+    "amplitude": HAND_AMPLITUDE,
+    "frequency": HAND_HZ,
+    "start": -0.75 / HAND_HZ,
+}
 THETA_PER_COUNT = 2 * math.pi / COUNTS_PER_TURN
 
 
@@ -71,45 +79,42 @@ def hand_motion(t: float) -> tuple[float, float, float]:
     return angle, HAND_AMPLITUDE * RATE * sine, -(RATE**2) * angle
 
 
-class Pinion:
-    """Pinion, rack and motor behind the torsion bar, whose other end the hand turns. From
-    `released` s on, the hand wheel is free.
+class Steering:
+    """Two shafts of dahl-loop (host_sim/rotor.h): pinion, rack and motor behind the torsion bar,
+    and the hand wheel. A hand leads the wheel up to `released` s; then it is free, and the torsion
+    bar couples both shafts tick by tick.
     """
 
     def __init__(self, released: float = math.inf) -> None:
-        self.angle, self.speed, self.time = hand_motion(0)[0], 0.0, 0.0  # rad, rad/s, s
-        self.wheel_angle, self.wheel_speed = hand_motion(0)[:2]
-        self._released = released
+        self.pinion, self.wheel = c.new("rotor_t *"), c.new("rotor_t *")
+        c.dahl_rotor_open(self.pinion, PINION_INERTIA, PINION_DAMPING, 0.0, 0.0)
+        c.dahl_rotor_open(self.wheel, HAND_WHEEL_INERTIA, COLUMN_DAMPING, 0.0, 0.0)
+        self._hand, self._released = c.new("hand_t *", HAND), released
+        self.pinion.hand, self.pinion.theta = self._hand, hand_motion(0.0)[0]
+        self._lead(0.0)
 
-    def twist(self) -> float:
-        """Return the torque of the torsion bar in N m."""
-        return TORSION_BAR * (self.wheel_angle - self.angle)
+    def _lead(self, now: float) -> None:
+        self.wheel.theta, self.wheel.omega, self._acceleration = hand_motion(now)
+        if now >= self._released:
+            self.pinion.hand = c.NULL
 
-    def advance(self, torque: float) -> None:
-        """Move for a period under a torque in N m that is constant in it."""
-        step = PERIOD_S / SUBSTEPS
-        for _ in range(SUBSTEPS):
-            twist = self.twist()
-            total = twist - PINION_DAMPING * self.speed + torque
-            self.speed += total / PINION_INERTIA * step
-            self.angle += self.speed * step
-            self._turn_wheel(twist, step)
-
-    def _turn_wheel(self, twist: float, step: float) -> None:
-        self.time += step
-        if self.time < self._released:
-            self.wheel_angle, self.wheel_speed = hand_motion(self.time)[:2]
-            return
-        braking = twist + COLUMN_DAMPING * self.wheel_speed
-        self.wheel_speed -= braking / HAND_WHEEL_INERTIA * step
-        self.wheel_angle += self.wheel_speed * step
+    def advance(self, torque: float, now: float) -> None:
+        """Move from `now` s for a period under a torque in N m that is constant in it."""
+        if self.pinion.hand:
+            c.dahl_rotor_advance(self.pinion, torque)
+            self._lead(now + PERIOD_S)
+        else:
+            twist = TORSION_BAR * (self.wheel.theta - self.pinion.theta)
+            c.dahl_rotor_advance(self.pinion, torque + twist)
+            c.dahl_rotor_advance(self.wheel, -twist)
 
     def hand_torque(self) -> float:
         """Return the torque in N m that the hand needs for its motion."""
-        if self.time >= self._released:
+        if not self.pinion.hand:
             return 0.0
-        _, speed, acceleration = hand_motion(self.time)
-        return HAND_WHEEL_INERTIA * acceleration + COLUMN_DAMPING * speed + self.twist()
+        inertia = HAND_WHEEL_INERTIA * self._acceleration
+        twist = c.dahl_rotor_hand_torque(self.pinion)
+        return float(inertia + COLUMN_DAMPING * self.wheel.omega + twist)
 
 
 class Station:
@@ -211,7 +216,7 @@ def simulate(
     The tyres have this share of their dry torque: less on ice, in the air, or if the car rolls. The
     assist still takes it for dry. The hand lets go of the wheel at `released` s.
     """
-    tyre, assist_plan, pinion = tyre_plan(grip_share), tyre_plan(), Pinion(released)
+    tyre, assist_plan, steering = tyre_plan(grip_share), tyre_plan(), Steering(released)
     nodes = Node(tyre, TYRES), Node(assist_plan, ASSIST, gain=gain)
     torques = tyre.Fc, assist_plan.Fc  # N m of a ratio of 1
     rows = []
@@ -220,11 +225,11 @@ def simulate(
         column = Column(buses[0], [Station(*pair) for pair in zip(buses[1:], nodes, strict=True)])
         for tick in range(count_ticks() + 1):
             now = tick * PERIOD_S
-            ratios = column.exchange(pinion.angle, now)
+            ratios = column.exchange(steering.pinion.theta, now)
             tyres, assist = (Fc * ratio for Fc, ratio in zip(torques, ratios, strict=True))
-            angles = pinion.wheel_angle, pinion.angle
-            rows.append((now, *angles, pinion.hand_torque(), tyres, assist))
-            pinion.advance(assist - tyres)
+            angles = steering.wheel.theta, steering.pinion.theta
+            rows.append((now, *angles, steering.hand_torque(), tyres, assist))
+            steering.advance(assist - tyres, now)
             progress()
     time, hand_angle, pinion_angle, hand, tyre_torques, assist_torques = np.array(rows).T
     return Run(time, hand_angle, pinion_angle, hand, tyre_torques, assist_torques, column.frames)
