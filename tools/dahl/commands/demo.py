@@ -350,7 +350,7 @@ def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: An
 
 def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any) -> None:
     """Let firmware be the node; the node of dahl-loop only serves the bus."""
-    from dahl.sim import firmware
+    from dahl.target import firmware
 
     if not setup.bus.startswith("socketcand"):
         raise InputError(f"--target goes with --bus socketcand, not {setup.bus}")
