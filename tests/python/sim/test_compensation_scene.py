@@ -43,7 +43,7 @@ def test_the_page_has_the_numbers_of_the_scene(compared: Comparison, root: Path)
 
 @pytest.mark.parametrize("kind", compensation.GAINS)
 def test_the_controller_has_the_torque_of_its_textbook(kind: str) -> None:
-    """A PD or PID controller of the angle, or a PI controller of the speed that a P one asks for."""
+    """PD, PID, or a PI controller of the speed that a P controller of the angle asks for."""
     error, speed = np.random.default_rng(1).normal(size=(2, 50))
     asked = 50.0 * error + speed
     due = {
