@@ -42,85 +42,38 @@ PREFERRED = ("tribometer", "cycloidal")  # measured sets, best first
 WITHOUT_DATA = "steering"
 
 
+OWN_LOG = (  # type, name of the value, help
+    ("--angle", str, "COLUMN", "angle: column by name, or by number from 1"),
+    ("--torque", str, "COLUMN", "the same for the measured torque"),
+    ("--time", str, "COLUMN", "the same for the time"),
+    ("--sigma0", number, "X", "stiffness at rest, N m/rad (mm: N/m)"),
+    ("--fc", number, "Y", "Coulomb torque, N m (mm: N)"),
+    ("--counts-per-turn", number, "N", "encoder counts per turn (mm: per millimetre)"),
+    ("--angle-unit", str, "UNIT", "deg, rad, counts, mm, ... (default: by the name, else deg)"),
+    ("--torque-scale", finite, "K", "N m per unit of the torque (default: by its name, else 1)"),
+    ("--offset", finite, "T", "N m, added to the torque of the model"),
+    ("--spring", finite, "K", "N m/rad; its product with the angle is added"),
+)
+RUN = (
+    ("--scene", str, "NAME", "a shipped scene, a scene file, compensation or park-steer"),
+    ("--bus", str, "SPEC", "socketcan:IF or socketcand (default: the best there is)"),
+    ("--target", str, "CORE", "compute the torque in firmware on an emulated core, such as m4f"),
+    ("--seconds", seconds, "S", "end the motion after S seconds"),
+    ("--seed", whole(0, MAX_SEED), "N", "of a scene that has random parts"),
+)
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    log_help = "your own log: a table as dahl identify reads it"
+    parser.add_argument("log", nargs="?", type=Path, metavar="LOG", help=log_help)
+    for group, options in ((parser.add_argument_group("your own log"), OWN_LOG), (parser, RUN)):
+        for name, kind, metavar, words in options:
+            group.add_argument(name, type=kind, metavar=metavar, help=words)
+    json_help = "print summary.json, and all other output to standard error"
+    parser.add_argument("--json", action="store_true", help=json_help)
+    folder, folder_help = paths.OUTPUT / "demo", "folder of the files"
     parser.add_argument(
-        "log",
-        nargs="?",
-        type=Path,
-        metavar="LOG",
-        help="your own log: a table as dahl identify reads it",
-    )
-    _add_own(parser.add_argument_group("your own log"))
-    _add_run(parser)
-
-
-def _add_own(own: argparse._ActionsContainer) -> None:
-    """Add the options that describe a user's own log and the model to compare it with."""
-    own.add_argument("--angle", metavar="COLUMN", help="angle: column by name, or by number from 1")
-    own.add_argument("--torque", metavar="COLUMN", help="the same for the measured torque")
-    own.add_argument("--time", metavar="COLUMN", help="the same for the time")
-    own.add_argument(
-        "--sigma0", type=number, metavar="X", help="stiffness at rest, N m/rad (mm: N/m)"
-    )
-    own.add_argument("--fc", type=number, metavar="Y", help="Coulomb torque, N m (mm: N)")
-    own.add_argument(
-        "--counts-per-turn",
-        type=number,
-        metavar="N",
-        help="encoder counts per turn (mm: per millimetre)",
-    )
-    own.add_argument(
-        "--angle-unit",
-        metavar="UNIT",
-        help="deg, rad, mrad, turn, counts, m, mm, ... (default: that of the name, else deg)",
-    )
-    own.add_argument(
-        "--torque-scale",
-        type=finite,
-        metavar="K",
-        help="N m per unit of the torque column (default: that of its name, else 1)",
-    )
-    own.add_argument(
-        "--offset", type=finite, metavar="T", help="N m, added to the torque of the model"
-    )
-    own.add_argument(
-        "--spring", type=finite, metavar="K", help="N m/rad; its product with the angle is added"
-    )
-
-
-def _add_run(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--scene",
-        metavar="NAME",
-        help="a shipped scene, the path of a scene file, compensation (laws compared, no bus) or"
-        " park-steer (a power steering, two nodes)",
-    )
-    parser.add_argument(
-        "--bus", metavar="SPEC", help="socketcan:IF or socketcand (default: the best there is)"
-    )
-    parser.add_argument(
-        "--target",
-        metavar="CORE",
-        help="compute the torque in firmware on an emulated core, such as m4f",
-    )
-    parser.add_argument(
-        "--seconds", type=seconds, metavar="S", help="end the motion after S seconds"
-    )
-    parser.add_argument(
-        "--seed", type=whole(0, MAX_SEED), metavar="N", help="of a scene that has random parts"
-    )
-    parser.add_argument(
-        "--json",
-        action="store_true",
-        help="print summary.json, and all other output to standard error",
-    )
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        default=paths.OUTPUT / "demo",
-        metavar="FOLDER",
-        help="folder of the files",
+        "-o", "--output", type=Path, default=folder, metavar="FOLDER", help=folder_help
     )
 
 

@@ -19,7 +19,6 @@ from dahl.binding.friction import Friction, Plan
 from dahl.binding.library import c
 from dahl.sim import timing
 
-NAME = "compensation"
 FC, SIGMA0 = 0.5, 100.0  # N m, N m/rad: true friction, a presliding length of 5 mrad
 INERTIA = 0.002  # kg m2
 KP, KD = 30.0, 0.4  # N m/rad, N m s/rad
@@ -117,12 +116,6 @@ class Law(Protocol):
         """Read the counts of encoder and reference, and the speed of the reference in rad/s."""
 
 
-class NoLaw:
-    def torque(self, dcounts: int, reference_move: int, reference_speed: float) -> float:
-        """Return 0."""
-        return 0.0
-
-
 class SpeedLaw:
     """A usual law: Fc times a function of the speed."""
 
@@ -144,11 +137,8 @@ class DahlLaw:
     def __init__(self, case: Case, is_reference: bool) -> None:
         Fc, sigma0 = case.Fc * FC, case.sigma0 * SIGMA0  # noqa: N806
         plan = Plan(sigma0, Fc, case.theta_per_count)
-        self._element, self._measured, self._is_reference = (
-            Friction(plan),
-            Friction(plan),
-            is_reference,
-        )
+        self._element, self._measured = Friction(plan), Friction(plan)
+        self._is_reference = is_reference
         self._compensator = Compensator(
             plan.sigma0,
             plan.Fc,
@@ -181,7 +171,7 @@ class DahlLaw:
 def laws(case: Case, is_position: bool) -> dict[str, Law]:
     """Return new laws by name; "none" is first. A dead band always uses the measured speed."""
     return {
-        "none": NoLaw(),
+        "none": SpeedLaw(case, lambda v: 0.0, is_position),
         "sign": SpeedLaw(case, lambda v: float(np.sign(v)), is_position),
         "tanh": SpeedLaw(case, lambda v: math.tanh(v / TANH_SPEED), is_position),
         "dead band": SpeedLaw(case, lambda v: math.copysign(abs(v) > DEAD_BAND, v), False),
@@ -249,19 +239,27 @@ def lead(case: Case, law: Law, seed: int) -> Run:
     return run
 
 
+AXES = {  # cases; how to run them; s, up to which the error counts
+    "position": (POSITION_CASES, track, MOTION_S),
+    "hand": (HAND_CASES, lead, MOTION_S + HOLD_S),
+}
+
+
+Numbers = dict[str, dict[str, dict[str, dict[str, float]]]]  # by axis, case, law and name
+
+
 @dataclass(frozen=True)
 class Comparison:
-    """Numbers by axis, case and law; the runs of the two cases of the picture by law."""
+    """All numbers; the runs of the two cases of the picture by law."""
 
-    numbers: dict[str, dict[str, dict[str, dict[str, float]]]]
+    numbers: Numbers
     position: dict[str, Run]
     hand: dict[str, Run]
 
 
 def count_runs() -> int:
     """Return the number of runs of compare()."""
-    cases = (*POSITION_CASES, *HAND_CASES)
-    return len(cases) * len(laws(cases[0], True))
+    return sum(len(laws(case, True)) for cases, *_ in AXES.values() for case in cases)
 
 
 def compare(seed: int = 1, progress: Callable[[], None] = lambda: None) -> Comparison:
@@ -269,38 +267,24 @@ def compare(seed: int = 1, progress: Callable[[], None] = lambda: None) -> Compa
     `sign_changes_per_s` counts those of the added torque while the reference holds.
     Each run calls progress() at its end.
     """
-    position = {case: _runs(track, case, True, seed, progress) for case in POSITION_CASES}
-    hand = {case: _runs(lead, case, False, seed, progress) for case in HAND_CASES}
-    numbers: dict[str, dict[str, dict[str, dict[str, float]]]] = {"position": {}, "hand": {}}
-    for case, runs in position.items():
-        numbers["position"][case.name] = {
-            law: {**_ratio(run, runs["none"], MOTION_S), **_chatter(run)}
-            for law, run in runs.items()
-        }
-    for case, runs in hand.items():
-        numbers["hand"][case.name] = {
-            law: _ratio(run, runs["none"], MOTION_S + HOLD_S) for law, run in runs.items()
-        }
-    return Comparison(numbers, position[SHOWN_POSITION], hand[SHOWN_HAND])
+    numbers: Numbers = {axis: {} for axis in AXES}
+    shown = {}
+    for axis, (cases, simulate, seconds) in AXES.items():
+        for case in cases:
+            runs = {}
+            for name, law in laws(case, axis == "position").items():
+                runs[name] = simulate(case, law, seed)
+                progress()
+            numbers[axis][case.name] = {
+                law: _numbers(run, runs["none"], seconds) for law, run in runs.items()
+            }
+            shown[axis] = runs  # of the last case
+    return Comparison(numbers, **shown)
 
 
-def _runs(
-    simulate: Callable[[Case, Law, int], Run],
-    case: Case,
-    is_position: bool,
-    seed: int,
-    progress: Callable[[], None],
-) -> dict[str, Run]:
-    runs = {}
-    for name, law in laws(case, is_position).items():
-        runs[name] = simulate(case, law, seed)
-        progress()
-    return runs
-
-
-def _ratio(run: Run, without: Run, seconds: float) -> dict[str, float]:
-    return {"rms": run.rms(seconds), "ratio": run.rms(seconds) / without.rms(seconds)}
-
-
-def _chatter(run: Run) -> dict[str, float]:
-    return {"sign_changes_per_s": run.sign_changes(MOTION_S + SETTLE_S)}
+def _numbers(run: Run, without: Run, seconds: float) -> dict[str, float]:
+    rms = run.rms(seconds)
+    found = {"rms": rms, "ratio": rms / without.rms(seconds)}
+    if seconds == MOTION_S:  # the reference then holds
+        found["sign_changes_per_s"] = run.sign_changes(MOTION_S + SETTLE_S)
+    return found

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import can
@@ -19,12 +18,11 @@ import numpy as np
 from dahl.binding.friction import Plan
 from dahl.binding.library import c
 from dahl.can import codec
-from dahl.can.bus import VCAN, open_bus
+from dahl.can.bus import VCAN
 from dahl.can.node import Node
 from dahl.errors import RunError
 from dahl.sim import timing
 
-NAME = "park-steer"
 # Steering and car
 HAND_WHEEL_INERTIA = 0.046  # kg m2, with the upper column
 COLUMN_DAMPING = 0.361  # N m s/rad
@@ -117,53 +115,28 @@ class Steering:
         return float(inertia + COLUMN_DAMPING * self.wheel.omega + twist)
 
 
-class Station:
-    """A friction node with its own access to the bus."""
-
-    def __init__(self, bus: can.BusABC, node: Node) -> None:
-        self._bus, self._node = bus, node
-
-    def serve(self, now: float) -> list[can.Message]:
-        """Answer all frames that wait. Return the answers."""
-        answers = []
-        while (message := self._bus.recv(0)) is not None:
-            if answer := self._node.receive(message, now):
-                self._bus.send(answer)
-                answers.append(answer)
-        return answers
-
-
 class Column:
-    """The sensor and the motor of the column: sends counts, receives torques, in lockstep."""
+    """The sensor and the motor of the column: sends a count to each node and receives torques."""
 
-    def __init__(self, bus: can.BusABC, stations: list[Station]) -> None:
-        self._bus, self._stations = bus, stations
+    def __init__(self, nodes: Sequence[Node]) -> None:
+        self._nodes = nodes
         self._counters = itertools.cycle(range(codec.COUNTERS))
-        self.frames: list[can.Message] = []  # all of the bus, with their time
+        self.frames: list[can.Message] = []  # of the bus, with their time
 
     def exchange(self, angle: float, now: float) -> list[float]:
         """Return the torque over Fc of each node for an angle in rad at a time in s. Raises
         RunError if a node does not answer.
         """
         state = codec.EncoderState(round(angle / THETA_PER_COUNT), next(self._counters))
-        sent = [codec.pack(state, number) for number in range(len(self._stations))]
-        for message in sent:
-            self._bus.send(message)
-        for station in self._stations:
-            sent += station.serve(now)
-        for message in sent:
-            message.timestamp, message.channel = now, VCAN
-        self.frames += sent
-        return self._receive(now)
-
-    def _receive(self, now: float) -> list[float]:
-        ratios = {}
-        while (message := self._bus.recv(0)) is not None:
-            frame = codec.unpack(message, codec.FrictionTorque)
-            ratios[message.arbitration_id % codec.NODES] = frame.ratio
-        if len(ratios) < len(self._stations):
+        sent = [codec.pack(state, number) for number in range(len(self._nodes))]
+        pairs = zip(self._nodes, sent, strict=True)
+        answers = [answer for node, one in pairs if (answer := node.receive(one, now))]
+        if len(answers) < len(sent):
             raise RunError(f"a node did not answer the count at {now:.3f} s")
-        return [ratios[number] for number in sorted(ratios)]
+        for message in (frames := sent + answers):
+            message.timestamp, message.channel = now, VCAN
+        self.frames += frames
+        return [codec.unpack(answer, codec.FrictionTorque).ratio for answer in answers]
 
 
 @dataclass(frozen=True)
@@ -219,18 +192,15 @@ def simulate(
     tyre, assist_plan, steering = tyre_plan(grip_share), tyre_plan(), Steering(released)
     nodes = Node(tyre, TYRES), Node(assist_plan, ASSIST, gain=gain)
     torques = tyre.Fc, assist_plan.Fc  # N m of a ratio of 1
-    rows = []
-    with ExitStack() as stack:
-        buses = [stack.enter_context(open_bus(interface="virtual", channel=NAME)) for _ in range(3)]
-        column = Column(buses[0], [Station(*pair) for pair in zip(buses[1:], nodes, strict=True)])
-        for tick in range(count_ticks() + 1):
-            now = tick * PERIOD_S
-            ratios = column.exchange(steering.pinion.theta, now)
-            tyres, assist = (Fc * ratio for Fc, ratio in zip(torques, ratios, strict=True))
-            angles = steering.wheel.theta, steering.pinion.theta
-            rows.append((now, *angles, steering.hand_torque(), tyres, assist))
-            steering.advance(assist - tyres, now)
-            progress()
+    column, rows = Column(nodes), []
+    for tick in range(count_ticks() + 1):
+        now = tick * PERIOD_S
+        ratios = column.exchange(steering.pinion.theta, now)
+        tyres, assist = (Fc * ratio for Fc, ratio in zip(torques, ratios, strict=True))
+        angles = steering.wheel.theta, steering.pinion.theta
+        rows.append((now, *angles, steering.hand_torque(), tyres, assist))
+        steering.advance(assist - tyres, now)
+        progress()
     time, hand_angle, pinion_angle, hand, tyre_torques, assist_torques = np.array(rows).T
     return Run(time, hand_angle, pinion_angle, hand, tyre_torques, assist_torques, column.frames)
 
