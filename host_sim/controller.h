@@ -19,7 +19,7 @@ typedef struct {
     double integral; /* N m; 0 at the start */
 } controller_t;
 
-/* N m. error: reference minus angle, rad. change: of the error in a period. If both are counts, multiply the result by rad/count. */
+/* N m. error: reference minus angle, rad. change: of the error in a period, rad. For counts, multiply the result by rad/count. */
 double dahl_controller_torque(controller_t *controller, double error, double change);
 
 #endif

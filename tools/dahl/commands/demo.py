@@ -147,7 +147,7 @@ def _replay(args: argparse.Namespace, console: Any) -> tuple[dict[str, Any], lis
         plots.draw(path, scene, trace, recorded, numbers)
 
     names = ["loop.png", "run.log", "summary.json"]
-    shown = _table(numbers, scene, trace.not_recorded)
+    shown = _table(numbers, trace.not_recorded)
     _write_results(args.output, names, numbers, draw, shown, console)
     if numbers["interrupted"]:
         console.print("ended early; the files hold all frames recorded until then")
@@ -391,37 +391,21 @@ def _write_results(
     console.print("files   " + ", ".join(str(folder / name) for name in names))
 
 
-def _table(numbers: dict[str, Any], scene: Scene, not_recorded: int) -> Any:
+def _table(numbers: dict[str, Any], not_recorded: int) -> Any:
     from rich.table import Table
 
-    from dahl.report import traces
+    from dahl.report import summary
 
-    latency, late = numbers.get("latency_us") or {}, traces.format_late(numbers)
-    error = numbers["max_error_ulp_Fc"]
-    rows = {
-        "bus": numbers["bus"],
-        "ticks": numbers.get("ticks"),
-        "frames sent, unanswered": f"{numbers.get('frames_sent')}, {numbers.get('frames_lost')}",
-        "latency": ", ".join(f"{key} {value:.0f} µs" for key, value in latency.items())
-        or "none: virtual time stands still between a count and its answer",
-        **{f"{name} later than a period": text for name, text in late.items()},
-        "error against the exact torque": "not compared: the node answers a part of the torque"
-        if error is None
-        else f"{error:.3f} ulp of Fc at most",
-        "error against the measurement": "no measurement here",
-    }
+    rows = dict(summary.rows(numbers)) | _special(numbers)
     if not_recorded:
-        for name in ("exact torque", "measurement"):
-            rows[f"error against the {name}"] = _not_compared(numbers, not_recorded)
-    if numbers["r2_measured"] is not None:
-        rows["error against the measurement"] = (
-            f"rms {numbers['rmse_measured']:.4g} {scene.measured.unit},"
-            f" R² {numbers['r2_measured']:.4f} (from row {numbers['compared_from_row']} on)"
-        )
-    rows |= _special(numbers)
+        rows["errors"] = _not_compared(numbers, not_recorded)
+    elif numbers["max_error_ulp_Fc"] is None:
+        rows["exact torque"] = "not compared: the node answers a part of the torque"
+    if numbers["r2_measured"] is None:
+        rows["measurement"] = "not compared" if numbers["log"] else "no measurement here"
     table = Table(show_header=False)
-    for name, value in rows.items():
-        table.add_row(name, str(value))
+    for row in rows.items():
+        table.add_row(*row)
     return table
 
 
