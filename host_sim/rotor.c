@@ -10,7 +10,7 @@ static const double TWO_PI = 6.283185307179586;
 dahl_err_t dahl_rotor_open(rotor_t *rotor, double inertia, double viscous, double sigma0, double Fc)
 {
     dahl_params_t params = {.sigma0 = (float)sigma0, .Fc = (float)Fc};
-    *rotor = (rotor_t){.inertia = inertia, .viscous = viscous, .load_q30 = 1u << 30, .has_friction = Fc != 0};
+    *rotor = (rotor_t){.inertia = inertia, .viscous = viscous, .load_q30 = 1u << 30, .has_friction = !(fabs(Fc) <= 0)};
     return rotor->has_friction ? dahl_prepare(&rotor->plan, &params) : DAHL_OK;
 }
 
