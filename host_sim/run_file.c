@@ -282,7 +282,7 @@ static const double LIMIT_ROUNDING = 1e-8;
 static bool check_inertia(const reader_t *r)
 {
     const run_rotor_t *rotor = &r->run->rotor;
-    double least = rotor_least_inertia(rotor->viscous, rotor->sigma0, &r->run->hand);
+    double least = dahl_rotor_least_inertia(rotor->viscous, rotor->sigma0, &r->run->hand);
     if (r->run->has_rotor && rotor->inertia < least * (1 - LIMIT_ROUNDING)) {
         log_error("%s:%d: rotor.inertia = %.9g: below %.9g, the least at which steps of %g us are stable with this viscous, sigma0"
                   " and hand", r->path, line_of(r, "rotor.inertia"), rotor->inertia, least, (double)ROTOR_STEP_US);
