@@ -256,7 +256,8 @@ def in_trouble(dbc) -> list[can.Message]:
 
 def test_a_torque_has_a_unit_if_fc_is_known(monitor, seen, dbc, tmp_path):
     (tmp_path / "own.ini").write_text(
-        "[friction]\nsigma0 = 1\nFc = 2\ntheta_per_count = 1\n[measured]\nlabel_torque = force [N]\n"
+        "[friction]\nsigma0 = 1\nFc = 2\ntheta_per_count = 1\n"
+        "[measured]\nlabel_torque = force [N]\n"
     )
     sent, last = in_trouble(dbc), f"{2 * np.sin(89 / 9):+.6f}"
     assert "F/Fc over counts" in monitor(sent)

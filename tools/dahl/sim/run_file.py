@@ -17,6 +17,7 @@ import numpy as np
 
 from dahl.errors import InputError
 from dahl.io import data, readers
+from dahl.sim import timing
 from dahl.sim.keys import KEYS
 from dahl.sim.scene import Scene, element
 from dahl.sim.scene_reader import Name, Value
@@ -84,7 +85,9 @@ def text_of(values: dict[Name, Value]) -> str:
 def _text(value: Value) -> str:
     if isinstance(value, tuple):
         return " ".join(map(_text, value))
-    return value if isinstance(value, str) else repr(value).removesuffix(".0")
+    if isinstance(value, str):
+        return " ".join(value.split())  # a value of a scene may have several lines
+    return repr(value).removesuffix(".0")
 
 
 def counts_of(scene: Scene, log: Path) -> str:
@@ -143,7 +146,7 @@ def summary(text: str, scene: Scene, bus: str, seed: int, is_virtual: bool) -> d
     if "beat_late" in raw:
         found["beat_late_us"] = _quantiles(raw["beat_late"])
     wall = int(raw["wall_ns"]) * 1e-9
-    seconds = found["ticks"] * 1e-3
+    seconds = found["ticks"] * timing.period_us() / 1e6
     return found | {
         "bus_counts": _group(raw, "bus."),
         "wall_s": wall,

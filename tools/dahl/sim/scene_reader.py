@@ -23,7 +23,6 @@ Value: TypeAlias = float | str | tuple[float, ...]  # of NUMBER and WHOLE, TEXT,
 Name: TypeAlias = tuple[str, str]  # section, key; a key of "" is the section
 
 KINDS = ("segments", "steering", "log")  # of [motion]
-MAX_ELEMENTS = 8
 SECTION_LINE = re.compile(r"\s*\[([^\]]+)\]")
 KEY_LINE = re.compile(r"\s*([^\s=:\[;#][^=:]*?)\s*[=:]")
 SETTING = re.compile(r"(\w+)\.(\w+)=(.*)", re.DOTALL)
@@ -154,11 +153,7 @@ class SceneFile(Contents):
             return text
         if key.type != "LIST":
             return self._number(key, text)
-        words = text.split()
-        if len(words) > MAX_ELEMENTS:
-            most = f"{key.place} = {text}: more than {MAX_ELEMENTS} numbers"
-            self.fail(key.section, key.name, most)
-        return tuple(self._number(key, word) for word in words)
+        return tuple(self._number(key, word) for word in text.split())
 
     def _number(self, key: Key, text: str) -> float:
         try:
