@@ -99,12 +99,12 @@ class KeptRunFile(RunFile):
     """A run file whose files stay in a folder, so that no process must inherit them."""
 
     def __init__(self, folder: Path, *words: Any) -> None:
-        self.folder = folder
+        self.folder, self.files = folder, 0
         super().__init__(*words)
 
     def _in_memory(self, text: str) -> str:
-        self.fds.append(len(self.fds))
-        path = self.folder / f"dahl-loop.{len(self.fds)}"
+        self.files += 1
+        path = self.folder / f"dahl-loop.{self.files}"
         path.write_text(text, encoding="utf-8", errors="surrogateescape")
         return str(path)
 

@@ -152,6 +152,8 @@ def test_an_unknown_name_in_a_scene_is_found_before_a_bus_is_opened(
 LOG_ERRORS = [  # text of a log, words of the error; more of them in tests/python/io
     ("", "empty"),
     ("t,winkel,note\n0,1,a\n", "angle t winkel note"),
+    ("t,angle,note\n", ""),
+    ("t,angle,note\n0,1e308,a\n1,1e308,a\n", "angle row 1 2^31"),
     ("t,angle,note\n0,1,a\n1,,b\n", "log.csv:3 angle"),
     ("t,angle,note\n0,1,a\n2,2,b\n1,3,c\n", "log.csv:4 t"),
     ("t,angle,note\n0,1,a\n1,1e9,b\n", "angle row 2 9.99999999e+09 2^31"),

@@ -260,7 +260,6 @@ def run_uncompensated(setup: Setup, trace: Path) -> None:
         errors="replace",
         pass_fds=run.fds,
     )
-    run.close()
     if done.returncode:
         last = done.stderr.strip().splitlines()[-1:] or [f"code {done.returncode}"]
         raise RunError(f"dahl-loop without compensation: {last[0].removeprefix('error: ')}")

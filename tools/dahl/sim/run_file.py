@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import os
 import re
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ LINE = re.compile(r":(\d+): ")
 
 
 class RunFile:
-    """A scene as dahl-loop reads it. `fds` must be passed to its process; close() afterwards.
+    """A scene as dahl-loop reads it. `fds` must be passed to its process.
 
     A run of role "node" has no encoder, so its log is not read. Raises dahl.Error.
     """
@@ -36,6 +37,7 @@ class RunFile:
     def __init__(self, scene: Scene, log: Path | None = None, role: str = "both") -> None:
         self._scene = scene
         self.fds: list[int] = []
+        weakref.finalize(self, _close_all, self.fds)
         values = dict(scene.file.values)
         if role == "node":
             values = {name: value for name, value in values.items() if name[0] in OF_NODE}
@@ -58,10 +60,6 @@ class RunFile:
             file.write(text)
         return f"/proc/self/fd/{fd}"
 
-    def close(self) -> None:
-        while self.fds:
-            os.close(self.fds.pop())
-
     def summary(self, bus: str, seed: int, is_virtual: bool) -> dict[str, Any]:
         """Return the summary of the run, {} if dahl-loop has written no counters."""
         text = Path(self.counters).read_text(encoding="ascii")
@@ -75,6 +73,11 @@ class RunFile:
             return message.replace(self.path, str(self._scene.path))
         place = self._scene.file.place(*self.names[int(line[1]) - 1])
         return f"{before}{place}: {after[line.end() :]}"
+
+
+def _close_all(fds: list[int]) -> None:
+    for fd in fds:
+        os.close(fd)
 
 
 def text_of(values: dict[Name, Value]) -> str:
@@ -98,9 +101,10 @@ def counts_of(scene: Scene, log: Path) -> str:
         "load": scene.file.text("load", "column"),
     }
     names, table = readers.read_columns(log, {role: name for role, name in wanted.items() if name})
-    angle = table["angle"] * scene.file.number("motion", "counts_per_unit")
-    travel = angle - angle[0]
-    far = np.flatnonzero(np.abs(travel) >= MAX_TRAVEL)
+    with np.errstate(all="ignore"):  # a number that overflows is too far as well
+        angle = table["angle"] * scene.file.number("motion", "counts_per_unit")
+        travel = angle - angle[0]
+    far = np.flatnonzero(~(np.abs(travel) < MAX_TRAVEL))
     if len(far):
         words = f"{travel[far[0]]:.9g} counts from the first row, more than 2^31"
         raise InputError(f"{log}: column '{names['angle']}': row {far[0] + 1} is {words}")
