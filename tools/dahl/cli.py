@@ -174,7 +174,7 @@ def _run_command(words: list[str], is_only_command: bool) -> int:
         if unknown:
             args.command_parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         args.words = words
-        dependencies.ensure_installed(args.command, words)
+        dependencies.require(args.command)
         # a command prints its own errors
         logging.getLogger("can").setLevel(logging.ERROR)
         return int(args.run(args) or 0)

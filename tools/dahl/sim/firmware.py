@@ -169,16 +169,14 @@ def write_hub_scene(folder: Path, number: int = 0) -> Path:
 def attach_firmware(
     core: str, params: tuple[float, float, float], folder: Path, port: int, number: int = 0
 ) -> Iterator[None]:
-    """Run firmware as a node of the bus that is served on `port`."""
+    """Run firmware as a node of the bus that is served on `port`. The bridge of python-can joins
+    both.
+    """
     with Firmware(core, params, folder, number, STALL_TIMEOUT_US) as node:
-        command = [
-            *with_parent(),
-            sys.executable,
-            "-m",
-            "dahl.can.bridge",
-            str(node.port),
-            str(port),
-        ]
+        command = [*with_parent(), sys.executable, "-u", "-m", "can.bridge"]
+        command += ["--bus1-interface", "slcan", "--bus1-channel", str(node.bus["channel"])]
+        command += ["--bus2-interface", "socketcand", "--bus2-channel", "vcan0"]
+        command += ["--bus2-bus-kwargs", "host=127.0.0.1", f"port={port}", "tcp_tune=True"]
         with subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
@@ -187,7 +185,7 @@ def attach_firmware(
             start_new_session=True,
         ) as bridge:
             try:
-                if bridge.stdout is None or bridge.stdout.readline() != "ready\n":
+                if bridge.stdout is None or "Started" not in bridge.stdout.readline():
                     raise RunError("the bridge from slcan to the bus did not open")
                 yield
             finally:
