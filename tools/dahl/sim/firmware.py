@@ -181,6 +181,7 @@ def attach_firmware(
             command,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,  # warnings of split frames
             text=True,
             start_new_session=True,
         ) as bridge:
