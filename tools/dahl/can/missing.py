@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 ANGLE, TORQUE, STATUS = codec.EncoderState.base, codec.FrictionTorque.base, codec.Status.base
 MAX_UNANSWERED = 16  # angles after a gap; after more the node does not answer
+MAX_UNDECIDED = 64  # angles of a node that does not answer
 MAX_SPOILED = 16  # frames in a row; after more this id is not of a node
 SENDER_FRAMES = 4  # in a row, with right CRC and counter; then this id is of a node
 
@@ -136,7 +137,8 @@ class _Node:
         if gap.least:
             self._undecided[self._newest - 1] = gap.most - gap.least
         self._decide()
-        if self._undecided and self._newest - max(self._undecided) > MAX_UNANSWERED:
+        last = next(reversed(self._undecided), self._newest)
+        if self._newest - last > MAX_UNANSWERED or len(self._undecided) > MAX_UNDECIDED:
             self._prove(list(self._undecided), len(self._undecided))
 
     def _answer(self, gap: Gap, echo: int) -> None:
@@ -146,17 +148,21 @@ class _Node:
         self._decide()
 
     def _decide(self) -> None:
-        """Decide the missing angles before each answer whose angle has been on the bus."""
+        """Decide the missing angles up to each answer whose angle has been on the bus."""
         while self._answers and self._answers[0].place <= self._newest:
-            place, lost = self._answers.popleft()
-            before = place - 1 if self._answered is None else self._answered
-            self._answered = place
-            between = [one for one in self._undecided if before < one < place]
-            recorded = place - before - 1 - len(between)
-            self._prove(between, min(len(between), lost - recorded))
-            self._prove([one for one in self._undecided if one == place], 1)
-            for one in [one for one in self._undecided if one < place]:  # lost on the bus
-                del self._undecided[one]
+            answer = self._answers.popleft()
+            if self._undecided:
+                self._decide_before(answer)
+            self._answered = answer.place
+
+    def _decide_before(self, answer: _Answer) -> None:
+        before = answer.place - 1 if self._answered is None else self._answered
+        between = [one for one in self._undecided if before < one < answer.place]
+        recorded = answer.place - before - 1 - len(between)
+        self._prove(between, min(len(between), answer.lost - recorded))
+        self._prove([one for one in self._undecided if one == answer.place], 1)
+        for one in [one for one in self._undecided if one < answer.place]:  # lost on the bus
+            del self._undecided[one]
 
     def _prove(self, places: list[int], number: int) -> None:
         """Count a number of these missing angles, and forget them."""
