@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: MIT
 # _dahl.abi3.so, a module of cffi for Python whose calls cost half; needs cffi and Python.h, and is left out without them. It lies
 # next to libdahl.so; tools/dahl/binding/library.py loads both. tools/generators/facts.py writes its declarations.
-set(headers dahl.h dahl_encoder.h dahl_parts.h dahl_compensator.h dahl_float.h dahl_batch.h dahl_can_bus.h dahl_frames.h dahl_node.h)
+# Shaft and controller of dahl-loop are in libdahl.so too, for the simulations in Python.
+set(headers dahl.h dahl_encoder.h dahl_parts.h dahl_compensator.h dahl_float.h dahl_batch.h dahl_can_bus.h dahl_frames.h dahl_node.h
+    rotor.h controller.h)
+set(sim ${PROJECT_SOURCE_DIR}/host_sim)
+target_sources(dahl_shared PRIVATE ${sim}/rotor.c ${sim}/controller.c)
 set(declarations ${PROJECT_SOURCE_DIR}/tools/dahl/binding/declarations.cdef)
 set(module_source ${PROJECT_BINARY_DIR}/binding/_dahl.c)
 
@@ -21,7 +25,7 @@ if(EXISTS "${python_include}/Python.h" AND CMAKE_C_COMPILER_ID MATCHES "GNU|Clan
         COMMAND ${Python3_EXECUTABLE} ${generator} ${declarations} ${headers} ${module_source}
         DEPENDS ${declarations} ${generator} VERBATIM)
     add_library(dahl_module MODULE ${module_source})
-    target_include_directories(dahl_module PRIVATE ${PROJECT_SOURCE_DIR}/lib/include)
+    target_include_directories(dahl_module PRIVATE ${PROJECT_SOURCE_DIR}/lib/include ${sim})
     target_include_directories(dahl_module SYSTEM PRIVATE ${python_include})
     # The library is loaded first, so that $DAHL_LIBRARY chooses it: the module leaves its functions undefined.
     set_target_properties(dahl_module PROPERTIES PREFIX "" OUTPUT_NAME _dahl SUFFIX .abi3.so

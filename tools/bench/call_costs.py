@@ -12,7 +12,7 @@ from typing import Any
 
 from dahl.binding.library import DECLARATIONS
 
-NOT_MEASURED = re.compile(r"dahl_(float|batch|throughput|can|frames)_?")
+NOT_MEASURED = re.compile(r"dahl_(float|batch|throughput|can|frames|rotor|controller)_?")
 CALLED_BY_CALLS = {"dahl_encoder_rare_move", "dahl_part_move", "dahl_slip_part_move"}
 
 IN_A_TICK = re.compile(

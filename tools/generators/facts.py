@@ -109,14 +109,14 @@ def boards_of() -> list[tuple[str, str, int]]:
 # --- declarations for cffi ------------------------------------------------------------------------
 
 HEADERS = "dahl dahl_encoder dahl_parts dahl_compensator dahl_float dahl_batch dahl_can_bus".split()
-HEADERS += ["dahl_frames", "dahl_node"]
+HEADERS += ["dahl_frames", "dahl_node", "rotor", "controller"]
 STANDARD = ("stdint", "stdbool", "stddef")  # cffi knows their types
 TYPES = "size_t bool".split() + [f"{u}int{n}_t" for u in ("", "u") for n in (8, 16, 32, 64)]
 CONSTANT = re.compile(r"#define DAHL_\w+ (?:0x[0-9a-fA-F]+|\d+)u?")  # a whole number
 
 
 def declarations() -> str:
-    """Return the whole numbers, types and functions of the public headers, one a line."""
+    """Return the whole numbers, types and functions that Python calls, one a line."""
     includes = "".join(f'#include "{header}.h"\n' for header in HEADERS)
     with tempfile.TemporaryDirectory() as folder:
         for name in STANDARD:
@@ -127,7 +127,7 @@ def declarations() -> str:
     known = "".join(f"typedef int {name};" for name in TYPES)
     code = known + "\n".join(line for line in lines if not line.startswith("#"))
     nodes = c_parser.CParser().parse(code).ext[len(TYPES) :]
-    note = "// Written from the public headers by tools/generators/facts.py."
+    note = "// Written from the C headers by tools/generators/facts.py."
     return "\n".join([note, *constants, *map(_declaration, nodes)]) + "\n"
 
 
