@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dahl.commands.arguments import DEFAULT_SEED, MAX_SEED
-from dahl.errors import Error, InputError, RunError
+from dahl.errors import Error, InputError, RunError, meant
 
 if TYPE_CHECKING:
     from dahl.report.traces import Trace
@@ -117,7 +117,7 @@ def _trace(log: Path, node: int, channel: str | None) -> Trace:
         if channel in (None, str(frame.channel)):
             pairing.feed(frame)
     if channel is not None and channel not in buses:
-        raise InputError(f"{log}: no bus '{channel}'{can_logs.meant(channel, sorted(buses))}")
+        raise InputError(f"{log}: no bus '{channel}'{meant(channel, sorted(buses))}")
     if len(pairing.channels) > 1:
         raise InputError(
             f"{log}: frames of {', '.join(sorted(pairing.channels))}; name one with -c"
