@@ -5,7 +5,7 @@
 
 enum { STEPS = PERIOD_US / ROTOR_STEP_US };
 
-static const double TWO_PI = 6.283185307179586;
+static const double RAD_PER_TURN = 6.283185307179586;
 
 dahl_err_t dahl_rotor_open(rotor_t *rotor, double inertia, double viscous, double sigma0, double Fc)
 {
@@ -27,7 +27,7 @@ double dahl_rotor_hand_torque(const rotor_t *rotor)
     if (time < 0) {
         return 0;
     }
-    double rate = TWO_PI * hand->frequency;
+    double rate = RAD_PER_TURN * hand->frequency;
     double angle = hand->amplitude * sin(rate * time), speed = hand->amplitude * rate * cos(rate * time);
     return hand->stiffness * (angle - rotor->theta) + hand->damping * (speed - rotor->omega);
 }

@@ -22,7 +22,6 @@ INCLUDE = SHARE / "include" if INSTALLED else ROOT / "lib" / "include"
 LIB = SHARE / "lib" if INSTALLED else ROOT / "lib"  # C sources
 PORT = SHARE if INSTALLED else ROOT / "port"  # folders fmu, mujoco, simulators: C sources
 LICENSE = (SHARE if INSTALLED else ROOT) / "LICENSE"
-SIM = SHARE if INSTALLED else ROOT / "host_sim"  # tables that dahl-loop is compiled from
 SCENES = SHARE / "scenes" if INSTALLED else ROOT / "host_sim" / "scenes"
 OUTPUT = (
     Path("dahl-out") if INSTALLED else ROOT / "build"
@@ -60,9 +59,9 @@ def fmu_library() -> Path:
     return built_file("DAHL_FMU", "lib/dahl_fmu.so", "lib", "dahl_fmu.so")
 
 
-def binding(name: str) -> Path:
-    """A file that the build writes next to the shared library for Python, if it is there."""
-    return (PACKAGE if INSTALLED else build_folder()) / "lib" / name
+def binding_module() -> Path:
+    """Return the module of cffi that the build makes next to the shared library, if it can."""
+    return (PACKAGE if INSTALLED else build_folder()) / "lib" / "_dahl.abi3.so"
 
 
 def loop_program() -> Path:

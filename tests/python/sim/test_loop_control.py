@@ -99,7 +99,8 @@ def test_python_steps_the_shaft_of_dahl_loop_bit_by_bit(traced):
     keys = {"stiffness": 40, "damping": 0.3, "amplitude": 0.2, "frequency": 1.5, "start": 0.2}
     trace, *_ = traced("slow-reversal", *(f"hand.{key}={value}" for key, value in keys.items()))
     shaft, hand = c.new("rotor_t *"), c.new("hand_t *", keys)
-    assert c.dahl_rotor_open(shaft, 0.02, 0.02, SIGMA0, 1.8) == 0
+    wrong = [c.dahl_rotor_open(shaft, 0.02, 0.02, SIGMA0, Fc) for Fc in (-1.8, np.nan, 1e-30)]
+    assert 0 not in wrong and c.dahl_rotor_open(shaft, 0.02, 0.02, SIGMA0, 1.8) == 0
     shaft.hand = hand
     for *due, motor in zip(*(trace[name] for name in TRACED), trace["motor"], strict=True):
         assert [shaft.theta, shaft.omega, shaft.friction, c.dahl_rotor_hand_torque(shaft)] == due

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from dahl import paths
 from dahl.commands.arguments import DEFAULT_SEED, MAX_SEED, finite, number, seconds, whole
 from dahl.errors import Error, InputError, RunError
-from dahl.sim import timing
+from dahl.facts import BOARDS, PERIOD_US
 from dahl.version import __version__
 
 if TYPE_CHECKING:
@@ -355,7 +355,7 @@ def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any
         words = "runs model dahl alone, without compensation and without faults"
         raise InputError(f"--target {words}, not the scene's ({scene.path.name})")
     image = firmware.build(args.target)
-    board = firmware.boards()[args.target].machine
+    board, _ = BOARDS[args.target]
     console.print(f"node    {image.relative_to(paths.ROOT)} on {board} in QEMU, by slcan")
     params = (scene.sigma0, scene.Fc, scene.theta_per_count)
     setup.node_scene = read(firmware.write_hub_scene(args.output, scene.node))
@@ -368,7 +368,7 @@ def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any
 def _expected(args: argparse.Namespace, scene: Scene, recorded: Recorded | None) -> int | None:
     """Return the number of ticks of the run, or None if it is unknown."""
     known = [args.seconds, scene.seconds]
-    per_second = 1e6 / timing.period_us()
+    per_second = 1e6 / PERIOD_US
     ticks = [int(seconds * per_second) for seconds in known if seconds and math.isfinite(seconds)]
     return min(ticks + ([recorded.rows] if recorded else []), default=None)
 

@@ -17,7 +17,7 @@ import numpy as np
 from dahl.binding.compensator import Compensator
 from dahl.binding.friction import Friction, Plan
 from dahl.binding.library import c
-from dahl.sim import timing
+from dahl.facts import PERIOD_US
 
 FC, SIGMA0 = 0.5, 100.0  # N m, N m/rad: true friction, a presliding length of 5 mrad
 INERTIA = 0.002  # kg m2
@@ -34,7 +34,7 @@ GAINS = {  # of controller_t
         "ki_speed": CASCADE_KI,
     },
 }
-PERIOD_S = timing.period_us() / 1e6
+PERIOD_S = PERIOD_US / 1e6
 MOTION_S, HOLD_S, SETTLE_S = 4.5, 1.5, 0.5  # s; the reference stops at a peak of its sine
 FIRST_S = 1.0  # s, left out of each RMS
 SINE_HZ = 0.5

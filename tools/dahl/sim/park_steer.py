@@ -21,7 +21,7 @@ from dahl.can import codec
 from dahl.can.bus import VCAN
 from dahl.can.node import Node
 from dahl.errors import RunError
-from dahl.sim import timing
+from dahl.facts import PERIOD_US
 
 # Steering and car
 HAND_WHEEL_INERTIA = 0.046  # kg m2, with the upper column
@@ -43,7 +43,7 @@ HAND_AMPLITUDE, HAND_HZ = math.pi, 0.1  # rad
 CYCLES = 1.5  # the last whole cycle is measured
 GAIN = 0.8  # share of the sticking torque that the assist pushes with
 COUNTS_PER_TURN = 16384
-PERIOD_S = timing.period_us() / 1e6
+PERIOD_S = PERIOD_US / 1e6
 TYRES, ASSIST = 0, 1  # numbers of the nodes
 
 PINION_INERTIA = MOTOR_INERTIA * MOTOR_RATIO**2 + RACK_MASS * PINION_RADIUS**2  # kg m2

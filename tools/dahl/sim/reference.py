@@ -163,10 +163,10 @@ EXACT: dict[str, Callable[[Scene, Moves, Iterable[Fraction]], list[mpmath.mpf]]]
     "parallel": lambda scene, moves, _: exact_parallel_ratios(
         moves, scene.elements, scene.kinds, scene.theta_per_count
     ),
+    "loaded": lambda scene, moves, loads: exact_loaded_ratios(moves, loads, _travel(scene)),
     "elastoplastic": lambda scene, moves, _: exact_elastoplastic_ratios(
         moves, _travel(scene), scene.breakaway
     ),
-    "loaded": lambda scene, moves, loads: exact_loaded_ratios(moves, loads, _travel(scene)),
     "asymmetric": lambda scene, moves, _: exact_asymmetric_ratios(
         moves, scene.elements, scene.theta_per_count
     ),

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from dahl.errors import InputError
+from dahl.facts import PERIOD_US
 from dahl.io import data, readers
-from dahl.sim import timing
 from dahl.sim.keys import KEYS
 from dahl.sim.scene import Scene, element
 from dahl.sim.scene_reader import Name, Value
@@ -150,7 +150,7 @@ def summary(text: str, scene: Scene, bus: str, seed: int, is_virtual: bool) -> d
     if "beat_late" in raw:
         found["beat_late_us"] = _quantiles(raw["beat_late"])
     wall = int(raw["wall_ns"]) * 1e-9
-    seconds = found["ticks"] * timing.period_us() / 1e6
+    seconds = found["ticks"] * PERIOD_US / 1e6
     return found | {
         "bus_counts": _group(raw, "bus."),
         "wall_s": wall,
