@@ -18,7 +18,7 @@ static const char help[] =
     "usage: dahl-loop RUN_FILE [options]\n"
     "Run an actuator loop on a CAN bus: an encoder sends counts at 1 kHz, a friction node answers each with a torque.\n"
     "\n"
-    "  RUN_FILE           lines section.key = value; see host_sim/steering.run for an example and host_sim/keys.csv for all keys.\n"
+    "  RUN_FILE           lines section.key = value; host_sim/steering.run is an example, host_sim/keys.csv lists all keys.\n"
     "                     Only parts with a key run. `dahl loop --scene NAME` makes it from a scene\n"
     "  --bus SPEC         loopback (default)      inside this process\n"
     "                     socketcan:IF            a CAN interface of the kernel, e.g. socketcan:vcan0\n"

@@ -55,14 +55,14 @@ typedef struct {
     int key_line[KEYS]; /* 0: absent */
 } reader_t;
 
+/* name: of a section that exists. */
 static bool *has_section(run_t *run, const char *name)
 {
-    for (int i = 0; i < SECTIONS; i++) {
-        if (strcmp(sections[i].name, name) == 0) {
-            return (bool *)((char *)run + sections[i].offset);
-        }
+    int i = 0;
+    while (i < SECTIONS - 1 && strcmp(sections[i].name, name) != 0) {
+        i++;
     }
-    return NULL;
+    return (bool *)((char *)run + sections[i].offset);
 }
 
 static int find_key(const char *name)
