@@ -9,7 +9,7 @@ list(APPEND CMAKE_TRY_COMPILE_PLATFORM_VARIABLES DAHL_CORE)
 set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
 
 # dahl_core(NAME BOARD FLAG...): a core, QEMU's board with it, and gcc's flags. The demo and the benchmarks also read this list
-# (tools/dahl/sim/firmware.py).
+# (tools/dahl/target/firmware.py).
 set(dahl_cores "")
 macro(dahl_core name board)
     list(APPEND dahl_cores ${name})

@@ -25,7 +25,7 @@ from typing import Any
 import call_costs
 import cycles
 from dahl.binding import models
-from dahl.sim import firmware
+from dahl.target import firmware
 
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "build" / "bench"

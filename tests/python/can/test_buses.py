@@ -19,7 +19,7 @@ import can
 import pytest
 from dahl import RunError, bus
 from dahl.io import candump
-from dahl.sim import firmware
+from dahl.target import firmware
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_tools import complaint

@@ -15,7 +15,7 @@ LAYERS = (  # docs/architecture.md; each layer may import from itself and the ea
     {"dependencies", "interrupt", "paths"},
     {"binding"},
     {"can", "io"},
-    {"sim"},
+    {"sim", "simulators", "target"},
     {"report"},
     {"identify"},
     {"commands"},

@@ -21,7 +21,7 @@ import pytest
 from conftest import ROOT, need
 from dahl import codec, node
 from dahl.codec import EncoderState, Param, ParamWrite, State, Write
-from dahl.sim import firmware  # no public name starts QEMU with a page of parameters
+from dahl.target import firmware  # no public name starts QEMU with a page of parameters
 from loop_tools import is_running, message_of, read_log, run, wait_until
 
 pytestmark = [pytest.mark.checks, pytest.mark.usefixtures("library")]
@@ -147,7 +147,7 @@ def test_wrong_parameters_in_flash_leave_a_node_that_sends_nothing(start) -> Non
 
 
 START_CHILD = """import subprocess, time
-from dahl.sim.firmware import with_parent
+from dahl.target.firmware import with_parent
 print(subprocess.Popen([*with_parent(), "sleep", "600"]).pid, flush=True)
 time.sleep(600)"""
 

@@ -214,7 +214,7 @@ def _run_on_target(
     from dahl.can.bus import open_bus
     from dahl.can.codec import Param, ParamWrite
     from dahl.can.node import ask
-    from dahl.sim import firmware
+    from dahl.target import firmware
 
     if scene.model != "dahl" or scene.compensates:
         raise InputError(f"--target runs model dahl alone, not the scene's ({scene.path.name})")

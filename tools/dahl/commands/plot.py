@@ -13,6 +13,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dahl.commands.arguments import DEFAULT_SEED, MAX_SEED
 from dahl.errors import Error, InputError, RunError
 
 if TYPE_CHECKING:
@@ -88,16 +89,20 @@ def _is_simulated(folder: Path) -> bool:
 
 
 def _draw_simulated(folder: Path, output: Path | None) -> None:
-    """Simulate such a scene again, and draw it."""
-    from dahl.commands import compare_laws, park_steer
-    from dahl.report import run_files, summary, terminal
+    """Simulate such a scene again with the seed of its summary, and draw it."""
+    from dahl.report import run_files, simulated, summary, terminal
 
     known = summary.read(folder)
-    module = {one.SCENE: one for one in (compare_laws, park_steer)}[known["scene"]]
-    output = output or folder / module.PICTURE
-    module.draw(output, known, terminal.console(stderr=True))
+    name, seed = known["scene"], known.get("seed", DEFAULT_SEED)
+    if not isinstance(seed, int) or not 0 <= seed <= MAX_SEED:
+        place = folder / "summary.json"
+        raise InputError(f"{place}: seed = {seed}: a number from 0 to 2^64 - 1 was expected")
+    with terminal.Bar(terminal.console(stderr=True), leaves_nothing=True) as bar:
+        played = simulated.SCENES[name].play(seed, bar.begin)
+    output = output or folder / f"{name}.png"
+    played.draw(output)
     run_files.add(output)
-    print(f"{output}: scene {module.SCENE}, simulated again")
+    print(f"{output}: scene {name}, simulated again")
 
 
 def _trace(log: Path, node: int, channel: str | None) -> Trace:
