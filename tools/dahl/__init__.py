@@ -16,7 +16,6 @@ before any move. Public names:
     Asymmetric(sigma0, Fc_forward, Fc_backward, theta_per_count)   one Fc for each direction
     ElastoPlastic(sigma0, Fc, theta_per_count, breakaway)   no creep below breakaway
     Loaded(plan), Work(plan)            a bearing under a load; one that sums its work
-    ThroughputSlip(sigma0, Fc, theta_per_count), ThroughputParallel(part, ...)   long logs of these
     VelocityTable(torque, segment_bits)   friction that depends on speed; add it to another
     Compensator(sigma0, Fc, theta_per_count, ...)   torque that cancels friction, within bounds
     Adaptation(sigma0, Fc, theta_per_count, ...)   for a Compensator: follow an Fc that drifts
@@ -55,7 +54,7 @@ if TYPE_CHECKING:
     from dahl.binding.loaded import Loaded
     from dahl.binding.plausible import implausible
     from dahl.binding.slip import Parallel, Slip
-    from dahl.binding.throughput import Throughput, ThroughputParallel, ThroughputSlip
+    from dahl.binding.throughput import Throughput
     from dahl.binding.velocity import VelocityTable
     from dahl.binding.work import Work
     from dahl.can import codec, node
@@ -81,8 +80,6 @@ __all__ = [
     "Slip",
     "State",
     "Throughput",
-    "ThroughputParallel",
-    "ThroughputSlip",
     "Timeout",
     "VelocityTable",
     "Work",
@@ -103,7 +100,7 @@ MODULES = {  # of the public classes and functions
     "binding.loaded": ("Loaded",),
     "binding.plausible": ("implausible",),
     "binding.slip": ("Parallel", "Slip"),
-    "binding.throughput": ("Throughput", "ThroughputParallel", "ThroughputSlip"),
+    "binding.throughput": ("Throughput",),
     "binding.velocity": ("VelocityTable",),
     "binding.work": ("Work",),
     "can.client": ("Client",),
