@@ -15,9 +15,9 @@
  * - A state of all zeros is relaxed. A plan of all zeros moves nothing and gives 0 N m.
  * - An element that is not called is not linked.
  *
- * @par Laws
- * docs/parts.md lists the laws of the exact solution that each element keeps. Rounding has these
- * effects on laws that are not kept bit for bit:
+ * @par Properties
+ * docs/parts.md lists the properties of the exact solution that each element keeps. Rounding has
+ * these effects on properties that are not kept bit for bit:
  * - A closed cycle returns at most #DAHL_ENERGY_ERROR of Fc (under a load c above 1: of c Fc) times
  *   its path length, plus 2^-59 Fc^2/sigma0 for each tick by angle.
  * - The opposite motion gives the opposite torque, except at a tie: a w whose low 32 bits are 2^31

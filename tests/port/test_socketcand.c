@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* socketcand on simulated sockets: the laws of its fuzzer for random elements and sessions, the client, and its outbox.
+/* socketcand on simulated sockets: the properties of its fuzzer for random elements and sessions, the client, and its outbox.
  * tests/python connects python-can to the real server. */
 #define _GNU_SOURCE
 #include <errno.h>
@@ -7,7 +7,7 @@
 #include <string.h>
 #include <unity.h>
 
-#define LAW(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
+#define HOLDS(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "../fuzz/socketcand.c"
 #include "random.h"
 
@@ -24,7 +24,7 @@ static uint32_t below(uint32_t n)
     return random_u32(&seed) % n;
 }
 
-/* --- laws of the fuzzer ------------------------------------------------------------------------------------------- */
+/* --- properties of the fuzzer -------------------------------------------------------------------------------------- */
 
 /* A good send or frame, with up to 64 bytes. */
 static int random_element(char *text)

@@ -15,7 +15,7 @@ import pytest
 from crccheck.crc import Crc8Autosar
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule, run_state_machine_as_test
-from law_tools import SLOW, modes
+from property_tools import SLOW, modes
 from loop_model import (
     BUS_OFF,
     ENCODER,
