@@ -3,8 +3,8 @@
 from a fixed random seed, so that a failure is due to a change; 20 times as many with --full. With
 --soak it is 1e9 executions on all cores, with inputs that differ in each run.
 
-The properties are in tests/fuzz/*.c. Programs and inputs are in build/fuzz. An input that broke a property
-stays there as NAME/crash-... and is a seed of each later run.
+The properties are in tests/fuzz/*.c. Programs and inputs are in build/fuzz. An input that broke a
+property stays there as NAME/crash-... and is a seed of each later run.
 """
 
 from __future__ import annotations

@@ -12,8 +12,8 @@ import log_writers
 import numpy as np
 import pytest
 from hypothesis import strategies as st
-from property_tools import holds, modes
 from log_reading import RefusedError, read, signals
+from property_tools import holds, modes
 
 pytestmark = pytest.mark.usefixtures("library")
 

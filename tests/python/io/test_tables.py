@@ -16,9 +16,9 @@ from dahl.identify import Source
 from dahl.identify import read as read_log
 from hypothesis import strategies as st
 from identify_tools import complaint
-from property_tools import holds, modes
 from log_reading import read, refused, run
 from log_writers import TABLES
+from property_tools import holds, modes
 from scipy.io import savemat
 
 pytestmark = pytest.mark.usefixtures("library")
