@@ -208,7 +208,7 @@ int32_t dahl_parallel_step_counts_q30(const dahl_part_t *parts, const int32_t *s
 /** @name Work of a Dahl element */
 /** @{ */
 
-/** Sums for the work of a bearing. Start with all zeros. */
+/** Sums for the work of a Dahl element. Start with all zeros. */
 typedef struct {
     uint32_t counts[3]; /**< [counts] distance travelled, lowest word first */
     uint32_t way[4];    /**< [Q62] path of w = F/Fc in the direction of travel, lowest word first */
@@ -230,7 +230,7 @@ int32_t dahl_work_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, 
  * Return the work so far, the sum of F dtheta along the path (Eq. 1, integrated).
  * @param params parameters from which the plan was prepared
  * @param work   sums
- * @return [J] energy that the bearing absorbed; infinite above the largest float, 0 below the least
+ * @return [J] energy that the element absorbed; infinite above the largest float, 0 below the least
  *   normal one. It is negative only by the energy stored at the start, F^2/(2 sigma0), and by
  *   rounding: 1e-9 of Fc times the path length.
  * @note Error after R reversals: half an ulp of the result, plus 2^-59 of Fc times the path length,

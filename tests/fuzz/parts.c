@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Ticks of each model on any plan, from rest and from any bits: the contract of tests/lib/properties.h, and properties of single models. */
+/* Ticks of each element on any plan, from rest and from any bits: the contract of tests/lib/properties.h, and properties of one. */
 #include "plans.h"
 #include "../lib/properties.h"
 
