@@ -9,7 +9,6 @@ import ast
 import math
 import re
 import shlex
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import pytest
 from dahl import cli, paths
 from dahl.binding import models
 from identify_tools import complaint
+from programs import run
 
 FINITE, ABOVE_0, TIME = (-1e30, 1e30), (1e-30, 1e30), (0.001, 1e9)
 NODES, FRAMES, PORT = (0, 15), (1, 2**63), (0, 65535)  # of integers whole numbers, else any
@@ -234,9 +234,8 @@ def names_of(verb: str) -> set[str]:
 
 
 def test_each_option_that_a_message_names_exists(root, dahl_loop):
-    asked = subprocess.run([dahl_loop, "--help"], capture_output=True, text=True, check=True)
     plugin = (root / "tools/dahl/can/pytest_plugin.py").read_text()
-    known = OF_OTHERS.union(OPTION.findall(asked.stdout), *map(names_of, OPTIONS))
+    known = OF_OTHERS.union(OPTION.findall(run(dahl_loop, "--help")), *map(names_of, OPTIONS))
     known |= {*re.findall(r"addoption\(\s*\"(--[\w-]+)\"", plugin)}
     for path in (root / "tools/dahl").rglob("*.py"):
         nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
@@ -265,8 +264,7 @@ def test_bash_completes_commands_options_and_values(dahl, root):
         line = " ".join(map(shlex.quote, ("dahl", *words)))
         ask = f"COMP_WORDS=({line}); COMP_CWORD={len(words)}; {function} 2>/dev/null; "
         ask += 'printf "%s\\n" "${COMPREPLY[@]}"'
-        shell = ["bash", "--norc", "-uc", script + ask]
-        return subprocess.run(shell, capture_output=True, text=True, check=True).stdout.split()
+        return run("bash", "--norc", "-uc", script + ask).split()
 
     assert re.findall(r"^    (\w+) ", dahl("--help").stdout, re.MULTILINE) == list(OPTIONS)
     assert set(completed("")) == {*OPTIONS}

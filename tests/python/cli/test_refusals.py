@@ -22,6 +22,7 @@ from dahl.binding import models
 from demo_tools import write_log
 from identify_tools import FC, complaint, dahl_torque, noise_of, sine, write_csv
 from loop_tools import SCENES
+from programs import call
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
@@ -533,6 +534,4 @@ def test_too_little_memory_is_one_line(root):
         "resource.setrlimit(resource.RLIMIT_AS, (1 << 31, 1 << 31));"
         "data.run = lambda _: numpy.ones(1 << 30); sys.exit(main(['data']))"
     )
-    words = [sys.executable, "-c", code]
-    done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=root)
-    check(done, 1, "memory")
+    check(call(sys.executable, "-c", code, cwd=root), 1, "memory")

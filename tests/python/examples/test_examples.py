@@ -134,6 +134,7 @@ def add_own_sources(project: Path, *names: str) -> tuple[str, ...]:
     return names
 
 
+@pytest.mark.checks
 def test_a_plain_makefile_builds_a_firmware_that_runs(root: Path, tmp_path: Path) -> None:
     for tool in ("arm-none-eabi-gcc", "make", "qemu-system-arm"):
         need(tool, "a Makefile builds a firmware that runs")
