@@ -3,7 +3,6 @@
  * return-point memory, no creep below breakaway, the integral of the work, the inverse, tips, and loads of 1. Plans of zeros. */
 #include <unity.h>
 
-#define HOLDS(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "../fuzz/parts.c"
 
 #ifndef TEST_TICKS

@@ -3,7 +3,6 @@
  * refusal leaves the plan unchanged, and the entries of a plan are 1 - exp(-u). */
 #include <unity.h>
 
-#define HOLDS(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "../fuzz/prepare.c"
 
 #ifndef TEST_TICKS

@@ -3,7 +3,6 @@
  * back, and a change of the plan keeps F or the deflection. */
 #include <unity.h>
 
-#define HOLDS(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "../fuzz/step.c"
 
 #ifndef TEST_TICKS

@@ -4,7 +4,6 @@
 #include <string.h>
 #include <unity.h>
 
-#define HOLDS(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "../fuzz/codec.c"
 
 static void test_the_laws_of_the_codec_hold_for_random_input(void)

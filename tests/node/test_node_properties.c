@@ -3,7 +3,6 @@
  * an answer, and a timeout ends only after enough good frames. */
 #include <unity.h>
 
-#define HOLDS(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "../fuzz/receiver.c"
 
 static void test_the_laws_of_the_node_hold_for_random_frames(void)

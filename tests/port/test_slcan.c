@@ -2,7 +2,6 @@
 /* slcan: the properties of its fuzzer, which reads each line a second time, on random lines. */
 #include <unity.h>
 
-#define HOLDS(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "../fuzz/slcan.c"
 #include "random.h"
 

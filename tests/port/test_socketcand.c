@@ -7,7 +7,6 @@
 #include <string.h>
 #include <unity.h>
 
-#define HOLDS(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "../fuzz/socketcand.c"
 #include "random.h"
 
