@@ -126,7 +126,6 @@ WRONG_INPUT = {  # exit code 2
         BREAKAWAY --breakaway=1 => breakaway = 1
         BREAKAWAY --breakaway=b => --breakaway b ... 0 < breakaway < 1
         PLAN --breakaway=0 => --breakaway ... --model {BREAKAWAY}
-        PLAN --model=lugre => 'lugre'
         PLAN --sigma0=1e30 => sigma0 = 1e+30 ... 2^-64 <= sigma0 < 2^64
         PLAN --sigma0=soft => --sigma0 soft ... 2^-64 <= sigma0 < 2^64
         PLAN --sigma0=1,2 => --sigma0 1,2 ... 2 ... --model dahl ... 1
@@ -143,7 +142,6 @@ WRONG_INPUT = {  # exit code 2
         PLAN -o bytes.h => bytes.h: ... --force
         """,
     "fmu": f"""
-        fmu --sigma0 1 --fc 1 => -o
         FMU -o x.zip => -o x.zip: ... .fmu
         FMU -o - => -o -: ... .fmu
         FMU -o old.fmu => old.fmu: exists ... --force
@@ -163,7 +161,6 @@ WRONG_INPUT = {  # exit code 2
         FMU --model={BREAKAWAY} --breakaway=1 => breakaway = 1
         FMU --fixed-stiffness => --fixed-stiffness ... loaded ... dahl
         FMU --model=loaded --fixed-stiffness --theta-per-count=1 => --fixed-stiffness
-        FMU --fmi=1 => --fmi ... 1 ... 2 ... 3
         FMU --name=7up => --name 7up: ... letter
         FMU --name=++ => --name ++
         """,
