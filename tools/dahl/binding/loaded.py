@@ -16,8 +16,8 @@ from dahl.errors import InputError
 
 class Loaded(Copied):
     """A Dahl element whose Fc follows a load, given with each tick: normal force, torque through a
-    gear, preload, temperature. By default sigma0 follows it too (dahl_loaded_state_t): F falls with the
-    load, and is kept if the load grows. With fixed_stiffness, sigma0 is constant
+    gear, preload, temperature. By default sigma0 follows it too (dahl_loaded_state_t): F falls with
+    the load, and is kept if the load grows. With fixed_stiffness, sigma0 is constant
     (dahl_clamped_step): a load that falls clamps F to load*Fc, and ticks are by angle. By either
     rule no closed cycle of motion and load returns energy.
 
