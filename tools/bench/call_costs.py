@@ -8,10 +8,11 @@ The plugin sees which function a case calls. Then `tools/bench.sh target` has it
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import Any
 
-HEADERS = ("dahl", "dahl_encoder", "dahl_parts", "dahl_compensator", "dahl_node")
+from dahl.binding.library import DECLARATIONS
+
+NOT_MEASURED = re.compile(r"dahl_(float|batch|throughput|can|frames|rotor|controller)_?")
 CALLED_BY_CALLS = {"dahl_encoder_rare_move", "dahl_part_move", "dahl_slip_part_move"}
 
 IN_A_TICK = re.compile(
@@ -62,13 +63,10 @@ MARKS = ("<!-- bench:calls -->", "<!-- /bench:calls -->")
 MEMORY_MARKS = ("<!-- bench:memory -->", "<!-- /bench:memory -->")
 
 
-def public_calls(include: Path) -> list[str]:
-    """Return the functions that the headers declare, in their order."""
-    found: list[str] = []
-    for header in HEADERS:
-        text = re.sub(r"/\*[^*]*(?:\*(?!/)[^*]*)*\*/", "", (include / f"{header}.h").read_text())
-        found += re.findall(r"^\w[\w* ]*\b(dahl_\w+)\(", text, re.MULTILINE)
-    return [name for name in dict.fromkeys(found) if name not in CALLED_BY_CALLS]
+def public_calls() -> list[str]:
+    """Return the functions of an element, a compensator and a node, in the order of the headers."""
+    functions = re.findall(r"^\w[\w* ]*\b(dahl_\w+)\(", DECLARATIONS.read_text(), re.MULTILINE)
+    return [x for x in functions if x not in CALLED_BY_CALLS and not NOT_MEASURED.match(x)]
 
 
 def groups(names: list[str]) -> list[tuple[str, list[tuple[str, str]]]]:

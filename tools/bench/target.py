@@ -25,7 +25,7 @@ from typing import Any
 import call_costs
 import cycles
 from dahl.binding import models
-from dahl.target import firmware
+from dahl.facts import BOARDS
 
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "build" / "bench"
@@ -60,7 +60,7 @@ class Core:
 CORES = {
     core.name: core
     for core in (
-        *(Core(n, f"Cortex-{n.upper()}", board.machine) for n, board in firmware.boards().items()),
+        *(Core(name, f"Cortex-{name.upper()}", machine) for name, (machine, _) in BOARDS.items()),
         Core("rv32", "RV32IMAC", "virt", RISCV),
     )
 }
@@ -339,7 +339,7 @@ def measure_calls(core: Core, cases: dict[str, list[Call]], image: Path) -> dict
     """Return the worst instructions and stack of each public call, and its flash. The frames that
     dahl_node_receive() reads have a row each.
     """
-    public = call_costs.public_calls(ROOT / "lib/include")
+    public = call_costs.public_calls()
     everywhere = [call for each in cases.values() for call in each]
     rows = {name: (name, everywhere) for name in public}
     rows |= {case: ("dahl_node_receive", cases[case]) for case in call_costs.RECEIVED}

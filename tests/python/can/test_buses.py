@@ -263,11 +263,10 @@ def test_the_emulator_gets_image_and_parameters_and_its_error_is_passed_on(monke
     assert page == (int.from_bytes(b"DAHL", "little"), 100.0, 0.5, 0.25, 3, 7000)
     with pytest.raises(RunError, match="qemu: ") as caught, node:
         pass
-    board = firmware.boards()["m4f"]
     for words in (
-        f"-M {board.machine} ",
+        f"-M {node.machine} ",
         "-display none -monitor none -serial tcp:127.0.0.1:",
         f"-kernel {folder}/image",
-        f"-device loader,file={str(node.page).replace(',', ',,')},addr={board.page:#x},",
+        f"-device loader,file={str(node.page).replace(',', ',,')},addr={node.page_address:#x},",
     ):
         assert words in str(caught.value)

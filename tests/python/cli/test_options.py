@@ -183,6 +183,9 @@ SLIPS = [  # words, of which one in <> is unknown, and the nearest known word; "
     ("<dmeo> --scene steering --verzion", "demo"),
     ("demo -y <--scnee> x", "--scene"),
     ("<Monitor>", "monitor"),
+    ("demo <-scene> steering", "--scene"),
+    ("record -o x <-chanel> can0", "--channel"),  # -c hanel and a word too many
+    ("plan <-sigma0>=1 --fc 1 --counts-per-turn 4 -ox", "--sigma0"),
     ("plan --sigma0 1 --fc 1 --counts-per-turn 4 -o x -- <--fcs>", ""),
     ("data <--zzz>", ""),
     ("demo <-y>", ""),
@@ -223,6 +226,8 @@ def test_a_decimal_comma_is_named_and_a_list_is_none(words, is_comma, dahl):
 
 OPTION = re.compile(r"(?<![\w-])--[a-z][\w-]*")
 OF_OTHERS = {"--help", "--version", "--preset", "--build", "--pdeathsig"}  # of CMake and setpriv
+OF_OTHERS |= {f"--bus{name}" for name in ("1-interface", "1-channel", "2-interface", "2-channel")}
+OF_OTHERS |= {"--bus2-bus-kwargs"}  # of python-can's bridge
 
 
 def names_of(verb: str) -> set[str]:

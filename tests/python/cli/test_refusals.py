@@ -483,7 +483,6 @@ def test_a_full_disk_leaves_whole_lines_in_the_record_of_a_demo(run_dahl, tmp_pa
         ("DAHL_LIBRARY", "none.so", PLAN),
         ("DAHL_LIBRARY", "none.so", "record -i virtual -c quiet -o x.log --seconds 0.1"),
         ("DAHL_BUILD_DIR", "lib/libdahl.so", PLAN),
-        ("DAHL_BUILD_DIR", "lib/dahl_declarations.h", PLAN),
         ("DAHL_BUILD_DIR", "dahl-loop", "demo --scene segments"),
         ("DAHL_FMU", "none.so", "fmu --sigma0 1 --fc 1 -o x.fmu"),
     ],
@@ -493,9 +492,6 @@ def test_a_missing_build_is_named(run_dahl, root, tmp_path, variable, fact, word
         key: text for key, text in os.environ.items() if key not in ("DAHL_LIBRARY", "DAHL_LOOP")
     }
     env |= {"DAHL_LIBRARY": "", variable: str(tmp_path / ("none.so" * (fact == "none.so")))}
-    if fact.endswith("declarations.h"):
-        (tmp_path / "lib").mkdir()
-        (tmp_path / "lib/libdahl.so").symlink_to(os.environ["DAHL_LIBRARY"])
     if variable != "DAHL_LIBRARY" and words != PLAN:
         env["DAHL_LIBRARY"] = os.environ["DAHL_LIBRARY"]
     env["PYTHONPATH"] = str(root / "tools")

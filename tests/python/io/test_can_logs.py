@@ -193,7 +193,7 @@ def test_a_bad_line_of_a_candump_log_is_named_and_left_out(tmp_path, bad, dahl_h
     log = read(path, *words)
     assert log.rows == ROWS and log.time == pytest.approx(TIME)
     (note,) = log.notes
-    assert note.startswith(f"{path}:17: ") and "3 such lines of 203" in note
+    assert note.startswith(f"{path}:17: ") and "bad lines: 3 of 203" in note
     assert printable(bad[:5]) in note and note.isprintable()
     with pytest.raises(Error, match=re.escape(f"{path}:17: ")):
         can_logs.read_candump(path)

@@ -21,6 +21,7 @@ import pytest
 from conftest import ROOT, need
 from dahl import codec, node
 from dahl.codec import EncoderState, Param, ParamWrite, State, Write
+from dahl.facts import BOARDS
 from dahl.target import firmware  # no public name starts QEMU with a page of parameters
 from loop_tools import is_running, message_of, read_log, run, wait_until
 
@@ -81,7 +82,7 @@ def test_silence_makes_it_stale_while_status_goes_on(start) -> None:
     assert (answer.state, answer.torque_q30) == (State.STALE, moved)
 
 
-@pytest.mark.parametrize("core", firmware.boards())
+@pytest.mark.parametrize("core", BOARDS)
 def test_a_trace_equals_that_of_the_host(core: str, start, tmp_path: Path) -> None:
     seconds = 10 if core == "m4f" else 2
     scene = ROOT / "host_sim/scenes/steering.ini"

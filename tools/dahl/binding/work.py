@@ -7,12 +7,11 @@ from typing import Any
 
 from dahl.binding import checks
 from dahl.binding.copies import content
-from dahl.binding.elements import Element
-from dahl.binding.friction import Plan, State
+from dahl.binding.friction import Plan, PlanAndState, State
 from dahl.binding.library import c
 
 
-class Work(Element):
+class Work(PlanAndState):
     """One Dahl element that adds up its work (dahl_work_t): the torques of Friction(plan), bit for
     bit, and the work along the path in J. The sums are integers that do not overflow for 2^63
     ticks. The plan must have theta_per_count. Cost: 1 us a step, 10 ns a tick of run_counts().
@@ -29,16 +28,6 @@ class Work(Element):
         self._plan = checks.instance("plan", plan, Plan)
         self._plan._need_counts()
         self._state, self._sums = State(), c.new("dahl_work_t *")
-
-    @property
-    def plan(self) -> Plan:
-        """The parameters."""
-        return self._plan
-
-    @property
-    def state(self) -> State:
-        """The state, live: w = F/Fc in Q62."""
-        return self._state
 
     @property
     def work(self) -> float:
