@@ -326,8 +326,8 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
 
 /**
  * Reference law: draw the state of the element to one that the measured counts step. Call it
- * before the tick of the element. It fits each bristle in a dahl_state_t: of a Dahl, asymmetric,
- * elasto-plastic or loaded element, and each Dahl element of a parallel one.
+ * before the tick of the element. It fits each element whose state is, or holds, a dahl_state_t:
+ * Dahl, asymmetric, elasto-plastic, loaded, and each Dahl element of a mix.
  * @param plan     prepared plan; without pull, the state is unchanged
  * @param state    state of the element that the reference steps
  * @param measured state of the same element, stepped by the results of dahl_compensator_move()

@@ -32,7 +32,7 @@ static void run_rotor(const run_t *r, motion_t *reference)
 static void run_motion(const run_t *r, motion_t *motion)
 {
     int32_t count;
-    LAW(motion_open(motion, &r->motion, "", 1), "an accepted run can move");
+    HOLDS(motion_open(motion, &r->motion, "", 1), "an accepted run can move");
     for (int i = 0; i < TICKS && motion_next(motion, &count) == 1; i++) {
     }
 }

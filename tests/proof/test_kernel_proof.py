@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import functools
 import math
-import subprocess
 import sys
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import kernel_certificate as cert
 import numpy as np
 import pytest
 from conftest import ROOT, need
+from programs import run
 from sources import INCLUDES, number
 
 GENERATOR = next(path for part in ("lib", "tools") for path in (ROOT / part).rglob("kernel.sollya"))
@@ -80,9 +80,8 @@ def slopes(folder: Path, macro: str, most: float) -> list[tuple[float, float]]:
         f'        printf("%a\\n", {macro}(x));\n    }}\n}}\n'
     )
     flags = ["-O1", "-ffp-contract=off", *INCLUDES, "-o", folder / "slope", "-lm"]
-    subprocess.run(["cc", program, *flags], check=True)
-    printed = subprocess.run([folder / "slope"], capture_output=True, text=True, check=True).stdout
-    values = map(float.fromhex, printed.split())
+    run("cc", program, *flags)
+    values = map(float.fromhex, run(folder / "slope").split())
     return [(most * k / 999, value) for k, value in enumerate(values, 1)]
 
 
@@ -93,8 +92,7 @@ def worst_error(pairs: list[tuple[float, float]]) -> float:
 
 def test_the_kernel_of_the_vectors_is_the_one_that_is_generated(tmp_path: Path) -> None:
     """Bit for bit, with the error that the generator prints, within DAHL_G_ERROR."""
-    words = [sys.executable, ROOT / "tools/generators/throughput_kernel.py"]
-    said = subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
+    said = run(sys.executable, ROOT / "tools/generators/throughput_kernel.py").splitlines()
     polynomial = [float.fromhex(line) for line in said[:-1]]
     pairs = slopes(tmp_path, "DAHL_SLOPE", math.log(2))
     horner = lambda x: functools.reduce(lambda p, c: p * x + c, reversed(polynomial))  # noqa: E731

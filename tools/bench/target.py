@@ -83,15 +83,6 @@ PATHS = {
 KINDS = {".text": "code", ".rodata": "const", ".srodata": "const"}
 KINDS |= dict.fromkeys((".data", ".bss", ".sdata", ".sbss", ".tdata", ".tbss"), "static")
 
-# Names that the integer path must not need: soft-float helpers of Arm and GCC, heap, printing,
-# elementary functions of libm.
-FORBIDDEN = re.compile(
-    r"^(__aeabi_c?[dfh](?!iv)\w*|__aeabi_u?[il]2[df]|__\w+[sdt]f[23]?"
-    r"|__(fix|fixuns|float|floatun|floatuns)\w+"
-    r"|_*(malloc|calloc|realloc|free|sbrk)(_r)?|\w*printf"
-    r"|_*(ieee754_)?(exp|expm1|exp2|log|log1p|pow|fma|sqrt|tanh)[fl]?)$"
-)
-
 
 def run(*command: object, timeout: float = 300, **options: Any) -> str:
     """Run a command and return its standard output. If it fails, raise BenchError."""
@@ -295,11 +286,6 @@ def sizes(core: Core, image: Path) -> dict[str, int]:
         if kind:
             total[kind] += size
     return total
-
-
-def forbidden(core: Core, image: Path) -> list[str]:
-    """Return the symbols that the integer path must not need."""
-    return sorted(name for name in symbols(core, image) if FORBIDDEN.match(name))
 
 
 def objects_at(core: Core, level: str) -> list[Path]:

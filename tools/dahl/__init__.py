@@ -8,14 +8,14 @@ its stated range raises dahl.InputError with name, value and limit, one of a wro
 before any move. Public names:
 
     Plan(sigma0, Fc, theta_per_count)   parameters, prepared once
-    Friction(plan)                      one bearing: step it by counts or angles, read its torque
-    State                               state of a bearing, to store and restore
+    Friction(plan)                      one Dahl element: step it by counts or angles, read F
+    State                               state of an element, to store and restore
     Throughput(sigma0, Fc, theta_per_count).run_counts(moves)   long logs, vectorized
     Slip(sigma0, Fc, theta_per_count)   slip elements in parallel; lists of sigma0 and Fc
     Parallel(part, part, ...)           any mix of Friction and Slip on one shaft
     Asymmetric(sigma0, Fc_forward, Fc_backward, theta_per_count)   one Fc for each direction
     ElastoPlastic(sigma0, Fc, theta_per_count, breakaway)   no creep below breakaway
-    Loaded(plan), Work(plan)            a bearing under a load; one that sums its work
+    Loaded(plan), Work(plan)            Dahl element under a load; one that sums its work
     VelocityTable(torque, segment_bits)   friction that depends on speed; add it to another
     Compensator(sigma0, Fc, theta_per_count, ...)   torque that cancels friction, within bounds
     Adaptation(sigma0, Fc, theta_per_count, ...)   for a Compensator: follow an Fc that drifts

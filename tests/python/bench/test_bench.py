@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 from conftest import ROOT
+from programs import call
 
 BENCH = ROOT / "tools/bench"
 BUDGETS = json.loads((ROOT / "tests/target/budgets.json").read_text())
@@ -43,8 +44,7 @@ class Bench:
             shutil.copy(ROOT / page, folder / page)
 
     def run(self, command: str, *words: str) -> subprocess.CompletedProcess[str]:
-        call = [sys.executable, self.folder / f"tools/bench/{command}.py", *words]
-        return subprocess.run(call, capture_output=True, text=True, check=False)
+        return call(sys.executable, self.folder / f"tools/bench/{command}.py", *words)
 
     def result(self, name: str) -> Path:
         return self.folder / f"build/bench/{name}.json"
@@ -123,8 +123,8 @@ def test_a_core_is_within_its_budgets(bench: Bench, name: str) -> None:
         pytest.skip(f"unproven: what a tick costs: no tools for {name}")
     core = bench.get("target")[name]
     numbers = core | {f"bytes of {kind}": n for kind, n in core["types"].items()}
-    for call, each in core["calls"].items():
-        numbers |= {f"{quantity} of {call}": number for quantity, number in each.items()}
+    for function, each in core["calls"].items():
+        numbers |= {f"{quantity} of {function}": number for quantity, number in each.items()}
     assert over_budget(numbers, name) == {}
     spread = core["dense_q30_most"] - core["dense_q30_least"]
     assert spread <= BUDGETS["dense moves differ by at most"][name]

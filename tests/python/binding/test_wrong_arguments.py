@@ -10,7 +10,6 @@ import copy
 import inspect
 import math
 import os
-import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -25,6 +24,7 @@ import pytest
 from dahl.binding import models
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from programs import run
 from test_public_classes import KINDS
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -379,9 +379,9 @@ def test_a_library_that_is_another_file_is_one_line(wrong, tmp_path):
     environment = {**os.environ, "DAHL_LIBRARY": wrong}
     code = "import dahl\ntry: dahl.Plan(1, 1)\nexcept dahl.RunError as e: print(e)"
     words = ["-m", "dahl", "plan", "--sigma0", "1", "--fc", "1", "--theta-per-count", "1e-3"]
-    how = {"env": environment, "cwd": tmp_path, "capture_output": True, "text": True}
-    done = subprocess.run([sys.executable, "-c", code], check=True, **how)
-    assert done.stdout.startswith(f"{wrong}: ") and done.stdout.count("\n") == 1
-    done = subprocess.run([sys.executable, *words, "-o", "x.h"], check=False, **how)
-    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    assert done.stderr.startswith(f"error: {wrong}: ") and not list(tmp_path.iterdir())
+    how = {"env": environment, "cwd": tmp_path}
+    said = run(sys.executable, "-c", code, **how)
+    assert said.startswith(f"{wrong}: ") and said.count("\n") == 1
+    said = run(sys.executable, *words, "-o", "x.h", code=1, **how)
+    assert said.count("\n") == 1
+    assert said.startswith(f"error: {wrong}: ") and not list(tmp_path.iterdir())

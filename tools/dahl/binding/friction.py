@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""One bearing with Dahl friction (dahl.h): Plan, State, Friction."""
+"""One Dahl element (dahl.h): Plan, State, Friction."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STATE_MIN, STATE_MAX = -(2**62) - 2**31, 2**62 + 2**31 - 1  # of w after any ste
 
 
 class State(Copied):
-    """State of one bearing (dahl_state_t): w = F/Fc in Q62, a whole number; 0 is relaxed, +-2^62 is
+    """State of an element (dahl_state_t): w = F/Fc in Q62, a whole number; 0 is relaxed, +-2^62 is
     +-Fc. w must be in the range that a step can leave.
     """
 
@@ -115,7 +115,7 @@ class PlanAndState(Element):
 
 
 class Friction(PlanAndState, RatioElement):
-    """One bearing: a Plan and its state (Eqs. 7, 18, 27). Cost: 0.3 us a step, 10 ns a tick of
+    """One Dahl element: a Plan and a State (Eqs. 7, 18, 27). Cost: 0.3 us a step, 10 ns a tick of
     run_counts().
     """
 
