@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Write the table of friction models (DAHL_FRAMES_MODELS in dahl_frames.h) as Markdown between the
+"""Write the table of friction models (DAHL_MODELS in dahl_parts.h) as Markdown between the
 two marks of each page, and as value tables of each .dbc file. Without a file, print the Markdown.
 Run it with build/venv/bin/python.
 

@@ -13,7 +13,7 @@
  * A handler returns true if it wrote an answer. A node is "primed" if `count` is a valid starting point.
  */
 #include "../arith/scale.h"
-#include "dahl_node.h"
+#include "model_storage.h"
 
 #include <stddef.h>
 
@@ -51,7 +51,7 @@ static void restart(dahl_node_t *node)
 {
     node->bearing = (dahl_state_t){0};
     if (node->model != NULL) {
-        node->model->relax(node->model);
+        dahl_node_relax(node->model);
     }
     node->held = node->params;
     node->state = DAHL_FRAMES_INIT;
@@ -156,8 +156,8 @@ static int32_t step_model(dahl_node_t *node, int32_t dcounts)
     if (node->model == NULL) {
         return dahl_step_counts_q30(&node->plan, &node->bearing, dcounts);
     }
-    node->model->load_q30 = dahl_least(node->load, DAHL_NODE_ONE) << 14;
-    return node->model->step_q30(node->model, dcounts);
+    return node->model->calls->step_q30(dahl_node_plan(node->model), dahl_node_state(node->model), dcounts,
+                                    dahl_least(node->load, DAHL_NODE_ONE) << 14);
 }
 
 static bool prime(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, dahl_can_frame_t *out)

@@ -11,8 +11,11 @@ import re
 from pathlib import Path
 from typing import Any
 
+from dahl.binding import models
+
 HEADERS = ("dahl", "dahl_encoder", "dahl_parts", "dahl_compensator", "dahl_node")
 CALLED_BY_CALLS = {"dahl_encoder_rare_move", "dahl_part_move", "dahl_slip_part_move"}
+INLINE = re.compile(r"dahl_node_use_\w+")  # inline calls of dahl_node_use()
 
 IN_A_TICK = re.compile(
     r"dahl_((\w+_)?step(_counts)?(_q30)?|torque|velocity_torque(_q30)?|to_units|counts_between"
@@ -37,25 +40,20 @@ COLUMNS = {
 }
 QUANTITIES = ("instructions", "stack", "flash")
 
+OTHER_MODELS = [name for name in models.table() if name != "dahl"]
+
 # Types, by part: the plan, which may be const in flash, and the state in RAM
-TYPES = {
+TYPES: dict[str, tuple[str | None, str | None]] = {
     "Dahl": ("dahl_plan_t", "dahl_state_t"),
-    "slip, 1 to 8 elements": ("dahl_slip_plan_t", "dahl_slip_state_t"),
+    **{name: (f"dahl_{name}_plan_t", f"dahl_{name}_state_t") for name in OTHER_MODELS},
     "each element of a parallel mix, in addition": ("dahl_part_t", None),
-    "asymmetric": ("dahl_asymmetric_plan_t", "dahl_state_t"),
-    "loaded": ("dahl_plan_t", "dahl_loaded_state_t"),
-    "elasto-plastic": ("dahl_elastoplastic_plan_t", "dahl_state_t"),
     "table over speed": ("dahl_velocity_plan_t", None),
     "work": (None, "dahl_work_t"),
     "encoder": (None, "dahl_encoder_t"),
     "compensator": ("dahl_compensator_plan_t", "dahl_compensator_t"),
     "adaptation": ("dahl_adaptation_plan_t", "dahl_adaptation_t"),
-    "node, model Dahl": (None, "dahl_node_t"),
-    "node, storage of slip": (None, "dahl_node_slip_t"),
-    "node, storage of parallel": (None, "dahl_node_parallel_t"),
-    "node, storage of asymmetric": (None, "dahl_node_asymmetric_t"),
-    "node, storage of loaded": (None, "dahl_node_loaded_t"),
-    "node, storage of elasto-plastic": (None, "dahl_node_elastoplastic_t"),
+    "node, model dahl": (None, "dahl_node_t"),
+    **{f"node, storage of {name}": (None, f"dahl_node_{name}_t") for name in OTHER_MODELS},
 }
 
 MARKS = ("<!-- bench:calls -->", "<!-- /bench:calls -->")
@@ -68,7 +66,8 @@ def public_calls(include: Path) -> list[str]:
     for header in HEADERS:
         text = re.sub(r"/\*[^*]*(?:\*(?!/)[^*]*)*\*/", "", (include / f"{header}.h").read_text())
         found += re.findall(r"^\w[\w* ]*\b(dahl_\w+)\(", text, re.MULTILINE)
-    return [name for name in dict.fromkeys(found) if name not in CALLED_BY_CALLS]
+    calls = [name for name in dict.fromkeys(found) if name not in CALLED_BY_CALLS]
+    return [name for name in calls if not INLINE.fullmatch(name)]
 
 
 def groups(names: list[str]) -> list[tuple[str, list[tuple[str, str]]]]:

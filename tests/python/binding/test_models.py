@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The table of friction models in dahl_frames.h, against the DBC, the exact references and
+"""The table of friction models in dahl_parts.h, against the DBC, the exact references and
 docs/loop.md.
 """
 

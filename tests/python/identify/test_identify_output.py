@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 from dahl import Plan, __version__
 from dahl.binding import plan_header
-from dahl.binding.asymmetric import Asymmetric
+from dahl.binding.bristles import Asymmetric
 from dahl.identify import Log, Options, export, identify, models, plot, report
 from identify_tools import (
     COUNT,

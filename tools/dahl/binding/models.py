@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The friction models of a node: the rows of DAHL_FRAMES_MODELS in dahl_frames.h, and the Python
+"""The friction models of a node: the rows of DAHL_MODELS in dahl_parts.h, and the Python
 objects that are made from the numbers of a row.
 
 The table is read as text. The shared library is loaded only when an object is made.
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     AnyPlan: TypeAlias = Plan | Slip | Bristle
     AnyModel: TypeAlias = AnyPlan | Parallel | Loaded
 
-HEADER = "dahl_frames.h"
+HEADER = "dahl_parts.h"
 ROW = re.compile(
     r'MODEL\((\w+), \w+, (\w+), (\d+), (\d), (\d), (\d), "(\w*)",\s+(?:\\\s+)?"([^"]*)"\)'
 )
@@ -36,7 +36,7 @@ COLUMNS = "name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning"
 
 @dataclass(frozen=True)
 class Model:
-    """One row of the table; the comment in dahl_frames.h defines the columns."""
+    """One row of the table; the comment in dahl_parts.h defines the columns."""
 
     name: str
     class_name: str
@@ -79,7 +79,7 @@ def _check_rows(header: str) -> None:
     for start in ROW_START.finditer(header):
         if not ROW.match(header, start.start(1)):
             line = header.count("\n", 0, start.start(1)) + 1
-            words = "the row of DAHL_FRAMES_MODELS does not have the columns"
+            words = "the row of DAHL_MODELS does not have the columns"
             raise RunError(f"{paths.INCLUDE / HEADER}:{line}: {words} {COLUMNS}")
 
 
@@ -118,7 +118,8 @@ def make(
 def class_of(model: Model) -> Any:
     """Return the Python class of a model."""
     name = "Plan" if model.name == "dahl" else model.class_name
-    module = {"dahl": "friction", "parallel": "slip"}.get(model.name, model.name)
+    modules = {"dahl": "friction", "slip": "slip", "parallel": "slip", "loaded": "loaded"}
+    module = modules.get(model.name, "bristles")
     return getattr(import_module(f"dahl.binding.{module}"), name)
 
 

@@ -183,8 +183,8 @@ EXACT: dict[str, Callable[[Scene, Moves, Iterable[Fraction]], list[mpmath.mpf]]]
     "dahl": _dahl,
     "slip": _slip,
     "parallel": _parallel,
-    "elastoplastic": _elastoplastic,
     "loaded": _loaded,
+    "elastoplastic": _elastoplastic,
     "asymmetric": _asymmetric,
 }  # torque ratio after each move, from rest, by the name of the model; loads as fractions of 1
 
