@@ -3,6 +3,14 @@
 #include "../arith/compiler.h"
 #include "model_storage.h"
 
+#include <stddef.h>
+
+/** Plan and state of each storage are where dahl_node_plan() and dahl_node_state() expect them. */
+#define CHECK_PLACES(name, ...)                                                                                                \
+    typedef char check_places_of_##name                                                                                        \
+        [offsetof(dahl_node_##name##_t, state) == sizeof(dahl_node_model_t) + sizeof(dahl_##name##_plan_t) ? 1 : -1];
+DAHL_OTHER_MODELS(CHECK_PLACES)
+
 /** Write the parameters as a client reads them: sigma0 and Fc of one element, the sums of several, or the larger Fc of
  * two directions. Not inlined, since its registers would add to the stack of a prepare function. */
 static DAHL_COLD DAHL_OUT_OF_LINE void show_params(dahl_node_t *node, const dahl_model_q30_t *model,
