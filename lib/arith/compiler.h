@@ -52,13 +52,11 @@ static inline uint32_t dahl_opaque(uint32_t x)
 #define DAHL_LIKELY(condition) __builtin_expect((condition), 1)
 #define DAHL_COLD __attribute__((cold)) /* small rather than fast */
 #define DAHL_OUT_OF_LINE __attribute__((noinline))
-#define DAHL_UNUSED __attribute__((unused)) /* of a header that is part of one file */
 #define DAHL_ALWAYS_INLINE __attribute__((always_inline)) /* for compilers that would call it when they optimize for size */
 #else
 #define DAHL_LIKELY(condition) (condition)
 #define DAHL_COLD
 #define DAHL_OUT_OF_LINE
-#define DAHL_UNUSED
 #define DAHL_ALWAYS_INLINE
 #endif
 

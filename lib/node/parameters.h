@@ -128,7 +128,7 @@ static uint32_t read_param(dahl_node_t *node, uint8_t param)
     return whole + (raw - (float)whole >= 0.5f ? 1u : 0u);
 }
 
-static DAHL_UNUSED bool on_param(dahl_node_t *node, const dahl_can_frame_t *in, dahl_can_frame_t *out)
+static inline bool on_param(dahl_node_t *node, const dahl_can_frame_t *in, dahl_can_frame_t *out)
 {
     dahl_param_write_t request;
     if (!is_good(node, dahl_frames_unpack_param_write(in, &request))) {

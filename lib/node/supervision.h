@@ -45,22 +45,6 @@ static bool is_good(dahl_node_t *node, dahl_frames_check_t check)
     return false;
 }
 
-static int32_t travel(const dahl_node_t *node, const dahl_encoder_state_t *encoder)
-{
-    return dahl_counts_between(node->count, (uint32_t)encoder->count, 0);
-}
-
-static bool prime(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, dahl_can_frame_t *out)
-{
-    return answer_encoder(node, encoder, now_us, step_model(node, 0), out);
-}
-
-static bool answer_move(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, dahl_can_frame_t *out)
-{
-    node->counts.ok++;
-    return answer_encoder(node, encoder, now_us, step_model(node, travel(node, encoder)), out);
-}
-
 /** Return true if the shaft can have moved this far: max_step counts for each of `frames` frames of 1 ms, or for
  * each started ms since the last accepted count if there are more. */
 static bool is_plausible(const dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t frames, uint32_t now_us)
@@ -210,7 +194,7 @@ static void check_age(dahl_node_t *node, uint32_t now_us)
     }
 }
 
-static DAHL_UNUSED bool on_encoder(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t now_us, dahl_can_frame_t *out)
+static inline bool on_encoder(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t now_us, dahl_can_frame_t *out)
 {
     dahl_encoder_state_t encoder;
     if (!is_good(node, dahl_frames_unpack_encoder(in, &encoder))) {

@@ -3,7 +3,6 @@
 #ifndef DAHL_NODE_TORQUE_ANSWER_H
 #define DAHL_NODE_TORQUE_ANSWER_H
 
-#include "../arith/compiler.h"
 #include "../arith/scale.h"
 #include "model_storage.h"
 
@@ -48,8 +47,8 @@ static int32_t output(const dahl_node_t *node, int32_t torque_q30)
     return dahl_limit(torque_q30 < 0 ? -part : part, (int32_t)(dahl_least(node->limit, DAHL_NODE_ONE) << 14));
 }
 
-static DAHL_UNUSED bool answer_encoder(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us,
-                                       int32_t torque_q30, dahl_can_frame_t *out)
+static bool answer_encoder(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, int32_t torque_q30,
+                           dahl_can_frame_t *out)
 {
     ramp(node, node->primed ? elapsed_us(node, now_us) : 0);
     node->count = (uint32_t)encoder->count;
@@ -69,13 +68,29 @@ static DAHL_UNUSED bool answer_encoder(dahl_node_t *node, const dahl_encoder_sta
     return true;
 }
 
-static DAHL_UNUSED int32_t step_model(dahl_node_t *node, int32_t dcounts)
+static int32_t step_model(dahl_node_t *node, int32_t dcounts)
 {
     if (node->model == NULL) {
         return dahl_step_counts_q30(&node->plan, &node->bearing, dcounts);
     }
     return node->model->calls->step_q30(dahl_node_plan(node->model), dahl_node_state(node->model), dcounts,
-                                    dahl_least(node->load, DAHL_NODE_ONE) << 14);
+                                         dahl_least(node->load, DAHL_NODE_ONE) << 14);
+}
+
+static inline int32_t travel(const dahl_node_t *node, const dahl_encoder_state_t *encoder)
+{
+    return dahl_counts_between(node->count, (uint32_t)encoder->count, 0);
+}
+
+static inline bool prime(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, dahl_can_frame_t *out)
+{
+    return answer_encoder(node, encoder, now_us, step_model(node, 0), out);
+}
+
+static inline bool answer_move(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, dahl_can_frame_t *out)
+{
+    node->counts.ok++;
+    return answer_encoder(node, encoder, now_us, step_model(node, travel(node, encoder)), out);
 }
 
 #endif

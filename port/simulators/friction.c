@@ -95,9 +95,15 @@ static int32_t move_excess(const friction_t *f, friction_state_t *state, double 
     return (int32_t)left;
 }
 
+static uint32_t q30_of(double load)
+{
+    const double load_q30 = nearest(load * TWO_30);
+    return (uint32_t)load_q30;
+}
+
 float friction_move(const friction_t *f, friction_state_t *state, double distance, double load)
 {
-    const uint32_t load_q30 = (uint32_t)nearest(load * TWO_30);
+    const uint32_t load_q30 = q30_of(load);
     if (f->is_stiffness_fixed) {
         return dahl_clamped_step(&f->plan.dahl, &state->any.dahl, (float)distance, load_q30);
     }
@@ -110,6 +116,6 @@ float friction_move(const friction_t *f, friction_state_t *state, double distanc
 
 int32_t friction_move_q30(const friction_t *f, friction_state_t *state, double counts, double load)
 {
-    const uint32_t load_q30 = (uint32_t)nearest(load * TWO_30);
+    const uint32_t load_q30 = q30_of(load);
     return calls_of(f)->step_q30(&f->plan, state, move_excess(f, state, counts, load_q30), load_q30);
 }
