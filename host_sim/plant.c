@@ -60,13 +60,12 @@ static double answered_torque(const plant_t *p)
 
 static double control_torque(plant_t *p)
 {
-    const scene_control_t *c = &p->scene->control;
     double error = (double)(p->reference_count - measured_count(p));
     p->rate += RATE_FILTER * (error - p->last_error - p->rate);
     p->last_error = error;
     p->compensation = answered_torque(p);
-    double feedback = theta_per_count(p) * (c->kp * error + c->kd * p->rate / PERIOD_S);
-    return clamp(feedback + p->compensation, c->torque_limit);
+    double feedback = theta_per_count(p) * dahl_controller_torque(&p->controller, error, p->rate);
+    return clamp(feedback + p->compensation, p->scene->control.torque_limit);
 }
 
 static double motor_torque(const plant_t *p)
@@ -99,7 +98,7 @@ static void write_row(plant_t *p)
                          (double)p->reference_count * theta_per_count(p), r->theta, r->omega, p->torque, r->friction,
                          p->compensation);
     if (result >= 0 && p->scene->has_hand) {
-        result = fprintf(p->trace, ",%.17g", rotor_hand_torque(r));
+        result = fprintf(p->trace, ",%.17g", dahl_rotor_hand_torque(r));
     }
     if (result < 0 || fputc('\n', p->trace) == EOF) {
         p->trace_errno = errno;
@@ -128,7 +127,7 @@ static void advance(plant_t *p, double torque)
         write_row(p);
     }
     set_load(p, torque);
-    rotor_advance(&p->rotor, torque);
+    dahl_rotor_advance(&p->rotor, torque);
     p->ticks++;
 }
 
@@ -166,8 +165,9 @@ bool plant_open(plant_t *plant, const scene_t *scene, motion_t *reference, const
 {
     const scene_rotor_t *r = &scene->rotor;
     *plant = (plant_t){.scene = scene, .reference = reference, .encoder = encoder};
+    plant->controller = (controller_t){.kp = scene->control.kp, .kd = scene->control.kd};
     plant->motion = (motion_t){.next = reference != NULL ? next_controlled : next_driven, .scene = &scene->motion};
-    if (rotor_open(&plant->rotor, r->inertia, r->viscous, r->sigma0, r->Fc) != DAHL_OK) {
+    if (dahl_rotor_open(&plant->rotor, r->inertia, r->viscous, r->sigma0, r->Fc) != DAHL_OK) {
         log_error("[rotor] sigma0 = %.9g, Fc = %.9g: dahl_prepare refuses", r->sigma0, r->Fc);
         return false;
     }

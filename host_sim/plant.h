@@ -14,6 +14,7 @@
 
 #include <stdio.h>
 
+#include "controller.h"
 #include "encoder_node.h"
 #include "motion.h"
 #include "rotor.h"
@@ -27,6 +28,7 @@ typedef struct {
     FILE *trace;              /* NULL: not written */
     int trace_errno;          /* of a failed row; 0: all are written */
     rotor_t rotor;
+    controller_t controller; /* of the error in counts */
     uint64_t ticks;
     double torque;       /* of the motor, N m */
     int side;            /* sign of the last nonzero torque */

@@ -4,10 +4,15 @@
  *   J domega/dt = T + H - b omega - F,    dF/dtheta = sigma0 (1 - F/(c Fc) sgn(omega)),    |F| <= c Fc, c: load
  *   H = stiffness (h - theta) + damping (dh/dt - omega),    h = amplitude sin(2 pi frequency (t - start)): a hand
  * Integration: half steps in speed around an exact step of the friction. It is of second order in ROTOR_STEP_S, and stable if
- * the inertia is at least rotor_least_inertia().
+ * the inertia is at least dahl_rotor_least_inertia().
+ *
+ * Python calls these functions too (tools/dahl/sim/shaft.py), so they are in libdahl.so and have its prefix.
  */
 #ifndef ROTOR_H
 #define ROTOR_H
+
+#include <stdbool.h>
+#include <stdint.h>
 
 #include "dahl_parts.h"
 #include "timing.h"
@@ -20,7 +25,7 @@ typedef struct {
     double damping;   /* N m s/rad */
     double amplitude; /* rad */
     double frequency; /* Hz */
-    double start;     /* s; the hand is off the shaft before */
+    double start;     /* s, may be negative; the hand is off the shaft before */
 } hand_t;
 
 typedef struct {
@@ -29,6 +34,7 @@ typedef struct {
     double theta;   /* rad */
     double omega;   /* rad/s */
     double friction; /* N m, with the sign of the motion */
+    bool has_friction;
     uint32_t load_q30; /* of the bearing, 2^30: 1; below 2 */
     const hand_t *hand; /* NULL: none */
     uint64_t steps;
@@ -36,18 +42,18 @@ typedef struct {
     dahl_state_t bristle;
 } rotor_t;
 
-/* Start at rest, relaxed, under a load of 1, without a hand. Returns the error of dahl_prepare. */
-dahl_err_t rotor_open(rotor_t *rotor, double inertia, double viscous, double sigma0, double Fc);
+/* Start at rest, relaxed, under a load of 1, without a hand. Fc = 0: without friction. Returns the error of dahl_prepare. */
+dahl_err_t dahl_rotor_open(rotor_t *rotor, double inertia, double viscous, double sigma0, double Fc);
 
 /* kg m^2. With c = b h/2J and p = sigma0 h^2/J (the slope after a reversal is 2 sigma0), the linearised step is stable if
  * p < 2(1 + (1 - c)^2)/(2 - c) and c < 2. The inertia returned ensures c <= 1 and p <= 1, which is within that. The hand adds its
  * damping to b and its stiffness to the slope. */
-double rotor_least_inertia(double viscous, double sigma0, const hand_t *hand);
+double dahl_rotor_least_inertia(double viscous, double sigma0, const hand_t *hand);
 
 /* Present torque of the hand, N m. */
-double rotor_hand_torque(const rotor_t *rotor);
+double dahl_rotor_hand_torque(const rotor_t *rotor);
 
 /* Advance one period under `torque` N m. */
-void rotor_advance(rotor_t *rotor, double torque);
+void dahl_rotor_advance(rotor_t *rotor, double torque);
 
 #endif

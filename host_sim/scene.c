@@ -552,7 +552,7 @@ static bool check_inertia(const reader_t *r)
     if (!has(r, "rotor")) {
         return true;
     }
-    double least = rotor_least_inertia(rotor->viscous, rotor->sigma0, &r->scene->hand);
+    double least = dahl_rotor_least_inertia(rotor->viscous, rotor->sigma0, &r->scene->hand);
     if (rotor->inertia < least * (1 - LIMIT_ROUNDING)) {
         log_error("%s:%d: [rotor] inertia = %.9g: below %.9g, the least at which steps of %g us are stable with this"
                   " viscous, sigma0 and [hand]", PLACE(r, r->key_line[find_key("rotor", "inertia")]), rotor->inertia, least,

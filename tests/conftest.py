@@ -16,6 +16,7 @@ from typing import Any
 import hypothesis
 import pytest
 from _pytest.junitxml import xml_key
+from programs import call
 
 EXAMPLES, MORE_EXAMPLES = 50, 200  # of each Hypothesis test, by default and with --checks or more
 
@@ -186,15 +187,8 @@ def run_dahl(root: Path):
     """Run the command `dahl` in a process; return the finished process with its text."""
 
     def run(*args: str, timeout: float = 600, **kwargs) -> subprocess.CompletedProcess:
-        command = [sys.executable, "-m", "dahl", *map(str, args)]
-        return subprocess.run(
-            command,
-            capture_output=True,
-            text=True,
-            timeout=timeout,
-            check=False,
-            **{"cwd": root, **kwargs},
-        )
+        command = (sys.executable, "-m", "dahl", *args)
+        return call(*command, timeout=timeout, **{"cwd": root, **kwargs})
 
     return run
 

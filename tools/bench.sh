@@ -16,6 +16,8 @@
 set -euo pipefail
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+# shellcheck source=tools/setup/python.sh
+source "$ROOT/tools/setup/python.sh"
 
 case "${1:-}" in
     -h | --help) usage; exit 0 ;;
@@ -28,19 +30,7 @@ python() { "$VENV/bin/python" "$ROOT/tools/bench/$1.py" "${@:2}"; }
 
 # If this fails, the bench continues: host.py reports which rivals are missing.
 install_rivals() {
-    local venv=$BUILD/bench/venv pins=$BUILD/bench/rivals.txt key
-    mkdir -p "$BUILD/bench"
-    locked_packages rivals >"$pins"
-    key=$(sha256sum <"$pins")
-    [ "$(cat "$venv/.complete" 2>/dev/null)" != "$key" ] || return 0
-    say "installing rivals into build/bench/venv (group rivals of pyproject.toml)"
-    rm -rf "$venv"
-    if "$VENV/bin/python" -m venv "$venv" >"$venv.log" 2>&1 && "$venv/bin/python" -m pip --disable-pip-version-check install \
-        --quiet --progress-bar off --retries 2 --timeout 15 --no-deps --require-hashes -r "$pins" >>"$venv.log" 2>&1; then
-        echo "$key" >"$venv/.complete"
-    else
-        say "the installation failed; see build/bench/venv.log"
-    fi
+    (install_uv && fill_venv "$BUILD/bench/venv" rivals) || say "the rivals could not be installed (log: build/setup.log)"
 }
 
 "$ROOT/tools/setup.sh" bench >/dev/null

@@ -6,6 +6,7 @@ ROOT=$(CDPATH='' cd -- "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 BUILD=$ROOT/build
 # shellcheck disable=SC2034 # used by the scripts that source this file
 VENV=$BUILD/venv
+# shellcheck disable=SC2034
 LOCK_FILE=$ROOT/tools/requirements.lock
 
 say() { printf '%s: %s\n' "$(basename "$0" .sh)" "$*"; }
@@ -35,12 +36,6 @@ one_at_a_time() { # NAME
     flock -n 9 && return
     say "another $1 is at work here; waiting for it"
     flock -w 1800 9 || die "the other $1 did not end within 30 minutes (lock: build/$1.lock)"
-}
-
-# Print sections of the lock file, as a requirements file for pip.
-locked_packages() { # GROUP...
-    local group
-    for group; do sed -n "/^# group $group\$/,/^# group /{/^#/!p}" "$LOCK_FILE"; done
 }
 
 configure() { # CMAKE_ARGUMENT...

@@ -13,9 +13,9 @@
 #   bench     identify, firmware and the other cores of tools/bench.sh
 #   all       everything
 # apt-get installs Debian packages, as root or with sudo. Everything else is under build/: the Python packages of
-# tools/requirements.lock in build/venv, other downloads in build/deps. Optional packages are tried once a day; if one is
-# missing, its tests are skipped and say so. A second run ends within two seconds. It is safe to interrupt it and to run two
-# at once.
+# tools/requirements.lock in build/venv, uv, which installs them, and other downloads in build/deps. Optional packages are tried
+# once a day; if one is missing, its tests are skipped and say so. A second run ends within two seconds and needs no network. It
+# is safe to interrupt it and to run two at once.
 #
 # Environment: DAHL_PYTHON   a Python 3.11 or later (default: python3.11, python3, then /usr/bin/python3)
 #              DAHL_UNITY_DIR  a folder with unity.c, unity.h and unity_internals.h, to use instead of Debian's
@@ -40,27 +40,14 @@ parse() {
     for need in "${@:-test}"; do add_need "$need"; done
 }
 
-PIP_ANSWERS=yes
-
-# apt-get and pip retry for minutes if there is no network. Therefore first download one small file from each, for a few seconds.
-check_networks() {
-    local apt pip silent=()
-    { ! needs_apt || reach_apt; } &
-    apt=$!
-    { ! needs_pip || reach_pip; } &
-    pip=$!
-    wait "$apt" || { APT_ANSWERS=no; silent+=("this Debian's package sources (apt-get)"); }
-    wait "$pip" || { PIP_ANSWERS=no; silent+=("the index of Python packages (pip)"); }
-    [ "${#silent[@]}" -gt 0 ] || return 0
-    silent=("cannot reach ${silent[0]}${silent[1]:+, nor ${silent[1]}}; needed for:$(missing_things) (log: build/setup.log)")
-    if must_have_apt || [ "$PIP_ANSWERS" = no ]; then die "${silent[0]}"; fi
-    say "${silent[0]}"
-}
-
-missing_things() {
-    local things=("${MISSING[@]}" "${TO_FETCH[@]}" "${MISSING_OPTIONAL[@]}")
-    if needs_pip; then things+=(build/venv); fi
-    printf ' %s' "${things[@]}"
+# apt-get retries for minutes if there is no network. Therefore first download one small file, for a few seconds.
+check_network() {
+    local silent="cannot reach this Debian's package sources (apt-get)"
+    ! needs_apt || reach_apt || APT_ANSWERS=no
+    [ "$APT_ANSWERS" = no ] || return 0
+    silent+="; needed for: ${MISSING[*]} ${TO_FETCH[*]} ${MISSING_OPTIONAL[*]} (log: build/setup.log)"
+    if must_have_apt; then die "$silent"; fi
+    say "$silent"
 }
 
 main() {
@@ -69,14 +56,13 @@ main() {
     one_at_a_time setup
     mkdir -p "$BUILD/deps"
     : >"$BUILD/setup.log"
-    trap stop_python EXIT
     check_packages
     check_fetched
-    check_python
-    check_networks
+    check_network
     install_missing
     fetch_missing
-    finish_python
+    # shellcheck disable=SC2046 # a list of words
+    install_python $(words_of PYTHON_GROUP)
     say "done in $SECONDS s"
 }
 

@@ -1,9 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/** One source for several instruction sets. DAHL_VARIANTS(name, type, run) defines name(const type *) as run,
- * compiled for the baseline of the processor family and for wider vectors; each call selects one. `run` and all
- * functions that it calls must be DAHL_INLINE. DAHL_VARIANTS_OF has a separate call for AVX-512, for AVX2 and for
- * neither. If the compiler does not support this, only the baseline exists. DAHL_VARIANTS_CONVERT passes true as a
- * second argument if the instruction set converts 64-bit integers to double, which AVX2 cannot. */
+/** One source for several instruction sets. DAHL_VARIANTS(name, type, run_avx512, run_avx2, run_plain) defines
+ * name(const type *job), which selects one of the three calls by the processor. All functions that they call must be
+ * DAHL_INLINE. If the compiler does not support this, only run_plain exists. */
 #ifndef DAHL_CPU_DISPATCH_H
 #define DAHL_CPU_DISPATCH_H
 
@@ -25,7 +23,7 @@
 #define DAHL_HAS_AVX512 \
     (__builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
 
-#define DAHL_VARIANTS_OF(name, type, run_avx512, run_avx2, run_plain)                   \
+#define DAHL_VARIANTS(name, type, run_avx512, run_avx2, run_plain)                      \
     DAHL_AVX512 static void name##_avx512(const type *job) { run_avx512; }              \
     DAHL_AVX2 static void name##_avx2(const type *job) { run_avx2; }                    \
     static void name##_plain(const type *job) { run_plain; }                            \
@@ -38,18 +36,15 @@
 #elif defined(__GNUC__)
 
 #define DAHL_INLINE static inline __attribute__((always_inline))
-#define DAHL_VARIANTS_OF(name, type, run_avx512, run_avx2, run_plain) \
+#define DAHL_VARIANTS(name, type, run_avx512, run_avx2, run_plain) \
     static void name(const type *job) { run_plain; }
 
 #else
 
 #define DAHL_INLINE static inline
-#define DAHL_VARIANTS_OF(name, type, run_avx512, run_avx2, run_plain) \
+#define DAHL_VARIANTS(name, type, run_avx512, run_avx2, run_plain) \
     static void name(const type *job) { run_plain; }
 
 #endif
-
-#define DAHL_VARIANTS(name, type, run) DAHL_VARIANTS_OF(name, type, run(job), run(job), run(job))
-#define DAHL_VARIANTS_CONVERT(name, type, run) DAHL_VARIANTS_OF(name, type, run(job, true), run(job, false), run(job, true))
 
 #endif

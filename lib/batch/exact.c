@@ -1,57 +1,93 @@
 /* SPDX-License-Identifier: MIT */
-/** One trajectory with the bits of single steps. By counts, the direction is a mask instead of a branch, so an
- * unpredictable sign costs no more. Short moves use their table entry, longer ones go digit by digit. A block first
- * computes its dependent states, then its independent torques with vectors. */
-#include "exact.h"
-
-#define BLOCK 64 /* ticks */
-
-typedef struct {
-    const dahl_plan_t *plan;
-    dahl_state_t *state;
-    const int32_t *dcounts;
-    float *F;
-    size_t n;
-} job_t;
-
-/** Write w after each tick. Between ticks, w is kept as seen in the direction of travel. */
-DAHL_INLINE void move_all(const dahl_plan_t *plan, int64_t *w, uint64_t start, const int32_t *dcounts, size_t n)
-{
-    uint64_t ahead = start, backward = 0;
-    for (size_t i = 0; i < n; i++) {
-        uint64_t before = backward;
-        backward = dahl_batch_direction(dcounts[i]);
-        ahead = dahl_batch_move(plan, ahead ^ before ^ backward, dahl_batch_size(dcounts[i]));
-        w[i] = (int64_t)(ahead ^ backward);
-    }
-}
-
-DAHL_INLINE void run(const job_t *job, bool converts)
-{
-    const double unit = dahl_batch_unit(job->plan);
-    size_t rows;
-    int64_t w[BLOCK];
-    for (size_t i = 0; i < job->n; i += rows) {
-        rows = job->n - i < BLOCK ? job->n - i : BLOCK;
-        move_all(job->plan, w, (uint64_t)job->state->w, job->dcounts + i, rows);
-        dahl_batch_torques(job->plan, &unit, 0, w, job->F + i, rows, converts);
-        job->state->w = w[rows - 1];
-    }
-}
-DAHL_VARIANTS_CONVERT(run_ticks, job_t, run)
+/** Logs with the bits of single steps: each call is the loop that a firmware would run. And parts for callers from
+ * other languages. */
+#include "dahl_batch.h"
 
 void dahl_batch_counts(const dahl_plan_t *plan, dahl_state_t *state, const int32_t *dcounts, float *F, size_t n)
 {
-    job_t job = {plan, state, dcounts, F, n};
-    if (n != 0) { /* once per call: each tick leaves a state in range */
-        state->w = (int64_t)dahl_clamp((uint64_t)state->w);
-    }
-    run_ticks(&job);
+    dahl_batch_counts_channels(plan, state, 1, dcounts, F, n);
 }
 
 void dahl_batch(const dahl_plan_t *plan, dahl_state_t *state, const float *dtheta, float *F, size_t n)
 {
-    for (size_t i = 0; i < n; i++) {
-        F[i] = dahl_step(plan, state, dtheta[i]);
+    dahl_batch_channels(plan, state, 1, dtheta, F, n);
+}
+
+void dahl_batch_counts_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t channels, const int32_t *dcounts,
+                                float *F, size_t n)
+{
+    size_t c = 0;
+    for (size_t i = 0; i < n * channels; i++) {
+        F[i] = dahl_step_counts(&plans[c], &states[c], dcounts[i]);
+        c = c + 1 < channels ? c + 1 : 0;
+    }
+}
+
+void dahl_batch_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t channels, const float *dtheta, float *F,
+                         size_t n)
+{
+    size_t c = 0;
+    for (size_t i = 0; i < n * channels; i++) {
+        F[i] = dahl_step(&plans[c], &states[c], dtheta[i]);
+        c = c + 1 < channels ? c + 1 : 0;
+    }
+}
+
+dahl_part_t dahl_batch_part(const dahl_plan_t *plan, dahl_state_t *state)
+{
+    dahl_part_t part = DAHL_PART(plan, state);
+    return part;
+}
+
+dahl_part_t dahl_batch_slip_part(const dahl_slip_plan_t *plan, dahl_slip_state_t *state)
+{
+    dahl_part_t part = DAHL_SLIP_PART(plan, state);
+    return part;
+}
+
+void dahl_batch_slip_counts(const dahl_slip_plan_t *plan, dahl_slip_state_t *state, const int32_t *dcounts, float *F, size_t n)
+{
+    for (size_t t = 0; t < n; t++) {
+        F[t] = dahl_slip_step_counts(plan, state, dcounts[t]);
+    }
+}
+
+void dahl_batch_parallel_counts(const dahl_part_t *parts, uint32_t count, const int32_t *dcounts, float *F, size_t n)
+{
+    for (size_t t = 0; t < n; t++) {
+        F[t] = dahl_parallel_step_counts(parts, count, dcounts[t]);
+    }
+}
+
+#define RUN_COUNTS(name, ...)                                                                                                  \
+    void dahl_batch_##name##_counts(const dahl_##name##_plan_t *plan, dahl_state_t *state, const int32_t *dcounts, float *F,   \
+                                    size_t n)                                                                                  \
+    {                                                                                                                          \
+        for (size_t t = 0; t < n; t++) {                                                                                       \
+            F[t] = dahl_##name##_step_counts(plan, state, dcounts[t]);                                                         \
+        }                                                                                                                      \
+    }
+DAHL_BRISTLE_MODELS(RUN_COUNTS)
+
+void dahl_batch_loaded_counts(const dahl_plan_t *plan, dahl_loaded_state_t *state, const int32_t *dcounts,
+                              const uint32_t *load_q30, float *F, size_t n)
+{
+    for (size_t t = 0; t < n; t++) {
+        F[t] = dahl_loaded_step_counts(plan, state, dcounts[t], load_q30[t]);
+    }
+}
+
+void dahl_batch_work_counts(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, const int32_t *dcounts, float *F,
+                            size_t n)
+{
+    for (size_t t = 0; t < n; t++) {
+        F[t] = dahl_work_step_counts(plan, state, work, dcounts[t]);
+    }
+}
+
+void dahl_batch_velocity(const dahl_velocity_plan_t *plan, const int32_t *dcounts, float *F, size_t n)
+{
+    for (size_t t = 0; t < n; t++) {
+        F[t] = dahl_velocity_torque(plan, dcounts[t]);
     }
 }

@@ -5,7 +5,7 @@
  *
  * Use this header to call the C library from C++. It is header only; link the C library. No
  * constructor runs at start-up. There is no destructor, exception, heap or virtual call. A static
- * bearing lies in .bss or .data as its C structure does, and each call compiles to the C call.
+ * element lies in .bss or .data as its C structure does, and each call compiles to the C call.
  * dahl.h documents the calls, their error bounds and costs, and why any bits are a safe
  * state, but not a safe plan.
  *
@@ -39,7 +39,7 @@ constexpr size_t plan_size = sizeof(dahl_plan_t);       ///< [byte]
 constexpr size_t state_size = sizeof(dahl_state_t);     ///< [byte]
 constexpr size_t encoder_size = sizeof(dahl_encoder_t); ///< [byte]
 
-/// Prepared parameters, shared by any number of bearings. Before prepare(), torques are 0 N m.
+/// Prepared parameters, shared by any number of elements. Before prepare(), torques are 0 N m.
 class Plan {
 public:
     /// A plan of all zeros.
@@ -65,12 +65,12 @@ private:
     dahl_plan_t plan_;
 };
 
-/// One bearing: a reference to a plan, which must outlive it, and a state. One call at a time.
+/// One Dahl element: a reference to a plan, which must outlive it, and a state. One call at a time.
 class Bearing {
 public:
-    /// A relaxed bearing.
+    /// A relaxed element.
     explicit constexpr Bearing(const Plan &plan) : plan_(&plan.c()), state_() {}
-    /// A relaxed bearing on a C plan.
+    /// A relaxed element on a C plan.
     explicit constexpr Bearing(const dahl_plan_t &plan) : plan_(&plan), state_() {}
 
     /// dahl_step_counts()

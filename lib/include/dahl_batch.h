@@ -3,12 +3,12 @@
  * @file dahl_batch.h
  * @brief Process long logs on a host: n ticks in, n torques out.
  *
- * Use dahl_batch_... for the bits of single steps. Use dahl_throughput_... if speed matters more;
- * the error bounds are the same.
+ * Use dahl_batch_... to verify: these calls are plain loops over the steps of a firmware, with
+ * their bits and their speed. Use dahl_throughput_... for speed; the error bounds are the same.
  *
  * All calls write F [N m] and advance the states by n ticks. They allocate no memory. Arrays must
  * not overlap. If n or the number of channels is 0, a call does nothing. States are clamped first,
- * as in dahl.h. Each file is linked only if a program calls it.
+ * as in dahl.h.
  *
  * @par Channels
  * Many trajectories, tick after tick: move and torque t of channel c are at [t * channels + c];
@@ -27,7 +27,7 @@ extern "C" {
 
 /**
  * @name Exact
- * The bits of single steps, if the processor rounds to nearest, which is its default.
+ * The bits of single steps, to verify a log.
  */
 /** @{ */
 /** dahl_step_counts() for each tick: F[t] [N m] from dcounts[t] [counts]. */
@@ -103,30 +103,6 @@ dahl_err_t dahl_throughput_counts_channels(const dahl_throughput_params_t *param
 /** Move channels by angles. @return #DAHL_OK, or the error of a channel */
 dahl_err_t dahl_throughput_channels(const dahl_throughput_params_t *params, dahl_state_t *states,
                                     size_t channels, const float *dtheta, float *F, size_t n);
-/** @} */
-
-/**
- * @name Throughput of elements in parallel
- * Any mix of Dahl and slip elements, in double, with vectors. The sum is rounded once. Error, for
- * any n: 0.5001 ulp of the sum of Fc for slip elements, #DAHL_ULP_COUNTS ulp for any mix. Without
- * elements the torque is 0 N m. Limits and error codes as in dahl_throughput_counts(), for each
- * element. Stack: 40 KiB.
- */
-/** @{ */
-
-/** One element with its state. */
-typedef struct {
-    dahl_throughput_params_t params; /**< parameters */
-    int32_t slips;                   /**< 0: Dahl's model; otherwise a spring of stiffness sigma0
-                                          that slips at Fc */
-    dahl_state_t state;              /**< state of Dahl's model, as in the exact form */
-    double x;                        /**< [counts] deflection of a slip element; 0 is relaxed */
-} dahl_throughput_element_t;
-
-/** Move all elements by counts. @return #DAHL_OK, or the error of an element; then nothing is
- * written */
-dahl_err_t dahl_throughput_parallel_counts(dahl_throughput_element_t *elements, size_t count,
-                                           const int32_t *dcounts, float *F, size_t n);
 /** @} */
 
 #ifdef __cplusplus

@@ -224,7 +224,7 @@ typedef struct {
     int32_t fade_exponent;  /**< exponent of fade_mantissa */
 } dahl_compensator_plan_t;
 
-/** State and telemetry of one compensator, 44 bytes. All zeros: relaxed, faded out. */
+/** State and telemetry of one compensator. All zeros: relaxed, faded out. */
 typedef struct {
     int32_t play_position;    /**< [count] position of the counts within the play */
     int32_t move;             /**< [count] last result of dahl_compensator_move() */
@@ -326,8 +326,8 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
 
 /**
  * Reference law: draw the state of the element to one that the measured counts step. Call it
- * before the tick of the element. It fits each bristle in a dahl_state_t: of a Dahl, asymmetric,
- * elasto-plastic or loaded element, and each Dahl element of a parallel one.
+ * before the tick of the element. It fits each element whose state is, or holds, a dahl_state_t:
+ * Dahl, asymmetric, elasto-plastic, loaded, and each Dahl element of a mix.
  * @param plan     prepared plan; without pull, the state is unchanged
  * @param state    state of the element that the reference steps
  * @param measured state of the same element, stepped by the results of dahl_compensator_move()
@@ -375,7 +375,7 @@ typedef struct {
     uint8_t bin_shift;     /**< a bin holds 2^bin_shift samples */
 } dahl_adaptation_plan_t;
 
-/** State of the adaptation, 48 bytes. All zeros: Fc is that of the element. */
+/** State of the adaptation. All zeros: Fc is that of the element. */
 typedef struct {
     int32_t ratio_q30;      /**< [Q30 of Fc] last torque of the element */
     int32_t speed_q20;      /**< [Q20 of 1 rad/s] mean of the speed */

@@ -52,9 +52,8 @@
  * @par Time and stack of a receive interrupt
  * A ParamWrite that changes Sigma0, Fc or ThetaPerCount calls dahl_prepare() inside
  * dahl_node_receive(): its ParamReply says whether the values fit, and the next EncoderState uses
- * them. On a Cortex-M0 it needs at most 15500 instructions and 540 bytes of stack. That is 0.4 ms
- * at 48 MHz with a multiplier of one cycle. An EncoderState of the Dahl element needs at most 2600
- * instructions and 170 bytes of stack. docs/microcontroller.md has other cores and models.
+ * them. It needs several times the instructions and the stack of an EncoderState;
+ * docs/microcontroller.md has both for each core.
  *
  * If the interrupt does not have this time, let it only queue the frames. All examples call the
  * node in the main program:

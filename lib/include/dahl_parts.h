@@ -15,9 +15,9 @@
  * - A state of all zeros is relaxed. A plan of all zeros moves nothing and gives 0 N m.
  * - An element that is not called is not linked.
  *
- * @par Laws
- * docs/parts.md lists the laws of the exact solution that each element keeps. Rounding has these
- * effects on laws that are not kept bit for bit:
+ * @par Properties
+ * docs/parts.md lists the properties of the exact solution that each element keeps. Rounding has
+ * these effects on properties that are not kept bit for bit:
  * - A closed cycle returns at most #DAHL_ENERGY_ERROR of Fc (under a load c above 1: of c Fc) times
  *   its path length, plus 2^-59 Fc^2/sigma0 for each tick by angle.
  * - The opposite motion gives the opposite torque, except at a tie: a w whose low 32 bits are 2^31
@@ -208,7 +208,7 @@ int32_t dahl_parallel_step_counts_q30(const dahl_part_t *parts, const int32_t *s
 /** @name Work of a Dahl element */
 /** @{ */
 
-/** Sums for the work of a bearing. Start with all zeros. */
+/** Sums for the work of a Dahl element. Start with all zeros. */
 typedef struct {
     uint32_t counts[3]; /**< [counts] distance travelled, lowest word first */
     uint32_t way[4];    /**< [Q62] path of w = F/Fc in the direction of travel, lowest word first */
@@ -230,7 +230,7 @@ int32_t dahl_work_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, 
  * Return the work so far, the sum of F dtheta along the path (Eq. 1, integrated).
  * @param params parameters from which the plan was prepared
  * @param work   sums
- * @return [J] energy that the bearing absorbed; infinite above the largest float, 0 below the least
+ * @return [J] energy that the element absorbed; infinite above the largest float, 0 below the least
  *   normal one. It is negative only by the energy stored at the start, F^2/(2 sigma0), and by
  *   rounding: 1e-9 of Fc times the path length.
  * @note Error after R reversals: half an ulp of the result, plus 2^-59 of Fc times the path length,

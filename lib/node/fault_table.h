@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * Fault table: the reaction of the node to each frame, and to missing frames. The unit test of the node runs each
- * row, and tools/fault_table.py writes the table into the documentation. The product does not compile it.
+ * row, and tools/generators/facts.py writes the table into the documentation. The product does not compile it.
  *
  * Columns: name; frame; counts that increment (members of dahl_node_counts_t); state in Status; whether the bristle
  * moves or is kept; whether the node answers. Unless a row says otherwise, frames arrive within the timeout, and

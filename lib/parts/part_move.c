@@ -5,7 +5,7 @@
 
 DAHL_WEAK_TICK int64_t dahl_part_move(const void *plan, void *state, int32_t dcounts)
 {
-    dahl_state_t *bearing = (dahl_state_t *)state;
-    (void)dahl_step_counts_q30((const dahl_plan_t *)plan, bearing, dcounts);
-    return bearing->w;
+    dahl_state_t *element = (dahl_state_t *)state;
+    (void)dahl_step_counts_q30((const dahl_plan_t *)plan, element, dcounts);
+    return element->w;
 }

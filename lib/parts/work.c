@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * Work of a bearing. In one direction s = +-1 of travel, Eq. 1 gives F dtheta = Fc s dtheta - (Fc^2/sigma0) s dw.
- * Hence
+ * Work of a Dahl element. In one direction s = +-1 of travel, Eq. 1 gives F dtheta = Fc s dtheta - (Fc^2/sigma0) s
+ * dw. Hence
  * @verbatim
  *     work = Fc |dtheta| - (Fc^2/sigma0) s (w_after - w_before)
  * @endverbatim

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/** The two sums for the work of a bearing. */
+/** The two sums for the work of a Dahl element. */
 #ifndef DAHL_WORK_SUMS_H
 #define DAHL_WORK_SUMS_H
 

@@ -8,8 +8,7 @@ set(DAHL_CORE "" CACHE STRING "one of the cores below")
 list(APPEND CMAKE_TRY_COMPILE_PLATFORM_VARIABLES DAHL_CORE)
 set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
 
-# dahl_core(NAME BOARD FLAG...): a core, QEMU's board with it, and gcc's flags. The demo and the benchmarks also read this list
-# (tools/dahl/sim/firmware.py).
+# dahl_core(NAME BOARD FLAG...): a core, QEMU's board with it, and gcc's flags. After a change, run tools/generators/facts.py.
 set(dahl_cores "")
 macro(dahl_core name board)
     list(APPEND dahl_cores ${name})

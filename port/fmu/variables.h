@@ -5,7 +5,7 @@
 
 #include "dahl_parts.h"
 
-/* Value references; tools/dahl/sim/fmu.py has the same. */
+/* Value references; tools/dahl/simulators/fmu.py has the same. */
 enum {
     FMU_ANGLE = 0,                       /* [rad] input */
     FMU_LOAD = 1,                        /* input of the model loaded */
@@ -21,7 +21,7 @@ enum {
 
 /* Model, names, limits and start values, fixed when the FMU is exported. */
 typedef struct {
-    char mark[16];            /* tools/dahl/sim/fmu.py finds this block in the shared object by it */
+    char mark[16];            /* tools/dahl/simulators/fmu.py finds this block in the shared object by it */
     char guid[40];            /* that of modelDescription.xml */
     char model[16];           /* name in DAHL_MODELS */
     uint32_t sigma0s, Fcs;    /* numbers of sigma0 and Fc */

@@ -87,10 +87,10 @@ static void check_repack(size_t kind, const dahl_can_frame_t *frame, const conte
     dahl_can_frame_t again;
     memset(&again, 0xA5, sizeof again);
     pack(kind, &again, (uint8_t)frame->id, content);
-    LAW(again.id == (kinds[kind].id | (frame->id & 15)) && again.length == 8 && again.flags == 0, "packing sets the whole head");
-    LAW(again.data[0] == crc_of(again.data, kinds[kind].kind), "packing makes the CRC");
+    HOLDS(again.id == (kinds[kind].id | (frame->id & 15)) && again.length == 8 && again.flags == 0, "packing sets the whole head");
+    HOLDS(again.data[0] == crc_of(again.data, kinds[kind].kind), "packing makes the CRC");
     for (int i = 1; i < 8; i++) {
-        LAW(again.data[i] == (frame->data[i] & kinds[kind].used[i]), "an unpacked frame packs to the same bytes");
+        HOLDS(again.data[i] == (frame->data[i] & kinds[kind].used[i]), "an unpacked frame packs to the same bytes");
     }
 }
 
@@ -103,11 +103,11 @@ static dahl_frames_check_t check_unpack(size_t kind, const dahl_can_frame_t *fra
     dahl_frames_check_t wanted = !is_classic(frame)                                             ? DAHL_FRAMES_BAD_FORMAT
                             : frame->data[0] == crc_of(frame->data, kinds[kind].kind) ? DAHL_FRAMES_GOOD
                                                                                         : DAHL_FRAMES_BAD_CRC;
-    LAW(got == wanted, "a frame is accepted if and only if format and CRC are right");
+    HOLDS(got == wanted, "a frame is accepted if and only if format and CRC are right");
     if (got == DAHL_FRAMES_GOOD) {
         check_repack(kind, frame, &content);
     } else {
-        LAW(memcmp(&content, &untouched, sizeof content) == 0, "a refused frame leaves the output unchanged");
+        HOLDS(memcmp(&content, &untouched, sizeof content) == 0, "a refused frame leaves the output unchanged");
     }
     return got;
 }
@@ -124,9 +124,9 @@ static void check_pack(size_t kind, fuzz_bytes_t *bytes)
         memcpy(&content.encoder.valid, &flag, 1);
     }
     pack(kind, &frame, node, &content);
-    LAW(check_unpack(kind, &frame) == DAHL_FRAMES_GOOD, "a packed frame is good");
+    HOLDS(check_unpack(kind, &frame) == DAHL_FRAMES_GOOD, "a packed frame is good");
     for (size_t other = 0; other < KINDS; other++) {
-        LAW(other == kind || check_unpack(other, &frame) == DAHL_FRAMES_BAD_CRC, "no frame passes for another kind");
+        HOLDS(other == kind || check_unpack(other, &frame) == DAHL_FRAMES_BAD_CRC, "no frame passes for another kind");
     }
 }
 
@@ -147,7 +147,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         frame.data[0] = crc_of(frame.data, kinds[kind].kind);
         frame.length = what & 0x20 ? 8 : frame.length;
     }
-    LAW(dahl_frames_crc(frame.data, kinds[kind].kind) == crc_of(frame.data, kinds[kind].kind), "the table is the polynomial");
+    HOLDS(dahl_frames_crc(frame.data, kinds[kind].kind) == crc_of(frame.data, kinds[kind].kind), "the table is the polynomial");
     check_unpack(kind, &frame);
     return 0;
 }

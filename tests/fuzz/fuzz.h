@@ -48,17 +48,18 @@ static inline float fuzz_float_of(uint32_t bits)
     return x;
 }
 
-/* A unit test that includes a fuzzer defines LAW before. */
-#ifndef LAW
-static inline void fuzz_broken(const char *law, const char *file, int line)
+#ifdef UNITY_FRAMEWORK_H /* a unit test includes the fuzzer */
+#define HOLDS(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
+#else
+static inline void fuzz_broken(const char *property, const char *file, int line)
 {
-    dprintf(2, "%s:%d: law broken: %s\n", file, line, law);
+    dprintf(2, "%s:%d: property broken: %s\n", file, line, property);
     abort();
 }
-#define LAW(condition, words) ((condition) ? (void)0 : fuzz_broken(words, __FILE__, __LINE__))
+#define HOLDS(condition, words) ((condition) ? (void)0 : fuzz_broken(words, __FILE__, __LINE__))
 #endif
 
-/* The same laws without libFuzzer, for random inputs. Every other input has many small bytes. */
+/* The same properties without libFuzzer, for random inputs. Every other input has many small bytes. */
 static inline void fuzz_at_random(uint32_t inputs, size_t length)
 {
     uint8_t input[512];

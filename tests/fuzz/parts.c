@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/* Ticks of each model on any plan, from rest and from any bits: the contract of tests/lib/laws.h, and laws of single models. */
+/* Ticks of each element on any plan, from rest and from any bits: the contract of tests/lib/properties.h, and properties of one. */
 #include "plans.h"
-#define HOLDS(condition, words) LAW(condition, words)
-#include "../lib/laws.h"
+#include "../lib/properties.h"
 
 enum { STEPS_MAX = 12 };
 
@@ -67,7 +66,7 @@ static void check_memory(const walk_t *walk)
     dahl_slip_state_t kept = state;
     (void)dahl_slip_step_counts_q30(&plan, &state, -back);
     (void)dahl_slip_step_counts_q30(&plan, &state, back);
-    LAW(memcmp(&state, &kept, sizeof state) == 0, "slip: return-point memory");
+    HOLDS(memcmp(&state, &kept, sizeof state) == 0, "slip: return-point memory");
 }
 
 static void check_no_creep(const walk_t *walk)
@@ -84,7 +83,7 @@ static void check_no_creep(const walk_t *walk)
     int32_t n = below < 1 ? 0 : (int32_t)((uint32_t)walk->dcounts[0] % below);
     (void)model->step_q30(&plan, &state, (move_t){n, 0});
     (void)model->step_q30(&plan, &state, (move_t){-n, 0});
-    LAW(state.dahl.w == 0, "elasto-plastic: no creep below breakaway");
+    HOLDS(state.dahl.w == 0, "elasto-plastic: no creep below breakaway");
 }
 
 /* The bound of dahl_parts.h: relative to the result, and a part for each reversal. */
@@ -115,12 +114,12 @@ static void check_work(const walk_t *walk)
         exact += (long double)p->Fc * (x + (1 - sw) * expm1l(-a * x) / a);
         const float F = dahl_work_step_counts(&plan, &state, &work, n);
         (void)dahl_work_step_counts_q30(&plan, &q30, &work_q30, n);
-        LAW(F == dahl_step_counts(&plan, &alone, n) && state.w == alone.w, "work: the torque is the element's");
+        HOLDS(F == dahl_step_counts(&plan, &alone, n) && state.w == alone.w, "work: the torque is the element's");
         w = fuzz_ratio(state.w);
     }
-    LAW(q30.w == state.w && memcmp(&work, &work_q30, sizeof work) == 0, "work: both forms leave the same state and sums");
+    HOLDS(q30.w == state.w && memcmp(&work, &work_q30, sizeof work) == 0, "work: both forms leave the same state and sums");
     const long double got = (long double)dahl_work(p, &work);
-    LAW(isinf(got) || fabsl(got - exact) <= work_bound(p, exact, walk->moves), "work: the integral of the torque");
+    HOLDS(isinf(got) || fabsl(got - exact) <= work_bound(p, exact, walk->moves), "work: the integral of the torque");
 }
 
 /* Any torque up to Fc, an end or its neighbour, beyond Fc, nearly none, or no number. Near Fc a count changes the torque by a rounding or
@@ -148,20 +147,20 @@ static void check_inverse(const walk_t *walk, uint32_t part_of_Fc)
     dahl_err_t err = dahl_counts_to_torque(&plan, &state, F, &found);
     int s = F > here ? 1 : -1;
     dahl_state_t there = state, before = state;
-    LAW((err == DAHL_ERR_PARAM) == !isfinite(F), "inverse: DAHL_ERR_PARAM if and only if F is not finite");
-    LAW(found == 77 || isfinite(F), "inverse: a refusal writes nothing");
+    HOLDS((err == DAHL_ERR_PARAM) == !isfinite(F), "inverse: DAHL_ERR_PARAM if and only if F is not finite");
+    HOLDS(found == 77 || isfinite(F), "inverse: a refusal writes nothing");
     if (!isfinite(F)) {
         return;
     }
     if (err != DAHL_OK) {
         float most = dahl_step_counts(&plan, &there, s * INT32_MAX);
-        LAW(found == 77 && (s > 0 ? most < F : most > F), "inverse: refused only if no move reaches the torque");
+        HOLDS(found == 77 && (s > 0 ? most < F : most > F), "inverse: refused only if no move reaches the torque");
         return;
     }
     float reached = dahl_step_counts(&plan, &there, found);
-    LAW(F == here ? found == 0 : s > 0 ? reached >= F : reached <= F, "inverse: the move reaches the torque");
-    LAW(F == here || (s > 0 ? dahl_step_counts(&plan, &before, found - 1) < F : dahl_step_counts(&plan, &before, found + 1) > F),
-        "inverse: one count less does not");
+    HOLDS(F == here ? found == 0 : s > 0 ? reached >= F : reached <= F, "inverse: the move reaches the torque");
+    HOLDS(F == here || (s > 0 ? dahl_step_counts(&plan, &before, found - 1) < F : dahl_step_counts(&plan, &before, found + 1) > F),
+          "inverse: one count less does not");
 }
 
 /* The ends of a loop of a stroke that is repeated to and fro. */
@@ -173,8 +172,8 @@ static void check_tip(const dahl_params_t *p, uint32_t stroke)
     }
     const long double u = fuzz_travel(p, (long double)p->theta_per_count), exact = (long double)p->Fc * tanhl(u * stroke / 2);
     const float tip = dahl_tip_torque(&plan, stroke);
-    LAW(fabsl((long double)tip - exact) <= 0x1p-30L * exact + 0.51L * ulp_of((float)exact), "the tip of a loop is tanh");
-    LAW(tip <= p->Fc && dahl_tip_torque(&plan, 0) == 0, "tips are between 0 and Fc");
+    HOLDS(fabsl((long double)tip - exact) <= 0x1p-30L * exact + 0.51L * ulp_of((float)exact), "the tip of a loop is tanh");
+    HOLDS(tip <= p->Fc && dahl_tip_torque(&plan, 0) == 0, "tips are between 0 and Fc");
 }
 
 /* The bits of the plain element. Half the load gives exactly half the torque; one below 2^-95 may be 0 under the smaller Fc. */
@@ -189,12 +188,12 @@ static void check_load_of_1(const walk_t *walk)
     for (int i = 0; i < walk->moves; i++) {
         const int32_t n = walk->dcounts[i];
         const float dtheta = fuzz_float_of(walk->move[i].load_q30 ^ (uint32_t)n), F = dahl_step_counts(&plan, &plain, n);
-        LAW(dahl_loaded_step_counts(&plan, &loaded, n, ONE_Q30) == F, "a load of 1 is the plain element by counts");
-        LAW(dahl_loaded_step_counts(&plan, &half, n, ONE_Q30 / 2) == F / 2 || fabsf(F) < 0x1p-95f,
-            "half the load, half the torque");
-        LAW(dahl_clamped_step(&plan, &clamped, dtheta, ONE_Q30) == dahl_step(&plan, &by_angle, dtheta),
-            "a load of 1 is the plain element by angle");
-        LAW(clamped.w == by_angle.w, "a load of 1 leaves the state of the plain element");
+        HOLDS(dahl_loaded_step_counts(&plan, &loaded, n, ONE_Q30) == F, "a load of 1 is the plain element by counts");
+        HOLDS(dahl_loaded_step_counts(&plan, &half, n, ONE_Q30 / 2) == F / 2 || fabsf(F) < 0x1p-95f,
+              "half the load, half the torque");
+        HOLDS(dahl_clamped_step(&plan, &clamped, dtheta, ONE_Q30) == dahl_step(&plan, &by_angle, dtheta),
+              "a load of 1 is the plain element by angle");
+        HOLDS(clamped.w == by_angle.w, "a load of 1 leaves the state of the plain element");
     }
 }
 

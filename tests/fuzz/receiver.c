@@ -91,21 +91,21 @@ static void check_torque(receiver_t *r, const dahl_node_t *before, const dahl_ca
 {
     dahl_friction_torque_t torque;
     dahl_encoder_state_t seen;
-    LAW(dahl_frames_unpack_torque(out, &torque) == DAHL_FRAMES_GOOD, "the answer is a good frame");
-    LAW(is_encoder(r, in) && dahl_frames_unpack_encoder(in, &seen) == DAHL_FRAMES_GOOD && seen.valid, "only a good EncoderState is answered");
-    LAW(torque.echo == seen.counter && torque.counter == r->torque_counter, "the answer echoes the counter and increases its own");
+    HOLDS(dahl_frames_unpack_torque(out, &torque) == DAHL_FRAMES_GOOD, "the answer is a good frame");
+    HOLDS(is_encoder(r, in) && dahl_frames_unpack_encoder(in, &seen) == DAHL_FRAMES_GOOD && seen.valid, "only a good EncoderState is answered");
+    HOLDS(torque.echo == seen.counter && torque.counter == r->torque_counter, "the answer echoes the counter and increases its own");
     int moved = before->primed && (r->node.state == DAHL_FRAMES_OK || r->node.state == DAHL_FRAMES_LOST);
     dahl_state_t bearing = before->bearing;
     int32_t way = moved ? (int32_t)((uint32_t)seen.count - before->count) : 0;
     int64_t q30 = dahl_step_counts_q30(&before->plan, &bearing, way);
-    LAW(bearing.w == r->node.bearing.w, "the bristle moves as in the library, or keeps its state");
+    HOLDS(bearing.w == r->node.bearing.w, "the bristle moves as in the library, or keeps its state");
     int32_t limit = (int32_t)(before->limit << 14);
-    LAW(torque.torque_q30 == clamped(q30 * r->node.gain_now / (int64_t)DAHL_NODE_ONE, limit), "gain and limit hold");
-    LAW(!r->is_silent || r->in_a_row >= DAHL_NODE_REARM, "a timeout ends after enough good frames in a row");
-    LAW(r->node.primed && r->node.count == (uint32_t)seen.count, "an answered count is the new starting point");
-    LAW(way == 0 || r->node.max_step == 0 || r->now_us - before->good_us > 1u << 30 ||
-            (uint64_t)llabs(way) <= (uint64_t)r->node.max_step * (16u + (r->now_us - before->good_us) / 1000u),
-        "MaxStep bounds a move");
+    HOLDS(torque.torque_q30 == clamped(q30 * r->node.gain_now / (int64_t)DAHL_NODE_ONE, limit), "gain and limit hold");
+    HOLDS(!r->is_silent || r->in_a_row >= DAHL_NODE_REARM, "a timeout ends after enough good frames in a row");
+    HOLDS(r->node.primed && r->node.count == (uint32_t)seen.count, "an answered count is the new starting point");
+    HOLDS(way == 0 || r->node.max_step == 0 || r->now_us - before->good_us > 1u << 30 ||
+              (uint64_t)llabs(way) <= (uint64_t)r->node.max_step * (16u + (r->now_us - before->good_us) / 1000u),
+          "MaxStep bounds a move");
     r->torque_counter = (r->torque_counter + 1) & 15u;
     r->is_silent = 0;
 }
@@ -114,18 +114,18 @@ static void check_status(receiver_t *r, const dahl_can_frame_t *out)
 {
     dahl_node_status_t status;
     const dahl_node_counts_t *n = &r->node.counts;
-    LAW(out->id == (DAHL_FRAMES_ID_STATUS | r->node.number), "a Status has the number of the node");
-    LAW(dahl_frames_unpack_status(out, &status) == DAHL_FRAMES_GOOD, "the Status is a good frame");
+    HOLDS(out->id == (DAHL_FRAMES_ID_STATUS | r->node.number), "a Status has the number of the node");
+    HOLDS(dahl_frames_unpack_status(out, &status) == DAHL_FRAMES_GOOD, "the Status is a good frame");
     const dahl_node_counts_t *c = &r->cleared;
     const uint32_t steps = n->repeated + n->wrong_sequence + n->jump + n->stale + n->bus_off;
     const uint32_t cleared = c->repeated + c->wrong_sequence + c->jump + c->stale + c->bus_off;
-    LAW(status.out_of_step == ((steps - cleared) & 255u), "a Status sums the counts of frames out of step");
+    HOLDS(status.out_of_step == ((steps - cleared) & 255u), "a Status sums the counts of frames out of step");
     const uint32_t timeout = (r->node.timeout_us + DAHL_FRAMES_TIMEOUT_US - 1) / DAHL_FRAMES_TIMEOUT_US;
-    LAW(status.timeout == (timeout < 255u ? timeout : 255u), "a Status rounds the timeout up");
-    LAW(status.counter == r->status_counter && status.state == r->node.state && status.errors == r->node.errors &&
-            status.lost == ((n->lost - c->lost) & 255u) &&
-            status.corrupt == ((n->crc + n->format - c->crc - c->format) & 255u),
-        "a Status has the state, errors and counts of the node");
+    HOLDS(status.timeout == (timeout < 255u ? timeout : 255u), "a Status rounds the timeout up");
+    HOLDS(status.counter == r->status_counter && status.state == r->node.state && status.errors == r->node.errors &&
+              status.lost == ((n->lost - c->lost) & 255u) &&
+              status.corrupt == ((n->crc + n->format - c->crc - c->format) & 255u),
+          "a Status has the state, errors and counts of the node");
     r->status_counter = (r->status_counter + 1) & 15u;
 }
 
@@ -133,17 +133,17 @@ static void check_reply(const receiver_t *r, const dahl_can_frame_t *in, const d
 {
     dahl_param_reply_t reply;
     dahl_param_write_t asked;
-    LAW(dahl_frames_unpack_param_reply(out, &reply) == DAHL_FRAMES_GOOD, "the reply is a good frame");
-    LAW(dahl_frames_unpack_param_write(in, &asked) == DAHL_FRAMES_GOOD && reply.counter == asked.counter,
-        "the reply has the counter of the request");
+    HOLDS(dahl_frames_unpack_param_reply(out, &reply) == DAHL_FRAMES_GOOD, "the reply is a good frame");
+    HOLDS(dahl_frames_unpack_param_write(in, &asked) == DAHL_FRAMES_GOOD && reply.counter == asked.counter,
+          "the reply has the counter of the request");
     int known = reply.result != DAHL_FRAMES_PARAM_UNKNOWN;
-    LAW(known ? reply.param == asked.param : reply.param == DAHL_FRAMES_PARAM_NONE && reply.value == asked.param,
-        "the reply has the parameter of the request");
-    LAW(asked.write != DAHL_FRAMES_PARAM_WRITE || reply.result != DAHL_FRAMES_PARAM_DONE || reply.value == asked.value ||
-            (asked.param <= DAHL_FRAMES_PARAM_THETA && asked.value > 1u << 24),
-        "a written value is read back");
-    LAW(reply.result != DAHL_FRAMES_PARAM_UNKNOWN || asked.param > DAHL_FRAMES_PARAM_LOAD, "only unknown parameters are refused as unknown");
-    LAW(r->node.gain <= DAHL_NODE_ONE && r->node.limit <= DAHL_NODE_ONE && r->node.timeout_us >= 1000, "settings stay in range");
+    HOLDS(known ? reply.param == asked.param : reply.param == DAHL_FRAMES_PARAM_NONE && reply.value == asked.param,
+          "the reply has the parameter of the request");
+    HOLDS(asked.write != DAHL_FRAMES_PARAM_WRITE || reply.result != DAHL_FRAMES_PARAM_DONE || reply.value == asked.value ||
+              (asked.param <= DAHL_FRAMES_PARAM_THETA && asked.value > 1u << 24),
+          "a written value is read back");
+    HOLDS(reply.result != DAHL_FRAMES_PARAM_UNKNOWN || asked.param > DAHL_FRAMES_PARAM_LOAD, "only unknown parameters are refused as unknown");
+    HOLDS(r->node.gain <= DAHL_NODE_ONE && r->node.limit <= DAHL_NODE_ONE && r->node.timeout_us >= 1000, "settings stay in range");
 }
 
 static void note_reset(receiver_t *r, uint8_t what)
@@ -160,37 +160,37 @@ static void note_reset(receiver_t *r, uint8_t what)
 static void check_answer(receiver_t *r, const dahl_node_t *before, const dahl_can_frame_t *in, const dahl_can_frame_t *out)
 {
     dahl_node_reset_t reset;
-    LAW(out->length == 8 && out->flags == 0 && (out->id & 15u) == r->node.number, "an answer is a classic frame of this node");
+    HOLDS(out->length == 8 && out->flags == 0 && (out->id & 15u) == r->node.number, "an answer is a classic frame of this node");
     switch (out->id & 0x7F0u) {
     case DAHL_FRAMES_ID_TORQUE: check_torque(r, before, in, out); break;
     case DAHL_FRAMES_ID_STATUS:
-        LAW(dahl_frames_unpack_reset(in, &reset) == DAHL_FRAMES_GOOD, "a Status answers a Reset");
+        HOLDS(dahl_frames_unpack_reset(in, &reset) == DAHL_FRAMES_GOOD, "a Status answers a Reset");
         note_reset(r, reset.what);
         check_status(r, out);
         r->is_silent = reset.what == DAHL_FRAMES_RESET_RESTART ? 0 : r->is_silent;
         break;
     default:
-        LAW((out->id & 0x7F0u) == DAHL_FRAMES_ID_PARAM_REPLY, "an answer is a torque, a Status or a reply");
+        HOLDS((out->id & 0x7F0u) == DAHL_FRAMES_ID_PARAM_REPLY, "an answer is a torque, a Status or a reply");
         check_reply(r, in, out);
     }
 }
 
 static void check_quiet(const receiver_t *r, const dahl_node_t *before)
 {
-    LAW(r->node.bearing.w == before->bearing.w && r->node.count == before->count, "without an answer the bristle keeps its state");
+    HOLDS(r->node.bearing.w == before->bearing.w && r->node.count == before->count, "without an answer the bristle keeps its state");
 }
 
 static void check_node(receiver_t *r, const dahl_node_t *before)
 {
     uint64_t now = sum_of_counts(&r->node.counts);
-    LAW(now == sum_of_counts(&before->counts) + 1, "a frame increases one count");
-    LAW(r->node.gain_now <= DAHL_NODE_ONE && r->node.counter < 16 && r->node.candidate < 16 && r->node.state <= DAHL_FRAMES_INIT,
-        "the state of the node is in range");
+    HOLDS(now == sum_of_counts(&before->counts) + 1, "a frame increases one count");
+    HOLDS(r->node.gain_now <= DAHL_NODE_ONE && r->node.counter < 16 && r->node.candidate < 16 && r->node.state <= DAHL_FRAMES_INIT,
+          "the state of the node is in range");
     int64_t w = r->node.bearing.w, most = ((int64_t)1 << 62) + ((int64_t)1 << 31);
-    LAW(w <= most && w >= -most, "the bristle is in range");
+    HOLDS(w <= most && w >= -most, "the bristle is in range");
     if (before->primed && !r->node.primed) {
         r->is_silent = r->node.silenced;
-        LAW(r->node.ramp_us == 0 || r->node.gain_now == 0, "after a silence the gain ramps from 0");
+        HOLDS(r->node.ramp_us == 0 || r->node.gain_now == 0, "after a silence the gain ramps from 0");
     }
     r->is_silent = r->node.primed ? 0 : r->is_silent;
 }
@@ -207,7 +207,7 @@ static void tick(receiver_t *r)
     if (before.primed && !r->node.primed) {
         r->is_silent = 1;
         r->in_a_row = 0;
-        LAW(r->node.ramp_us == 0 || r->node.gain_now == 0, "after a silence the gain ramps from 0");
+        HOLDS(r->node.ramp_us == 0 || r->node.gain_now == 0, "after a silence the gain ramps from 0");
     }
 }
 
@@ -234,7 +234,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     fuzz_bytes_t bytes = {data, size};
     const dahl_params_t params = {50.0f, 0.5f, 1e-4f};
     receiver_t r = {.now_us = 0xFFFF0000u};
-    LAW(dahl_node_init(&r.node, &params, 3) == DAHL_OK, "good parameters are accepted");
+    HOLDS(dahl_node_init(&r.node, &params, 3) == DAHL_OK, "good parameters are accepted");
     for (int i = 0; i < INPUT_FRAMES_MAX && bytes.left > 0; i++) {
         uint8_t pause = fuzz_u8(&bytes);
         r.now_us += pause < 240 ? pause * 16u : pause < 250 ? pause * 1000u : fuzz_u32(&bytes);

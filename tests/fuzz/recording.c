@@ -15,11 +15,11 @@ static void read_all(double counts_per_unit, const char *time)
     uint64_t rows = 0;
     int good = recording_open(&recording, "log", &columns), result = 0;
     for (; good && (result = recording_next(&recording, &count, &load)) == 1; rows++) {
-        LAW(rows > 0 || count == 0, "counts begin at 0");
-        LAW(time[0] == '\0' ? load == 0 : isfinite(load), "a load is finite, and 0 without a column");
+        HOLDS(rows > 0 || count == 0, "counts begin at 0");
+        HOLDS(time[0] == '\0' ? load == 0 : isfinite(load), "a load is finite, and 0 without a column");
     }
-    LAW(result == 0, "an accepted log is read to its end without an error");
-    LAW(!good || rows > 0, "a log without rows is refused");
+    HOLDS(result == 0, "an accepted log is read to its end without an error");
+    HOLDS(!good || rows > 0, "a log without rows is refused");
     recording_close(&recording);
     streams_check(good);
 }

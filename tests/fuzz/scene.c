@@ -32,7 +32,7 @@ static void run_rotor(const scene_t *scene, motion_t *reference)
 static void run_motion(const scene_t *scene, motion_t *motion)
 {
     int32_t count;
-    LAW(motion_open(motion, &scene->motion, "", "", 1), "an accepted scene can move");
+    HOLDS(motion_open(motion, &scene->motion, "", "", 1), "an accepted scene can move");
     for (int i = 0; i < TICKS && motion_next(motion, &count) == 1; i++) {
     }
 }

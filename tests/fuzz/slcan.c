@@ -123,31 +123,31 @@ static void check_written(const dahl_can_frame_t *frame)
     dahl_can_frame_t back;
     uint32_t length = slcan_write(frame, line);
     if (frame->flags & DAHL_CAN_FRAME_FD) {
-        LAW(length == 0, "CAN FD is not written");
+        HOLDS(length == 0, "CAN FD is not written");
         return;
     }
-    LAW(length > 0 && length < SLCAN_TEXT_MAX && line[length] == '\0', "a frame is written as a line");
+    HOLDS(length > 0 && length < SLCAN_TEXT_MAX && line[length] == '\0', "a frame is written as a line");
     for (uint32_t i = 0; i < length; i++) {
         slcan_event_t event = slcan_take(&reader, (uint8_t)line[i], &back, answer);
-        LAW(event == (i + 1 < length ? SLCAN_NOTHING : SLCAN_FRAME), "a written frame is one line");
+        HOLDS(event == (i + 1 < length ? SLCAN_NOTHING : SLCAN_FRAME), "a written frame is one line");
     }
-    LAW(is_same(&back, frame), "a written frame is read back");
+    HOLDS(is_same(&back, frame), "a written frame is read back");
 }
 
 static void check_line(const slcan_t *before, const slcan_t *after, const verdict_t *v, slcan_event_t event, const char *text,
                        const dahl_can_frame_t *frame)
 {
-    LAW(event == v->event && strcmp(text, v->answer) == 0, "the answer is that of the second reader");
-    LAW(after->open == (v->open < 0 ? before->open : v->open != 0), "O and L open, C closes, other lines do neither");
+    HOLDS(event == v->event && strcmp(text, v->answer) == 0, "the answer is that of the second reader");
+    HOLDS(after->open == (v->open < 0 ? before->open : v->open != 0), "O and L open, C closes, other lines do neither");
     uint32_t counts[FAULTS], counts_before[FAULTS];
     memcpy(counts, &after->counts, sizeof counts);
     memcpy(counts_before, &before->counts, sizeof counts);
     for (int i = 0; i < FAULTS; i++) {
-        LAW(counts[i] == counts_before[i] + (i == (int)v->fault), "a refusal increases the count of the first fault");
+        HOLDS(counts[i] == counts_before[i] + (i == (int)v->fault), "a refusal increases the count of the first fault");
     }
-    LAW(after->length == 0, "a line ends with its CR");
+    HOLDS(after->length == 0, "a line ends with its CR");
     if (event == SLCAN_FRAME) {
-        LAW(is_same(frame, &v->frame) && frame->time_us == 0, "the frame is that of the second reader");
+        HOLDS(is_same(frame, &v->frame) && frame->time_us == 0, "the frame is that of the second reader");
         check_written(frame);
     }
 }
@@ -166,8 +166,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         dahl_can_frame_t frame = {.id = UINT32_MAX};
         const slcan_t before = self.adapter;
         slcan_event_t event = slcan_take(&self.adapter, data[i], &frame, text);
-        LAW(event == SLCAN_FRAME || frame.id == UINT32_MAX, "a line without a frame writes none");
-        LAW(self.guard[0] == 0, "a long line stays within its buffer");
+        HOLDS(event == SLCAN_FRAME || frame.id == UINT32_MAX, "a line without a frame writes none");
+        HOLDS(self.guard[0] == 0, "a long line stays within its buffer");
         if (data[i] == '\r') {
             verdict_t v = judge(line, length, &before, refused);
             check_line(&before, &self.adapter, &v, event, text, &frame);
@@ -175,7 +175,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
             length = 0;
             continue;
         }
-        LAW(event == SLCAN_NOTHING, "an answer comes at the end of a line");
+        HOLDS(event == SLCAN_NOTHING, "an answer comes at the end of a line");
         if (data[i] != '\n' && length < sizeof line) {
             line[length++] = (char)data[i];
         }

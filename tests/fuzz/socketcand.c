@@ -136,18 +136,18 @@ static void check_written(const dahl_can_frame_t *frame)
     dahl_can_frame_t back;
     size_t length = text_from_frame(text, frame);
     if (frame->flags & (DAHL_CAN_FRAME_FD | DAHL_CAN_FRAME_REMOTE | DAHL_CAN_FRAME_ERROR)) {
-        LAW(length == 0 && text_from_send(text, frame) == 0, "a remote, error or FD frame is not written");
+        HOLDS(length == 0 && text_from_send(text, frame) == 0, "a remote, error or FD frame is not written");
         return;
     }
-    LAW(length > 4 && length < TEXT_FRAME_MAX && text[0] == '<' && text[length - 1] == '>', "a frame is written as an element");
+    HOLDS(length > 4 && length < TEXT_FRAME_MAX && text[0] == '<' && text[length - 1] == '>', "a frame is written as an element");
     memcpy(element, text + 1, length - 2);
     element[length - 2] = '\0';
-    LAW(text_to_frame(element, &back) && is_same(&back, frame) && back.time_us == frame->time_us, "a written frame is read back");
+    HOLDS(text_to_frame(element, &back) && is_same(&back, frame) && back.time_us == frame->time_us, "a written frame is read back");
     length = text_from_send(text, frame);
-    LAW(length > 4 && length < TEXT_FRAME_MAX, "a send is written as an element");
+    HOLDS(length > 4 && length < TEXT_FRAME_MAX, "a send is written as an element");
     memcpy(element, text + 1, length - 2);
     element[length - 2] = '\0';
-    LAW(text_to_send(element, &back) && is_same(&back, frame), "a written send is read back");
+    HOLDS(text_to_send(element, &back) && is_same(&back, frame), "a written send is read back");
 }
 
 /* A send of more than 8 bytes is passed on with all of them. */
@@ -162,26 +162,26 @@ static void check_long_send(const char *element, const dahl_can_frame_t *frame)
         at += sprintf(wanted + at, "%02X", (unsigned)strtoul(words[i], NULL, 16));
     }
     at += sprintf(wanted + at, " >");
-    LAW(length == (size_t)at && length <= TEXT_LONG_MAX && memcmp(text, wanted, length) == 0, "a long send is passed on whole");
+    HOLDS(length == (size_t)at && length <= TEXT_LONG_MAX && memcmp(text, wanted, length) == 0, "a long send is passed on whole");
 }
 
 static void check_words(const char *element)
 {
     dahl_can_frame_t frame, other;
     int good = text_to_send(element, &frame);
-    LAW(good == read_send(element, &other), "a send is accepted if and only if the second reader accepts it");
-    LAW(!good || (is_same(&frame, &other) && frame.time_us == 0), "a send has the frame of the second reader");
-    LAW(text_is_send(element) || !good, "a send is known by its first word");
+    HOLDS(good == read_send(element, &other), "a send is accepted if and only if the second reader accepts it");
+    HOLDS(!good || (is_same(&frame, &other) && frame.time_us == 0), "a send has the frame of the second reader");
+    HOLDS(text_is_send(element) || !good, "a send is known by its first word");
     if (good && (frame.flags & DAHL_CAN_FRAME_CUT)) {
         check_long_send(element, &frame);
     }
     if (!good) {
         good = text_to_frame(element, &frame);
-        LAW(good == read_frame(element, &other), "a frame is accepted if and only if the second reader accepts it");
-        LAW(!good || (is_same(&frame, &other) && frame.time_us == other.time_us), "a frame is that of the second reader");
+        HOLDS(good == read_frame(element, &other), "a frame is accepted if and only if the second reader accepts it");
+        HOLDS(!good || (is_same(&frame, &other) && frame.time_us == other.time_us), "a frame is that of the second reader");
     }
     if (good) {
-        LAW(is_frame(&frame), "an accepted frame is in range");
+        HOLDS(is_frame(&frame), "an accepted frame is in range");
         check_written(&frame);
         frame.flags |= frame.data[0] & 1u ? DAHL_CAN_FRAME_REMOTE : DAHL_CAN_FRAME_ERROR;
         check_written(&frame);
@@ -197,13 +197,13 @@ static void check_text(const uint8_t *data, size_t size)
     for (size_t i = 0; i < size; i++) {
         int is_end = begin > 0 && data[i] == '>' && i - begin < TEXT_ELEMENT_MAX + 1u;
         int is_broken = begin > 0 && !is_end && (data[i] == '<' || data[i] == 0 || i - begin >= TEXT_ELEMENT_MAX);
-        LAW(text_feed(&splitter, (char)data[i]) == is_end, "an element ends with > and with nothing else");
+        HOLDS(text_feed(&splitter, (char)data[i]) == is_end, "an element ends with > and with nothing else");
         if (is_end) {
-            LAW(memcmp(splitter.element, data + begin, i - begin) == 0, "an element is the text between < and >");
+            HOLDS(memcmp(splitter.element, data + begin, i - begin) == 0, "an element is the text between < and >");
             check_words(splitter.element);
         }
         garbage += is_broken || (begin == 0 && memchr("< \r\n", data[i], 4) == NULL);
-        LAW(splitter.garbage == garbage, "each piece outside elements is counted");
+        HOLDS(splitter.garbage == garbage, "each piece outside elements is counted");
         begin = data[i] == '<' ? i + 1 : is_end || is_broken ? 0 : begin;
     }
 }
@@ -222,7 +222,7 @@ static void check_element(const char *element)
             return;
         }
     }
-    LAW(text_to_frame(element, &frame) && is_frame(&frame), "the server sends elements of the protocol only");
+    HOLDS(text_to_frame(element, &frame) && is_frame(&frame), "the server sends elements of the protocol only");
 }
 
 static void hear(void *context, int peer, const char *bytes, size_t count)
@@ -233,7 +233,7 @@ static void hear(void *context, int peer, const char *bytes, size_t count)
             check_element(heard[peer].element);
         }
     }
-    LAW(heard[peer].garbage == 0, "the server sends nothing between elements");
+    HOLDS(heard[peer].garbage == 0, "the server sends nothing between elements");
 }
 
 /* All but the outboxes, which are large. */
@@ -257,7 +257,7 @@ static void take_frames(dahl_can_bus_t *bus, uint32_t most)
     dahl_can_result_t result = DAHL_CAN_BUS_OK;
     for (uint32_t i = 0; i < most && result == DAHL_CAN_BUS_OK; i++) {
         result = dahl_can_bus_receive(bus, &frame, 1000);
-        LAW(result != DAHL_CAN_BUS_OK || is_frame(&frame), "a received frame is in range");
+        HOLDS(result != DAHL_CAN_BUS_OK || is_frame(&frame), "a received frame is in range");
     }
 }
 
@@ -266,7 +266,7 @@ static void send_frames(dahl_can_bus_t *bus, uint32_t count, fuzz_bytes_t *bytes
     dahl_can_frame_t frame = {.id = fuzz_u8(bytes), .length = 8}, back;
     for (uint32_t i = 0; i < count; i++) {
         dahl_can_result_t result = dahl_can_bus_send(bus, &frame);
-        LAW(result == DAHL_CAN_BUS_OK || result == DAHL_CAN_BUS_GONE, "there is room while frames are received");
+        HOLDS(result == DAHL_CAN_BUS_OK || result == DAHL_CAN_BUS_GONE, "there is room while frames are received");
         if (result != DAHL_CAN_BUS_OK) {
             return;
         }
@@ -324,14 +324,14 @@ static void check_server(const uint8_t *data, size_t size)
     fuzz_bytes_t bytes = {data, size};
     int floods = 0;
     clear_server();
-    LAW(socketcand_serve(&server, 0, "vcan0", clock_of_play) == DAHL_CAN_BUS_OK, "the server listens");
+    HOLDS(socketcand_serve(&server, 0, "vcan0", clock_of_play) == DAHL_CAN_BUS_OK, "the server listens");
     server.patience_ms = fuzz_u8(&bytes) & 1 ? 30 : 0;
     while (bytes.left > 0) {
         act(&bytes, &floods);
     }
     take_frames(&server.bus, 1024);
     server.bus.ops->close(&server.bus);
-    LAW(play.open == 0, "every descriptor is closed once");
+    HOLDS(play.open == 0, "every descriptor is closed once");
 }
 
 /* --- client ------------------------------------------------------------------------------------------------------- */
@@ -343,7 +343,7 @@ static void hear_client(void *context, int peer, const char *bytes, size_t count
     for (size_t i = 0; i < count; i++) {
         text_feed(&heard[0], bytes[i]);
     }
-    LAW(heard[0].garbage == 0, "the client sends elements only");
+    HOLDS(heard[0].garbage == 0, "the client sends elements only");
 }
 
 static int greets(const uint8_t *data, size_t size)
@@ -375,7 +375,7 @@ static void check_client(const uint8_t *data, size_t size)
     heard[0] = (text_splitter_t){0};
     play.peers[0] = (play_peer_t){.says = data, .says_left = size, .hears = hear_client};
     dahl_can_result_t result = socketcand_join(&member, "host", "1", "vcan0", clock_of_play);
-    LAW((result == DAHL_CAN_BUS_OK) == greets(data, size), "the client joins if and only if the server greets");
+    HOLDS((result == DAHL_CAN_BUS_OK) == greets(data, size), "the client joins if and only if the server greets");
     if (result == DAHL_CAN_BUS_OK) {
         dahl_can_frame_t frame = {.id = 0x123, .length = 2};
         dahl_can_bus_send(&member.bus, &frame);
@@ -384,7 +384,7 @@ static void check_client(const uint8_t *data, size_t size)
         take_frames(&member.bus, 600);
         member.bus.ops->close(&member.bus);
     }
-    LAW(play.open == 0, "every descriptor is closed once");
+    HOLDS(play.open == 0, "every descriptor is closed once");
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)

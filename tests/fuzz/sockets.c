@@ -16,8 +16,8 @@ play_t play;
 
 static play_peer_t *peer_of(int fd)
 {
-    LAW(fd >= PLAY_FD && fd < PLAY_FD + PLAY_PEERS && play.peers[fd - PLAY_FD].is_connected,
-        "a descriptor is used only while it is open");
+    HOLDS(fd >= PLAY_FD && fd < PLAY_FD + PLAY_PEERS && play.peers[fd - PLAY_FD].is_connected,
+          "a descriptor is used only while it is open");
     return &play.peers[fd - PLAY_FD];
 }
 
@@ -73,7 +73,7 @@ ssize_t recv(int fd, void *to, size_t size, int flags)
 ssize_t send(int fd, const void *bytes, size_t count, int flags)
 {
     play_peer_t *peer = peer_of(fd);
-    LAW(flags & MSG_NOSIGNAL, "send() to a closed peer raises no signal");
+    HOLDS(flags & MSG_NOSIGNAL, "send() to a closed peer raises no signal");
     const int is_full = peer->is_deaf || (peer->room_per_poll > 0 && peer->room == 0);
     if (play.send_error != 0 || is_full || peer->is_reset) {
         errno = play.send_error != 0 ? play.send_error : peer->is_reset ? EPIPE : EAGAIN;

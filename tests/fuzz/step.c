@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Ticks by counts and by angle on any plan and any state, with new torques and plans between them. The laws are those of dahl.h
+/* Ticks by counts and by angle on any plan and any state, with new torques and plans between them. The properties are those of dahl.h
  * and lib/model/bristle_update.h; the exact solution is expm1l. */
 #include "plans.h"
 
@@ -40,14 +40,14 @@ static void check_torque(const walk_t *walk, int64_t w, float F)
 {
     float Fc = walk->plan->params.Fc;
     long double exact = value_of(w) * (long double)Fc;
-    LAW(F <= Fc && F >= -Fc, "|F| <= Fc");
-    LAW(bits_of(F) == bits_of(dahl_torque(&walk->plan->plan, &(dahl_state_t){w})), "a step returns the torque of its state");
+    HOLDS(F <= Fc && F >= -Fc, "|F| <= Fc");
+    HOLDS(bits_of(F) == bits_of(dahl_torque(&walk->plan->plan, &(dahl_state_t){w})), "a step returns the torque of its state");
     if (w >= ONE || w <= -ONE) {
-        LAW(F == (w > 0 ? Fc : -Fc), "saturation is exact");
+        HOLDS(F == (w > 0 ? Fc : -Fc), "saturation is exact");
         return;
     }
     long double ulp = w == 0 ? 0 : ldexpl(1.0L, ilogbl(exact) - 23);
-    LAW(fabsl((long double)F - exact) <= 0.5121L * ulp, "torque within 0.512 ulp of itself");
+    HOLDS(fabsl((long double)F - exact) <= 0.5121L * ulp, "torque within 0.512 ulp of itself");
 }
 
 /* The gap is rounded to Q30, and g has a relative error. */
@@ -55,13 +55,13 @@ static void check_solution(int64_t w, int64_t now, long double u, int forward, l
 {
     long double g = -expm1l(-u), target = forward ? 1.0L : -1.0L;
     long double exact = value_of(w) + (target - value_of(w)) * g;
-    LAW(fabsl(value_of(now) - exact) <= g * (0x1p-31L + 2.0L * g_error) + 0x1p-56L, "a step is Eq. 1 solved");
+    HOLDS(fabsl(value_of(now) - exact) <= g * (0x1p-31L + 2.0L * g_error) + 0x1p-56L, "a step is Eq. 1 solved");
 }
 
 static void check_direction(int64_t w, int64_t now, int forward)
 {
-    LAW(is_in_range(now), "the state stays in range");
-    LAW(forward ? now >= w : now <= w, "the state moves towards its target");
+    HOLDS(is_in_range(now), "the state stays in range");
+    HOLDS(forward ? now >= w : now <= w, "the state moves towards its target");
 }
 
 static void move_counts(walk_t *walk, int32_t dcounts, int exact)
@@ -71,13 +71,13 @@ static void move_counts(walk_t *walk, int32_t dcounts, int exact)
     dahl_state_t q30_state = walk->state, mirror = {~w};
     float F = dahl_step_counts(plan, &walk->state, dcounts);
     int32_t q30 = dahl_step_counts_q30(plan, &q30_state, dcounts);
-    LAW(q30_state.w == walk->state.w, "Q30 and torque forms leave the same state");
-    LAW(q30 == rounded_q30(walk->state.w) && q30 <= 1 << 30 && q30 >= -(1 << 30), "Q30 is the state, rounded; |F| <= Fc");
+    HOLDS(q30_state.w == walk->state.w, "Q30 and torque forms leave the same state");
+    HOLDS(q30 == rounded_q30(walk->state.w) && q30 <= 1 << 30 && q30 >= -(1 << 30), "Q30 is the state, rounded; |F| <= Fc");
     check_direction(w, walk->state.w, dcounts >= 0);
     check_torque(walk, walk->state.w, F);
     if (dcounts != INT32_MIN) {
         dahl_step_counts_q30(plan, &mirror, -dcounts);
-        LAW(mirror.w == ~walk->state.w, "backward is forward on the complement");
+        HOLDS(mirror.w == ~walk->state.w, "backward is forward on the complement");
     }
     if (exact) {
         long double travel = (long double)dcounts * (long double)walk->plan->params.theta_per_count;
@@ -124,13 +124,13 @@ static void move_angle(walk_t *walk, float dtheta, int exact)
     float F = dahl_step(plan, &walk->state, dtheta);
     check_torque(walk, walk->state.w, F);
     if (isnan(dtheta) || is_zero(dtheta)) {
-        LAW(walk->state.w == w, "a subnormal angle, 0 and NaN keep the state");
+        HOLDS(walk->state.w == w, "a subnormal angle, 0 and NaN keep the state");
     } else if (isinf(dtheta)) {
-        LAW(walk->state.w == (dtheta > 0 ? ONE : -ONE), "infinity saturates");
+        HOLDS(walk->state.w == (dtheta > 0 ? ONE : -ONE), "infinity saturates");
     } else {
         check_direction(w, walk->state.w, dtheta > 0);
         dahl_step(plan, &mirror, -dtheta);
-        LAW(mirror.w == ~walk->state.w, "backward is forward on the complement");
+        HOLDS(mirror.w == ~walk->state.w, "backward is forward on the complement");
     }
     if (exact && isfinite(dtheta)) {
         check_angle(walk, w, dtheta);
@@ -142,14 +142,14 @@ static void set(walk_t *walk, float F)
     const float Fc = walk->plan->params.Fc;
     const int64_t w = walk->state.w;
     dahl_set_torque(&walk->plan->plan, &walk->state, F);
-    LAW(!isnan(F) || walk->state.w == w, "NaN keeps the state");
+    HOLDS(!isnan(F) || walk->state.w == w, "NaN keeps the state");
     if (!isnan(F)) {
         float wanted = fminf(fmaxf(F, -Fc), Fc);
         float got = dahl_torque(&walk->plan->plan, &walk->state);
-        LAW(walk->state.w <= ONE && walk->state.w >= -ONE, "a set torque is clamped");
+        HOLDS(walk->state.w <= ONE && walk->state.w >= -ONE, "a set torque is clamped");
         const long double ratio = is_zero(F) ? 0 : (long double)wanted / (long double)Fc;
-        LAW(fabsl(value_of(walk->state.w) - ratio) <= 0x1.00001p-63L, "a set torque is rounded to the nearest state");
-        LAW(fabsf(wanted) < 0x1p-36f * Fc || got == wanted, "a set torque is read back");
+        HOLDS(fabsl(value_of(walk->state.w) - ratio) <= 0x1.00001p-63L, "a set torque is rounded to the nearest state");
+        HOLDS(fabsf(wanted) < 0x1p-36f * Fc || got == wanted, "a set torque is read back");
     }
 }
 
@@ -163,9 +163,9 @@ static void change(walk_t *walk)
     dahl_change_plan(&walk->plan->plan, &walk->other->plan, &walk->state);
     long double now = value_of(walk->state.w) * (long double)to->Fc, most = (long double)to->Fc;
     long double wanted = fmaxl(fminl(F * fminl(softer, 1.0L), most), -most);
-    LAW(walk->state.w <= ONE && walk->state.w >= -ONE, "|F| is within the new Fc");
-    LAW(fabsl(now - wanted) <= 0x1p-30L * fabsl(wanted) + 0x1p-61L * ((long double)from->Fc + most), "F is kept, or scaled with sigma0");
-    LAW(now * now / (long double)to->sigma0 <= F * F / (long double)from->sigma0, "the stored energy does not grow");
+    HOLDS(walk->state.w <= ONE && walk->state.w >= -ONE, "|F| is within the new Fc");
+    HOLDS(fabsl(now - wanted) <= 0x1p-30L * fabsl(wanted) + 0x1p-61L * ((long double)from->Fc + most), "F is kept, or scaled with sigma0");
+    HOLDS(now * now / (long double)to->sigma0 <= F * F / (long double)from->sigma0, "the stored energy does not grow");
     walk->plan = walk->other;
     walk->other = left;
 }
@@ -176,11 +176,11 @@ static void place(walk_t *walk, uint64_t value, uint32_t size)
     int64_t w = (int64_t)(value % (uint64_t)(ONE + PAST));
     w = size == 0 ? w : w >> (value >> 58);
     walk->state.w = size == 2 ? (int64_t)value : value >> 63 ? -w : w;
-    LAW(dahl_state_ok(&walk->state) == is_in_range(walk->state.w), "dahl_state_ok() is the range to the bit");
+    HOLDS(dahl_state_ok(&walk->state) == is_in_range(walk->state.w), "dahl_state_ok() is the range to the bit");
     w = is_in_range(walk->state.w) ? walk->state.w : walk->state.w < 0 ? -ONE : ONE;
     check_torque(walk, w, dahl_torque(&walk->plan->plan, &walk->state));
     dahl_step_counts(&walk->plan->plan, &walk->state, 0);
-    LAW(walk->state.w == w, "any bits are a safe state");
+    HOLDS(walk->state.w == w, "any bits are a safe state");
 }
 
 static void between(fuzz_bytes_t *bytes)
@@ -188,8 +188,8 @@ static void between(fuzz_bytes_t *bytes)
     uint32_t before = fuzz_u32(bytes), now = fuzz_u32(bytes), n = fuzz_u32(bytes);
     int64_t turn = n == 0 ? (int64_t)1 << 32 : n;
     int64_t way = dahl_counts_between(before, now, n);
-    LAW(2 * way >= -turn && 2 * way < turn, "the move is the shortest one; half a turn is negative");
-    LAW((before % turn + way - now % turn) % turn == 0, "the move leads to the reading");
+    HOLDS(2 * way >= -turn && 2 * way < turn, "the move is the shortest one; half a turn is negative");
+    HOLDS((before % turn + way - now % turn) % turn == 0, "the move leads to the reading");
 }
 
 /* An Fc above 2^30 units counts as 2^30. */
@@ -199,7 +199,7 @@ static void units(fuzz_bytes_t *bytes)
     const uint32_t Fc_units = fuzz_u32(bytes) >> fuzz_u8(bytes) % 32u;
     const int64_t one = (int64_t)1 << 30, Fc = Fc_units < one ? (int64_t)Fc_units : one;
     const int64_t off = ratio * Fc - one * dahl_to_units(ratio, Fc_units);
-    LAW(-one / 2 <= off && off < one / 2, "units: the nearest whole number, a half rounded up");
+    HOLDS(-one / 2 <= off && off < one / 2, "units: the nearest whole number, a half rounded up");
 }
 
 static void travels(const walk_t *walk, float one, float two)
@@ -208,7 +208,7 @@ static void travels(const walk_t *walk, float one, float two)
     if (isfinite(one) && isfinite(two)) {
         dahl_step(&walk->plan->plan, &x, fminf(one, two));
         dahl_step(&walk->plan->plan, &y, fmaxf(one, two));
-        LAW(x.w <= y.w, "monotone in travel");
+        HOLDS(x.w <= y.w, "monotone in travel");
     }
 }
 

@@ -29,10 +29,10 @@ static inline void streams_begin(const uint8_t *data, size_t size)
 static inline void streams_check(int good)
 {
     size_t length = strlen(streams.words);
-    LAW(streams.open == 0, "files are closed");
-    LAW(good ? length == 0 || strncmp(streams.words, "note: ", 6) == 0 : strncmp(streams.words, "error: ", 7) == 0,
-        "a refused file prints an error, an accepted one nothing or a note");
-    LAW(good || strchr(streams.words, '\n') == streams.words + length - 1, "an error is one line");
+    HOLDS(streams.open == 0, "files are closed");
+    HOLDS(good ? length == 0 || strncmp(streams.words, "note: ", 6) == 0 : strncmp(streams.words, "error: ", 7) == 0,
+          "a refused file prints an error, an accepted one nothing or a note");
+    HOLDS(good || strchr(streams.words, '\n') == streams.words + length - 1, "an error is one line");
 }
 
 #endif

@@ -3,8 +3,8 @@
 from a fixed random seed, so that a failure is due to a change; 20 times as many with --full. With
 --soak it is 1e9 executions on all cores, with inputs that differ in each run.
 
-The laws are in tests/fuzz/*.c. Programs and inputs are in build/fuzz. An input that broke a law
-stays there as NAME/crash-... and is a seed of each later run.
+The properties are in tests/fuzz/*.c. Programs and inputs are in build/fuzz. An input that broke a
+property stays there as NAME/crash-... and is a seed of each later run.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from conftest import BUILD, ROOT, need
 
 HERE = ROOT / "tests/fuzz"
 PROGRAMS = BUILD.parent / "fuzz/programs"
-CLAIM = "no input breaks the laws of tests/fuzz"
+CLAIM = "no input breaks the properties of tests/fuzz"
 SOAK_EXECUTIONS = 1_000_000_000
 
 
@@ -82,14 +82,14 @@ def fuzz(program: Path, found: Path, *options: str) -> subprocess.CompletedProce
 
 
 def complaint(program: Path, text: str) -> str:
-    law = re.search(r".*(law broken|runtime error|ERROR: ).*", text)
+    found = re.search(r".*(property broken|runtime error|ERROR: ).*", text)
     crash = re.search(r"Test unit written to (\S+)", text)
-    return f"{law[0] if law else text[-2000:]}\n  again: {program} {crash[1] if crash else ''}"
+    return f"{found[0] if found else text[-2000:]}\n  again: {program} {crash[1] if crash else ''}"
 
 
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("name", FUZZERS)
-def test_no_input_breaks_a_law(
+def test_no_input_breaks_a_property(
     name: str, programs: Path, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     is_full = request.config.getoption("--full") or request.config.getoption("--long")
@@ -103,7 +103,7 @@ def test_no_input_breaks_a_law(
 @pytest.mark.soak
 @pytest.mark.timeout(0)
 @pytest.mark.parametrize("name", FUZZERS)
-def test_a_billion_inputs_break_no_law(name: str, programs: Path) -> None:
+def test_a_billion_inputs_break_no_property(name: str, programs: Path) -> None:
     """One process for each core. An interrupted run keeps the inputs that it has found."""
     found = BUILD.parent / "fuzz" / f"{name}_found"
     options = [f"-fork={os.cpu_count()}", f"-runs={SOAK_EXECUTIONS}"]

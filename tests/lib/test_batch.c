@@ -180,69 +180,6 @@ static void test_any_batch(void)
     }
 }
 
-/* --- ties ----------------------------------------------------------------------------------------------------------- */
-
-/* The inverse of an odd number modulo 2^64, by Newton. */
-static uint64_t inverse_of(uint64_t odd)
-{
-    uint64_t x = odd;
-    for (int i = 0; i < 5; i++) {
-        x *= 2u - odd * x;
-    }
-    return x;
-}
-
-/* Torque without motion: in channels after one of another plan, and alone. */
-static void check_still(const dahl_params_t *p, int64_t w)
-{
-    const dahl_params_t other = {1.0f, 0.3f, 0.0f};
-    set_channel(0, &other);
-    set_channel(1, p);
-    set_channel(2, p);
-    channels.start[0].w = w / 3;
-    channels.start[1].w = -w;
-    channels.start[2].w = w;
-    check(0, 3, 1);
-    channels.plans[0] = channels.plans[1];
-    for (int s = -1; s <= 1; s += 2) {
-        channels.start[0].w = s * w;
-        check(ONE, 1, 1);
-    }
-}
-
-/* Find the upper bits t of w whose product with the mantissa of Fc is half way between two floats, or up to `near` from it: a
- * double may round it to the wrong side. */
-static uint32_t check_ties(const dahl_params_t *p, uint64_t half, int64_t near)
-{
-    const dahl_plan_t plan = plan_for(p);
-    const uint64_t mask = 2 * half - 1, inverse = inverse_of(plan.Fc_mantissa | 1u);
-    uint32_t found = 0;
-    for (int64_t beside = -near; beside <= near; beside++) {
-        uint64_t t = ((half + (uint64_t)beside) * inverse) & mask;
-        if (t >> 31 == 1) {
-            for (int more = 0; more <= 30; more++) { /* lower bits of w: all 0, and all 1 */
-                check_still(p, (int64_t)(t << more));
-                check_still(p, (int64_t)(((t + 1) << more) - 1));
-            }
-            found++;
-        }
-    }
-    return found;
-}
-
-static void test_torques_next_to_a_tie_have_the_bits_of_single_steps(void)
-{
-    static const float Fc[] = {1.0f, 0x1.000002p+0f, 1.5f, 2.739f, 1e-9f, 1.8e+19f};
-    memset(moves, 0, sizeof moves);
-    for (size_t i = 0; i < sizeof Fc / sizeof Fc[0]; i++) {
-        const dahl_params_t p = {1.0f, Fc[i], 0.0f};
-        uint32_t found = check_ties(&p, (uint64_t)1 << 38, 10000); /* for products below 2^63 */
-        found += check_ties(&p, (uint64_t)1 << 39, 20000);
-        TEST_ASSERT_TRUE(found > 10);
-        check_still(&p, 1);
-    }
-}
-
 /* --- cuts, and bad input -------------------------------------------------------------------------------------------- */
 
 static void test_a_batch_may_be_cut_anywhere_and_forms_may_alternate(void)
@@ -284,20 +221,6 @@ static void test_empty_batches_change_no_state(void)
         }
     }
     TEST_ASSERT_EQUAL_MEMORY(before, channels.batch, sizeof before);
-}
-
-static void test_elements_in_parallel_with_any_state_stay_within_Fc(void)
-{
-    static const double any[] = {(double)NAN, (double)INFINITY, -(double)INFINITY, 1e300, -1e9, 0.0};
-    const dahl_params_t p = params_for(1e-2, 2.5f);
-    fill(motion_walk);
-    for (size_t k = 0; k < 2 * sizeof any / sizeof any[0]; k++) {
-        dahl_throughput_element_t element = {in_double(&p), k % 2, {foreign[k / 2]}, any[k / 2]};
-        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_parallel_counts(&element, 1, moves, G, 300));
-        for (int t = 0; t < 300; t++) {
-            TEST_ASSERT_TRUE(fabsf(G[t]) <= p.Fc);
-        }
-    }
 }
 
 static void test_bad_angles_in_a_batch_are_as_in_single_steps(void)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The literal float form: its bound on every hard motion, its laws, and the ends of its travel. */
+/* The literal float form: its bound on every hard motion, its properties, and the ends of its travel. */
 #include <float.h>
 #include <stdbool.h>
 #include <stdio.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Parts in parallel: the sum of their torques against the sum of their references, and the shares of the Q30 form.
+/* Mixes: the sum of their torques against the sum of their references, and the shares of the Q30 form.
  * test_accuracy.c has the mix of a Dahl element with slip elements. */
 #include <stdio.h>
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The ends of the sums of dahl_work. test_part_laws.c has the integral of the torque. */
+/* The ends of the sums of dahl_work. test_element_properties.c has the integral of the torque. */
 #include "dahl_parts.h"
 #include "plans.h"
 

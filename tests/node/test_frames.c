@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: MIT */
-/* The codec: the laws of its fuzzer for random frames and values. tests/python compares the bits with dahl.dbc and
+/* The codec: the properties of its fuzzer for random frames and values. tests/python compares the bits with dahl.dbc and
  * autosar-e2e. */
 #include <string.h>
 #include <unity.h>
 
-#define LAW(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "../fuzz/codec.c"
 
 static void test_the_laws_of_the_codec_hold_for_random_input(void)

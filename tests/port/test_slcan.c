@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/* slcan: the laws of its fuzzer, which reads each line a second time, on random lines. */
+/* slcan: the properties of its fuzzer, which reads each line a second time, on random lines. */
 #include <unity.h>
 
-#define LAW(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "../fuzz/slcan.c"
 #include "random.h"
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* socketcand on simulated sockets: the laws of its fuzzer for random elements and sessions, the client, and its outbox.
+/* socketcand on simulated sockets: the properties of its fuzzer for random elements and sessions, the client, and its outbox.
  * tests/python connects python-can to the real server. */
 #define _GNU_SOURCE
 #include <errno.h>
@@ -7,7 +7,6 @@
 #include <string.h>
 #include <unity.h>
 
-#define LAW(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "../fuzz/socketcand.c"
 #include "random.h"
 
@@ -24,7 +23,7 @@ static uint32_t below(uint32_t n)
     return random_u32(&seed) % n;
 }
 
-/* --- laws of the fuzzer ------------------------------------------------------------------------------------------- */
+/* --- properties of the fuzzer -------------------------------------------------------------------------------------- */
 
 /* A good send or frame, with up to 64 bytes. */
 static int random_element(char *text)
@@ -105,6 +104,12 @@ static void note(void *context, int peer, const char *bytes, size_t count)
     memcpy(said[peer] + used, bytes, used + count < sizeof said[peer] ? count : 0);
 }
 
+static void start_server(void)
+{
+    clear_server();
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, socketcand_serve(&server, 0, "vcan0", clock_of_play));
+}
+
 /* A client connects and sends words. The server works for 200 ms. Return its last frame. */
 static dahl_can_frame_t visit(int i, const char *words)
 {
@@ -125,8 +130,7 @@ static void test_a_server_passes_frames_on_and_forgets_its_former_clients(void)
     char expected[80];
     memset(blanks, ' ', sizeof blanks);
     play.now_ns = began_us * 1000;
-    clear_server();
-    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, socketcand_serve(&server, 0, "vcan0", clock_of_play));
+    start_server();
     (void)visit(0, "< send 12"); /* is cut, then leaves */
     play.peers[0].has_hung_up = 1;
     (void)visit(1, open);
@@ -189,8 +193,7 @@ static void test_commands_have_their_answers_in_each_stage(void)
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         play = (play_t){.now_ns = 1};
-        clear_server();
-        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, socketcand_serve(&server, 0, "vcan0", clock_of_play));
+        start_server();
         (void)visit(0, cases[i].words);
         TEST_ASSERT_EQUAL_STRING(cases[i].answers, said[0] + strlen("< hi >"));
         TEST_ASSERT_EQUAL(cases[i].garbage, server.bus.counts.garbage);
@@ -202,8 +205,7 @@ static void test_commands_have_their_answers_in_each_stage(void)
 
 static void test_a_client_is_a_peer_from_its_first_frame_in_raw_mode_on(void)
 {
-    clear_server();
-    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, socketcand_serve(&server, 0, "vcan0", clock_of_play));
+    start_server();
     (void)visit(0, "< open vcan0 >");
     speak(0, "< rawmode >");
     TEST_ASSERT_EQUAL(0, server.bus.ops->peers(&server.bus));
@@ -215,8 +217,7 @@ static void test_a_client_is_a_peer_from_its_first_frame_in_raw_mode_on(void)
 static void test_unsent_bytes_of_a_client_do_not_reach_the_next(void)
 {
     const dahl_can_frame_t frame = {.id = 0x123, .length = 8};
-    clear_server();
-    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, socketcand_serve(&server, 0, "vcan0", clock_of_play));
+    start_server();
     (void)visit(0, RAW);
     play.peers[0].is_deaf = 1;
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&server.bus, &frame));
@@ -241,14 +242,20 @@ static void count_elements(void *context, int peer, const char *bytes, size_t co
     }
 }
 
+/* Join a server that says this text. */
+static dahl_can_result_t join_by(const char *text)
+{
+    memset(&member, 0, sizeof member);
+    elements = 0;
+    play.peers[0] = (play_peer_t){.says = (const uint8_t *)text, .says_left = strlen(text), .hears = count_elements};
+    return socketcand_join(&member, "host", "1", "vcan0", clock_of_play);
+}
+
 static play_peer_t *join_server(const char *words)
 {
     static char text[400];
     sprintf(text, "< hi >< ok >< ok >%s", words);
-    memset(&member, 0, sizeof member);
-    elements = 0;
-    play.peers[0] = (play_peer_t){.says = (const uint8_t *)text, .says_left = strlen(text), .hears = count_elements};
-    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, socketcand_join(&member, "host", "1", "vcan0", clock_of_play));
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, join_by(text));
     return &play.peers[0];
 }
 
@@ -263,12 +270,9 @@ static void test_a_client_joins_within_its_time_or_gives_up_however_slow_the_ser
     } cases[] = {{0, 0, OK}, {250, 0, OK}, {300, 0, FAILS}, {1200, 0, FAILS}, {4900, 0, FAILS}, {6000, 0, FAILS},
                  {0, 1, OK}, {0, 3, OK}, {100, 1, OK}, {200, 1, FAILS}};
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        static const char text[] = "< hi >< ok >< ok >";
-        memset(&member, 0, sizeof member);
         play = (play_t){.now_ns = 1, .delay_ns = cases[i].delay_ms * UINT64_C(1000000),
                         .dead_addresses = cases[i].dead_addresses};
-        play.peers[0] = (play_peer_t){.says = (const uint8_t *)text, .says_left = strlen(text), .hears = count_elements};
-        TEST_ASSERT_EQUAL(cases[i].result, socketcand_join(&member, "host", "1", "vcan0", clock_of_play));
+        TEST_ASSERT_EQUAL(cases[i].result, join_by("< hi >< ok >< ok >"));
         TEST_ASSERT_TRUE(play.now_ns <= (SOCKETCAND_HANDSHAKE_MS + 10) * UINT64_C(1000000));
         TEST_ASSERT_EQUAL(cases[i].result == DAHL_CAN_BUS_OK ? 1 : 0, play.open);
     }
@@ -279,10 +283,8 @@ static void test_a_client_refuses_another_server_at_once(void)
     static const char *const words[] = {"SSH-2.0< hi >< ok >< ok >", "< hello >< ok >< ok >", "< hi >< error >< ok >",
                                         "< hi >< ok >x< ok >"};
     for (size_t i = 0; i < sizeof words / sizeof words[0]; i++) {
-        memset(&member, 0, sizeof member);
         play = (play_t){.now_ns = 1};
-        play.peers[0] = (play_peer_t){.says = (const uint8_t *)words[i], .says_left = strlen(words[i]), .hears = count_elements};
-        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_ERROR, socketcand_join(&member, "host", "1", "vcan0", clock_of_play));
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_ERROR, join_by(words[i]));
         TEST_ASSERT_TRUE(errno == EPROTO && play.open == 0 && play.now_ns < 1000000);
     }
 }

@@ -13,12 +13,12 @@ test_kernel_proof.py compares its bits with the library.
 from __future__ import annotations
 
 import re
-import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from mpmath import iv, mp, mpf
+from programs import call
 
 mp.prec = iv.prec = 160
 UNIT = mpf(2) ** -32
@@ -89,9 +89,7 @@ def model_large(c: Constants, mantissa: int, shift: int) -> int:
 
 def run(command: list[str], script: str) -> str:
     """Return the output of Sollya or Gappa for a script."""
-    done = subprocess.run(
-        command, input=script, capture_output=True, text=True, timeout=120, check=False
-    )
+    done = call(*command, input=script, timeout=120)
     return done.stdout + done.stderr
 
 

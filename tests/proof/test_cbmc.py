@@ -11,13 +11,13 @@ the core run twice, because compiler.h and fixed.h have a form for GNU C and one
 from __future__ import annotations
 
 import re
-import subprocess
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
 from _pytest.mark.structures import ParameterSet
 from conftest import ROOT, need
+from programs import call
 from sources import INCLUDES, as_one
 
 HERE = Path(__file__).parent
@@ -85,7 +85,7 @@ PROOFS = [
 
 
 def run(command: list[str], allowed: tuple[int, ...] = (0,)) -> str:
-    done = subprocess.run(command, capture_output=True, text=True, timeout=1700, check=False)
+    done = call(*command, timeout=1700)
     assert done.returncode in allowed, f"{command}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
     return done.stdout
 

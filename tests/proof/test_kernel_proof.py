@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import functools
 import math
-import subprocess
 import sys
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import kernel_certificate as cert
 import numpy as np
 import pytest
 from conftest import ROOT, need
+from programs import run
 from sources import INCLUDES, number
 
 GENERATOR = next(path for part in ("lib", "tools") for path in (ROOT / part).rglob("kernel.sollya"))
@@ -71,18 +71,17 @@ def test_certificate_for_every_a(pieces: list[cert.Piece]) -> None:
 
 
 def slopes(folder: Path, macro: str, most: float) -> list[tuple[float, float]]:
-    """Return places up to `most` and the values of a macro of fast.h there."""
+    """Return places up to `most` and the values of a macro of throughput.h there."""
     program = folder / "slope.c"
     program.write_text(
-        '#include <stdio.h>\n#include "fast.h"\nint main(void)\n{\n'
+        '#include <stdio.h>\n#include "throughput.h"\nint main(void)\n{\n'
         "    for (int k = 1; k <= 999; k++) {\n"
         f"        double x = {most!r} * k / 999;\n"
         f'        printf("%a\\n", {macro}(x));\n    }}\n}}\n'
     )
     flags = ["-O1", "-ffp-contract=off", *INCLUDES, "-o", folder / "slope", "-lm"]
-    subprocess.run(["cc", program, *flags], check=True)
-    printed = subprocess.run([folder / "slope"], capture_output=True, text=True, check=True).stdout
-    values = map(float.fromhex, printed.split())
+    run("cc", program, *flags)
+    values = map(float.fromhex, run(folder / "slope").split())
     return [(most * k / 999, value) for k, value in enumerate(values, 1)]
 
 
@@ -93,18 +92,17 @@ def worst_error(pairs: list[tuple[float, float]]) -> float:
 
 def test_the_kernel_of_the_vectors_is_the_one_that_is_generated(tmp_path: Path) -> None:
     """Bit for bit, with the error that the generator prints, within DAHL_G_ERROR."""
-    words = [sys.executable, ROOT / "tools/generators/fast_kernel.py"]
-    said = subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
+    said = run(sys.executable, ROOT / "tools/generators/throughput_kernel.py").splitlines()
     polynomial = [float.fromhex(line) for line in said[:-1]]
     pairs = slopes(tmp_path, "DAHL_SLOPE", math.log(2))
     horner = lambda x: functools.reduce(lambda p, c: p * x + c, reversed(polynomial))  # noqa: E731
     assert [slope for _, slope in pairs] == [horner(x) for x, _ in pairs]
     printed_error = float(said[-1].removeprefix("relative error at most "))
     assert printed_error == pytest.approx(worst_error(pairs), rel=5e-3)
-    assert printed_error < number("DAHL_G_ERROR", "fast.h")
+    assert printed_error < number("DAHL_G_ERROR", "throughput.h")
 
 
 def test_the_kernel_of_short_travel_keeps_its_bound(tmp_path: Path) -> None:
     """The bound is tight: it is nearly reached at the largest travel."""
     worst = worst_error(slopes(tmp_path, "DAHL_TINY_SLOPE", math.log(2) / 128))
-    assert 0.9 < worst / number("DAHL_G_ERROR_TINY", "fast.h") <= 1
+    assert 0.9 < worst / number("DAHL_G_ERROR_TINY", "throughput.h") <= 1

@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 import json
-import subprocess
 from pathlib import Path
 
 import pytest
+from programs import call
 
 SECONDS = 60
 DEBIAN_MB, PYTHON_MB = 375, 300
@@ -18,12 +18,7 @@ FOREIGN = ("chromium", "cbmc", "qemu-system-arm", "arm-none-eabi-gcc", "clang", 
 @pytest.mark.timeout(1800)
 def test_the_demo_on_a_bare_debian(root: Path, tmp_path: Path) -> None:
     script = root / "tests/quality/bare_debian.sh"
-    done = subprocess.run(
-        [script, tmp_path, "--scene", "steering", "--seconds", "3"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = call(script, tmp_path, "--scene", "steering", "--seconds", "3")
     print(done.stdout, done.stderr)
     lines = done.stdout.splitlines()
     if done.returncode == 77:

@@ -34,7 +34,7 @@ LIB = re.compile(r"lib/(?!cores/).*\.[ch]$")
 FEATURES = ("avx2", "fma", "avx512bw", "avx512dq", "avx512vl")
 CPUS = [FEATURES[:count] for count in (0, 1, 2, 3, 4, 5)]
 EMPTY = {"kernel_table.c", "torque_from.c"}  # without code on this machine: in no program
-BY_CPU = ("test_batch", "test_fast_parallel")  # programs that ask the processor for vectors
+BY_CPU = ("test_batch",)  # programs that ask the processor for vectors
 
 
 def sources(*patterns: re.Pattern[str]) -> list[Path]:

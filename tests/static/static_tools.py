@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import importlib.util
-import subprocess
 from pathlib import Path
 
+import programs
 import sources
 from conftest import ROOT
 
@@ -58,15 +58,8 @@ CLANG = [*PLAIN, "-Werror", "-Weverything", *(f"-Wno-{word}" for word in NOT_MEA
 
 
 def call(*command: object, cwd: Path | None = None) -> tuple[int, str]:
-    done = subprocess.run(
-        [str(word) for word in command],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        cwd=cwd,
-        check=False,
-    )
-    return done.returncode, done.stdout
+    done = programs.call(*command, cwd=cwd)
+    return done.returncode, done.stdout + done.stderr
 
 
 def clean(*command: object, cwd: Path | None = None) -> None:

@@ -18,7 +18,7 @@ from sources import CORE, PARTS, with_main
 
 CLAIM = "the same bits on a big-endian core, in 32 bits, and without GNU extensions"
 UNITY = BUILD.parent / "deps" / "unity"
-UNITS = ["lib/test_part_laws", "lib/test_prepare_laws", "lib/test_batch"]
+UNITS = ["lib/test_element_properties", "lib/test_prepare_properties", "lib/test_batch"]
 UNITS += ["node/test_frames", "node/test_node"]
 WORDS = ["-std=c99", "-O1", "-DUNITY_INCLUDE_DOUBLE", "-DTEST_TICKS=20000", f"-I{UNITY}"]
 WORDS += [*static.INCLUDES, f"-I{ROOT}/tests/lib", f"-I{ROOT}/tests/node"]

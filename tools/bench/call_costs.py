@@ -8,12 +8,12 @@ The plugin sees which function a case calls. Then `tools/bench.sh target` has it
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import Any
 
 from dahl.binding import models
+from dahl.binding.library import DECLARATIONS
 
-HEADERS = ("dahl", "dahl_encoder", "dahl_parts", "dahl_compensator", "dahl_node")
+NOT_MEASURED = re.compile(r"dahl_(float|batch|throughput|can|frames|rotor|controller)_?")
 CALLED_BY_CALLS = {"dahl_encoder_rare_move", "dahl_part_move", "dahl_slip_part_move"}
 INLINE = re.compile(r"dahl_node_use_\w+")  # inline calls of dahl_node_use()
 
@@ -60,14 +60,11 @@ MARKS = ("<!-- bench:calls -->", "<!-- /bench:calls -->")
 MEMORY_MARKS = ("<!-- bench:memory -->", "<!-- /bench:memory -->")
 
 
-def public_calls(include: Path) -> list[str]:
-    """Return the functions that the headers declare, in their order."""
-    found: list[str] = []
-    for header in HEADERS:
-        text = re.sub(r"/\*[^*]*(?:\*(?!/)[^*]*)*\*/", "", (include / f"{header}.h").read_text())
-        found += re.findall(r"^\w[\w* ]*\b(dahl_\w+)\(", text, re.MULTILINE)
-    calls = [name for name in dict.fromkeys(found) if name not in CALLED_BY_CALLS]
-    return [name for name in calls if not INLINE.fullmatch(name)]
+def public_calls() -> list[str]:
+    """Return the functions of an element, a compensator and a node, in the order of the headers."""
+    functions = re.findall(r"^\w[\w* ]*\b(dahl_\w+)\(", DECLARATIONS.read_text(), re.MULTILINE)
+    functions = [x for x in functions if x not in CALLED_BY_CALLS and not INLINE.fullmatch(x)]
+    return [x for x in functions if not NOT_MEASURED.match(x)]
 
 
 def groups(names: list[str]) -> list[tuple[str, list[tuple[str, str]]]]:

@@ -163,7 +163,7 @@ def measure_outside(sizes: Sizes) -> dict[str, dict[str, Any]]:
     say(f"rivals from outside: {', '.join(outside.WAYS)}")
     python = VENV / "bin" / "python"
     if not (VENV / ".complete").exists():
-        reason = "build/bench/venv could not be made; see build/bench/venv.log"
+        reason = "build/bench/venv could not be made; see build/setup.log"
         return {name: {"missing": reason} for name in outside.WAYS}
     text = run(
         python,
@@ -228,32 +228,6 @@ def measure_threads(ticks: int) -> dict[str, float]:
     return {str(n): best_time(partial(run, n)) / ticks * 1e9 for n in numbers}
 
 
-def measure_mixes() -> dict[str, dict[str, float]]:
-    """Return ns per tick of slip elements and of a mix: single steps, and vectors."""
-    import dahl
-
-    moves = np.random.default_rng(1).integers(-8, 9, 200_000).astype(np.int32)
-    out, theta = np.empty(len(moves), np.float32), TURN / 2**14
-    elements = [
-        ([SIGMA0 / (k + 1) for k in range(count)], [FC] * count, theta) for count in (1, 2, 4, 8)
-    ]
-    pairs: dict[str, tuple[Any, Any]] = {
-        f"slip_{len(each[0])}": (dahl.Slip(*each), dahl.ThroughputSlip(*each)) for each in elements
-    }
-    bearing, fast = dahl.Plan(SIGMA0, FC, theta), dahl.Throughput(SIGMA0, FC, theta)
-    pairs["mix"] = (
-        dahl.Parallel(dahl.Friction(bearing), dahl.Slip(*elements[1])),
-        dahl.ThroughputParallel(fast, dahl.ThroughputSlip(*elements[1])),
-    )
-    return {
-        name: {
-            way: best_time(partial(part.run_counts, moves, out)) / len(moves) * 1e9
-            for way, part in zip(("tick", "throughput"), both, strict=True)
-        }
-        for name, both in pairs.items()
-    }
-
-
 def cpu() -> str:
     names = [
         line.split(":", 1)[1].strip()
@@ -280,7 +254,6 @@ def measure(quick: bool) -> dict[str, Any]:
         "python": ns_per_tick(calls),
         "calls": calls,
         "threads": measure_threads(sizes.threads),
-        "mixes": measure_mixes(),
         "outside": measure_outside(sizes),
         "growth": measure_growth(sizes),
     }

@@ -113,7 +113,7 @@ def responses(angle: np.ndarray) -> dict[str, np.ndarray]:
     moves = np.diff(place, prepend=0).astype(np.int32)
     lengths = np.geomspace(COUNTS / 500, COUNTS, GRID)
     by_dahl = [dahl.Throughput(1.0, 1.0, 1 / n).run_counts(moves) for n in lengths]
-    by_slip = [dahl.ThroughputSlip([1.0], [1.0], 1 / n).run_counts(moves) for n in lengths]
+    by_slip = [dahl.Slip([1.0], [1.0], 1 / n).run_counts(moves) for n in lengths]
     steps = np.sign(moves).astype(float)
     held = pandas.Series(np.where(steps == 0, np.nan, steps)).ffill().fillna(0).to_numpy()
     found = {

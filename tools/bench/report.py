@@ -91,10 +91,7 @@ def plain_lines(x: dict[str, float]) -> list[str]:
     """List the speeds of one Dahl element and of channels."""
     return [
         f"- `dahl_batch_counts`: {x['bitwise_counts_x']:.1f} times as fast as the `expm1f` loop of"
-        f" glibc (least: {x['bitwise_counts_x_least']:.1f}, giant jumps);"
-        f" 16 channels {x['bitwise_channels16_x']:.1f} ({x['bitwise_channels16_x_least']:.1f}),"
-        f" of different stiffness {x['bitwise_channels16_apart_x']:.1f}"
-        f" ({x['bitwise_channels16_apart_x_least']:.1f})",
+        f" glibc (least: {x['bitwise_counts_x_least']:.1f}, giant jumps)",
         f"- `dahl_throughput_counts`: {x['throughput_counts_x']:.1f}"
         f" ({x['throughput_counts_x_least']:.1f}); by angle {x['throughput_angle_x']:.1f}"
         f" ({x['throughput_angle_x_least']:.1f}); 16 channels {x['throughput_channels16_x']:.1f}"
@@ -123,13 +120,6 @@ def host_block(result: dict[str, Any]) -> str:
     """Return the block of docs/speed.md about the host, with its processor and compiler."""
     x = result["host"]
     lines = plain_lines(x)
-    if "mix_throughput_x" in x:
-        slips = ", ".join(f"{x[f'slip_{k}_throughput_x']:.1f}" for k in (1, 2, 4, 8))
-        lines.append(
-            "- `dahl_throughput_parallel_counts`, times as fast as the ticks of the same model one"
-            f" after the other: slip elements, 1, 2, 4 and 8 of them, {slips}; a Dahl element and"
-            f" two slip elements {x['mix_throughput_x']:.1f}"
-        )
     if "threads_2_x" in x:
         lines.append(
             "- `Throughput.run_counts(moves, threads=2)` is"

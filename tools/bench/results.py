@@ -183,8 +183,6 @@ def ratios(host: dict[str, Any]) -> dict[str, float]:
 
     names = {
         "bitwise_counts_x": "batch_counts",
-        "bitwise_channels16_x": "batch_counts_16",
-        "bitwise_channels16_apart_x": "batch_counts_16_apart",
         "throughput_angle_x": "throughput_angle",
         "throughput_counts_x": "throughput_counts",
         "throughput_channels16_x": "throughput_counts_16",
@@ -197,8 +195,6 @@ def ratios(host: dict[str, Any]) -> dict[str, float]:
     result["copy_channels16_x"] = mean(
         [w["throughput_counts_16"] / w["copy"] for w in speed.values()]
     )
-    for name, ns in host.get("mixes", {}).items():
-        result[f"{name}_throughput_x"] = ns["tick"] / ns["throughput"]
     for threads, ns in host.get("threads", {}).items():
         result[f"threads_{threads}_x"] = host["threads"]["1"] / ns
     if "ns" in host["outside"].get("mujoco", {}):

@@ -25,7 +25,7 @@ from typing import Any
 import call_costs
 import cycles
 from dahl.binding import models
-from dahl.sim import firmware
+from dahl.facts import BOARDS
 
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "build" / "bench"
@@ -60,7 +60,7 @@ class Core:
 CORES = {
     core.name: core
     for core in (
-        *(Core(n, f"Cortex-{n.upper()}", board.machine) for n, board in firmware.boards().items()),
+        *(Core(name, f"Cortex-{name.upper()}", machine) for name, (machine, _) in BOARDS.items()),
         Core("rv32", "RV32IMAC", "virt", RISCV),
     )
 }
@@ -82,15 +82,6 @@ PATHS = {
 # Kind of memory of each section.
 KINDS = {".text": "code", ".rodata": "const", ".srodata": "const"}
 KINDS |= dict.fromkeys((".data", ".bss", ".sdata", ".sbss", ".tdata", ".tbss"), "static")
-
-# Names that the integer path must not need: soft-float helpers of Arm and GCC, heap, printing,
-# elementary functions of libm.
-FORBIDDEN = re.compile(
-    r"^(__aeabi_c?[dfh](?!iv)\w*|__aeabi_u?[il]2[df]|__\w+[sdt]f[23]?"
-    r"|__(fix|fixuns|float|floatun|floatuns)\w+"
-    r"|_*(malloc|calloc|realloc|free|sbrk)(_r)?|\w*printf"
-    r"|_*(ieee754_)?(exp|expm1|exp2|log|log1p|pow|fma|sqrt|tanh)[fl]?)$"
-)
 
 
 def run(*command: object, timeout: float = 300, **options: Any) -> str:
@@ -297,11 +288,6 @@ def sizes(core: Core, image: Path) -> dict[str, int]:
     return total
 
 
-def forbidden(core: Core, image: Path) -> list[str]:
-    """Return the symbols that the integer path must not need."""
-    return sorted(name for name in symbols(core, image) if FORBIDDEN.match(name))
-
-
 def objects_at(core: Core, level: str) -> list[Path]:
     """Compile the C of core and parts at one level of optimisation, such as -O0."""
     folder = core.build / "bench" / f"at{level}"
@@ -353,7 +339,7 @@ def measure_calls(core: Core, cases: dict[str, list[Call]], image: Path) -> dict
     """Return the worst instructions and stack of each public call, and its flash. The frames that
     dahl_node_receive() reads have a row each.
     """
-    public = call_costs.public_calls(ROOT / "lib/include")
+    public = call_costs.public_calls()
     everywhere = [call for each in cases.values() for call in each]
     rows = {name: (name, everywhere) for name in public}
     rows |= {case: ("dahl_node_receive", cases[case]) for case in call_costs.RECEIVED}

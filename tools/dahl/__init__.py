@@ -8,15 +8,14 @@ its stated range raises dahl.InputError with name, value and limit, one of a wro
 before any move. Public names:
 
     Plan(sigma0, Fc, theta_per_count)   parameters, prepared once
-    Friction(plan)                      one bearing: step it by counts or angles, read its torque
-    State                               state of a bearing, to store and restore
+    Friction(plan)                      one Dahl element: step it by counts or angles, read F
+    State                               state of an element, to store and restore
     Throughput(sigma0, Fc, theta_per_count).run_counts(moves)   long logs, vectorized
     Slip(sigma0, Fc, theta_per_count)   slip elements in parallel; lists of sigma0 and Fc
     Parallel(part, part, ...)           any mix of Friction and Slip on one shaft
     Asymmetric(sigma0, Fc_forward, Fc_backward, theta_per_count)   one Fc for each direction
     ElastoPlastic(sigma0, Fc, theta_per_count, breakaway)   no creep below breakaway
-    Loaded(plan), Work(plan)            a bearing under a load; one that sums its work
-    ThroughputSlip(sigma0, Fc, theta_per_count), ThroughputParallel(part, ...)   long logs of these
+    Loaded(plan), Work(plan)            Dahl element under a load; one that sums its work
     VelocityTable(torque, segment_bits)   friction that depends on speed; add it to another
     Compensator(sigma0, Fc, theta_per_count, ...)   torque that cancels friction, within bounds
     Adaptation(sigma0, Fc, theta_per_count, ...)   for a Compensator: follow an Fc that drifts
@@ -54,7 +53,7 @@ if TYPE_CHECKING:
     from dahl.binding.loaded import Loaded
     from dahl.binding.plausible import implausible
     from dahl.binding.slip import Parallel, Slip
-    from dahl.binding.throughput import Throughput, ThroughputParallel, ThroughputSlip
+    from dahl.binding.throughput import Throughput
     from dahl.binding.velocity import VelocityTable
     from dahl.binding.work import Work
     from dahl.can import codec, node
@@ -80,8 +79,6 @@ __all__ = [
     "Slip",
     "State",
     "Throughput",
-    "ThroughputParallel",
-    "ThroughputSlip",
     "Timeout",
     "VelocityTable",
     "Work",
@@ -101,7 +98,7 @@ MODULES = {  # of the public classes and functions
     "binding.loaded": ("Loaded",),
     "binding.plausible": ("implausible",),
     "binding.slip": ("Parallel", "Slip"),
-    "binding.throughput": ("Throughput", "ThroughputParallel", "ThroughputSlip"),
+    "binding.throughput": ("Throughput",),
     "binding.velocity": ("VelocityTable",),
     "binding.work": ("Work",),
     "can.client": ("Client",),

@@ -9,7 +9,6 @@ Ctrl-C, after one line, with complete files. Without a command it prints the hel
 from __future__ import annotations
 
 import argparse
-import difflib
 import inspect
 import io
 import logging
@@ -34,7 +33,7 @@ from dahl.commands import (
     record,
     report,
 )
-from dahl.errors import Error, RunError, printable
+from dahl.errors import Error, RunError, nearest, printable
 from dahl.version import __version__
 
 
@@ -60,12 +59,14 @@ class Parser(argparse.ArgumentParser):
         return super().parse_known_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
-        message += "".join(_hint(word, known) for word, known in self._unknown_words())
+        pairs = ((word, nearest(word, known, 0.7)) for word, known in self._unknown_words())
+        message += "".join(f"; {word}: did you mean {near}?" for word, near in pairs if near)
         self.exit(2, f"error: {printable(message)} (see {self.prog} --help)\n")
 
     def _unknown_words(self) -> Iterator[tuple[str, list[str]]]:
-        """Yield each long option that this parser does not know, and a command that does not exist,
-        each with the known ones. Another error, such as a missing option, may be due to it.
+        """Yield each long option that this parser does not know, also with a single dash, and a
+        command that does not exist, each with the known ones. Another error, such as a missing
+        option, may be due to it.
         """
         options = list(self._option_string_actions)
         for word in self._words[: (*self._words, "--").index("--")]:
@@ -74,8 +75,9 @@ class Parser(argparse.ArgumentParser):
                     yield word, list(COMMANDS)
                 return  # the following options are those of the command
             name = word.partition("=")[0]
-            if name.startswith("--") and not any(one.startswith(name) for one in options):
-                yield name, options
+            is_long = name.startswith("-") and len(name) > 2
+            if is_long and not any(one.startswith(name) for one in options):
+                yield name, [one for one in options if one.startswith("--")]
 
     def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
         sys.stdout.flush()  # a closed pipe or a full disk must be an error here
@@ -84,12 +86,6 @@ class Parser(argparse.ArgumentParser):
     def _print_message(self, message: str, file: Any = None) -> None:
         """Write the message as argparse does, but raise an error if that fails."""
         (file or sys.stderr).write(message or "")
-
-
-def _hint(word: str, known: list[str]) -> str:
-    """Return a question with the nearest known word, "" if none is near."""
-    near = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.7)
-    return f"; {word}: did you mean {near[0]}?" if near else ""
 
 
 COMMANDS = {
@@ -174,7 +170,7 @@ def _run_command(words: list[str], is_only_command: bool) -> int:
         if unknown:
             args.command_parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         args.words = words
-        dependencies.ensure_installed(args.command, words)
+        dependencies.require(args.command)
         # a command prints its own errors
         logging.getLogger("can").setLevel(logging.ERROR)
         return int(args.run(args) or 0)

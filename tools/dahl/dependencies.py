@@ -1,17 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Optional Python packages: which command needs which, and how they are installed.
-
-The package itself needs numpy only. In a checkout, tools/demo.sh installs what `dahl demo` imports,
-and the first command that needs more calls tools/setup.sh. Elsewhere, an error names the packages
-to install.
+"""Optional Python packages: which command needs which. If one is missing, an error says how to
+install it.
 """
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
-import subprocess
 import sys
 from importlib import metadata
 from importlib.util import find_spec
@@ -43,25 +38,12 @@ OPTIONAL = {  # packages that only some options or files need: their extra
 }
 DISTRIBUTED_AS = {"can": "python-can", "dask": "dask[distributed]", "serial": "pyserial"}
 WITHOUT_MF4 = ("demo", "monitor", "node", "plot", "record", "report")  # unless a word ends in .mf4
-TRIED = "DAHL_SETUP_TRIED"  # environment variable of a restart, which does not restart again
 
 
-def ensure_installed(command: str, words: list[str]) -> None:
-    """Return if the packages of a command are installed; else install them and restart the program.
-
-    Raises dahl.RunError if this is not build/venv of a checkout, or if the installation failed.
-    """
-    missing = _missing_packages(command)
-    if not missing:
-        return
-    if not _is_own_environment() or TRIED in os.environ:
+def require(command: str) -> None:
+    """Raise dahl.RunError if a package that a command always needs is not installed."""
+    if _missing_packages(command):
         raise refusal(command)
-    setup = paths.ROOT / "tools" / "setup.sh"
-    if subprocess.run([setup, "identify"], stdout=sys.stderr, check=False).returncode:
-        raise RunError(
-            f"dahl {command} needs {_display_names(missing)}, and tools/setup.sh identify failed"
-        )
-    os.execve(sys.executable, [sys.executable, "-m", "dahl", *words], {**os.environ, TRIED: "1"})
 
 
 def refusal(command: str, module: str = "") -> RunError:
@@ -70,12 +52,15 @@ def refusal(command: str, module: str = "") -> RunError:
     """
     missing = _missing_packages(command) or [module.partition(".")[0]]
     extras = NEEDS[command][0] if _missing_packages(command) else OPTIONAL.get(missing[0], "all")
-    return RunError(f"dahl {command} needs {_display_names(missing)}; {hint(missing, extras)}")
+    venv = "" if paths.INSTALLED else "; tools/setup.sh identify installs all in build/venv"
+    return RunError(
+        f"dahl {command} needs {_display_names(missing)}; {hint(missing, extras)}{venv}"
+    )
 
 
 def hint(packages: list[str], extras: str) -> str:
-    """Return the pip commands that install these packages. dahl is on no package index, so its
-    extras must come from its sources.
+    """Return the commands that install these packages. dahl is on no package index, so its extras
+    must come from its sources.
     """
     wanted = shlex.join(map(_requirement, packages))
     return f"pip install {wanted}, or pip install '.[{extras}]' in the source folder of dahl"
@@ -109,12 +94,6 @@ def _missing_packages(command: str) -> list[str]:
 
 def _display_names(packages: list[str]) -> str:
     return ", ".join(DISTRIBUTED_AS.get(name, name) for name in packages)
-
-
-def _is_own_environment() -> bool:
-    """Return whether this is build/venv of a checkout, which tools/setup.sh fills."""
-    own = paths.ROOT / "build" / "venv"
-    return not paths.INSTALLED and os.path.realpath(sys.prefix) == os.path.realpath(own)
 
 
 def block_mf4_import(command: str, words: list[str]) -> None:

@@ -7,7 +7,28 @@ from __future__ import annotations
 
 TYPE_CHECKING = False  # importing typing would double the time of `dahl --help`
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from typing import Any
+
+MAX_LISTED_NAMES = 30  # in an error
+
+
+def nearest(word: str, known: Sequence[str], cutoff: float) -> str:
+    """Return the known word nearest to a word in any case; "" if none is near."""
+    import difflib
+
+    lower = {one.lower(): one for one in known}
+    near = difflib.get_close_matches(word.lower(), lower, n=1, cutoff=cutoff)
+    return lower[near[0]] if near else ""
+
+
+def meant(name: str, known: Sequence[str]) -> str:
+    """Return the end of an error about an unknown name: the nearest known one, and all of them."""
+    near = nearest(name, known, cutoff=0.4)
+    hint = f"; did you mean '{near}'?" if near else ""
+    more = len(known) - MAX_LISTED_NAMES
+    shown = ", ".join(known[:MAX_LISTED_NAMES]) + (f", and {more} more" if more > 0 else "")
+    return f"{hint} (known: {shown})"
 
 
 def printable(text: str) -> str:

@@ -21,7 +21,7 @@ from __future__ import annotations
 import sys
 
 from dahl.errors import Error
-from dahl.sim import mujoco_plugin
+from dahl.simulators import mujoco_plugin
 
 
 def main() -> int:
@@ -32,7 +32,7 @@ def main() -> int:
     Parser(prog="python -m dahl.mujoco", description=about).parse_args()
     try:
         mujoco_plugin.load()
-        from dahl.sim import mujoco_hinge
+        from dahl.simulators import mujoco_hinge
 
         mujoco_hinge.print_comparison()
     except Error as error:

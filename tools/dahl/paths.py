@@ -68,9 +68,9 @@ def fmu_library() -> Path:
     return built_file("DAHL_FMU", "lib/dahl_fmu.so", "lib", "dahl_fmu.so")
 
 
-def binding(name: str) -> Path:
-    """A file that the build writes next to the shared library for Python, if it is there."""
-    return (PACKAGE if INSTALLED else build_folder()) / "lib" / name
+def binding_module() -> Path:
+    """Return the module of cffi that the build makes next to the shared library, if it can."""
+    return (PACKAGE if INSTALLED else build_folder()) / "lib" / "_dahl.abi3.so"
 
 
 def loop_program() -> Path:

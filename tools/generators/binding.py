@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Write the C source of the Python extension module `_dahl` from preprocessed public headers.
+"""Write the C source of the Python extension module `_dahl` from declarations of the headers.
 
 Usage: binding.py DECLARATIONS HEADER... OUTPUT.c   (tools/binding.cmake runs it)
 
@@ -11,16 +11,13 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
 from cffi import FFI
-from dahl.binding.declarations import for_cffi
 
 
 def main(declarations: str, *headers_and_output: str) -> None:
     *headers, output = headers_and_output
     ffi = FFI()
-    ffi.cdef(for_cffi(Path(declarations).read_text(encoding="utf-8")))
+    ffi.cdef(Path(declarations).read_text(encoding="utf-8"))
     includes = "".join(f'#include "{header}"\n' for header in headers)
     ffi.set_source("_dahl", includes, py_limited_api=True)
     ffi.emit_c_code(output)

@@ -18,10 +18,10 @@ declare -A INCLUDES=(
 
 # Required Debian packages: set-up fails without them.
 declare -A MUST=(
-    [demo]='libc6-dev cmake ninja-build libinih-dev libcsv-dev libcjson-dev python3 python3-venv'
+    [demo]='libc6-dev cmake ninja-build libinih-dev libcsv-dev libcjson-dev python3 python3-venv ca-certificates'
     [firmware]='gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm dpkg-dev xz-utils'
     [docs]='doxygen'
-    [test]='gcc g++ git ca-certificates pkg-config dpkg-dev xz-utils'
+    [test]='gcc g++ git pkg-config dpkg-dev xz-utils'
 )
 
 # Any C compiler builds the demo. Without one, install gcc.
@@ -47,7 +47,7 @@ declare -A FETCHED=(
     [checks]='cbmc'
 )
 
-# Groups of Python packages in tools/requirements.lock.
+# Groups of Python packages in pyproject.toml.
 declare -A PYTHON_GROUP=([demo]=demo [identify]=identify [docs]=docs [test]=test [checks]=checks)
 
 # Python.h makes calls of the C library cheaper (docs/decisions/13-cffi.md). Debian's Python has it in this package.

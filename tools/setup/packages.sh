@@ -143,14 +143,8 @@ must_install() {
     }
 }
 
-# Install Python first: pip can then work while apt-get installs the other packages.
 install_missing() {
-    local python=()
-    if ! has_apt; then start_python; return; fi
-    mapfile -t python < <(comm -12 <(printf '%s\n' "${MISSING[@]}") <(printf 'python3\npython3-venv\n'))
-    if [ "${#python[@]}" -gt 0 ]; then must_install "${python[@]}"; fi
-    start_python
-    mapfile -t MISSING < <(not_installed "${MISSING[@]}")
+    has_apt || return 0
     if [ "${#MISSING[@]}" -gt 0 ]; then must_install "${MISSING[@]}"; fi
     say "Debian packages: in place"
     if [ "${#MISSING_OPTIONAL[@]}" -gt 0 ]; then install_optional "${MISSING_OPTIONAL[@]}"; fi

@@ -1,135 +1,104 @@
 # shellcheck shell=bash
 # SPDX-License-Identifier: MIT
-# The Python environment build/venv, for tools/setup.sh. It gains packages with each need; if damaged, it is created again.
-# Source tools/common.sh and tools/setup/needs.sh first.
+# Python environments, for tools/setup.sh and tools/bench.sh. pip installs uv in build/deps/uv; uv installs everything else.
+# Both use only files that have a SHA-256 sum in tools/requirements.lock. Source tools/common.sh first.
 
-PIP_JOB=
-GROUPS_WANTED=() # sections of the lock file for this run
-VENV_STATE=      # complete, incomplete or unusable
+UV=$BUILD/deps/uv/bin/uv
 PYTHON=
 
-is_good_python() {
-    "$1" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1
-}
-
+# Print the path of a Python that can be used.
 find_python() {
     local python
     for python in ${DAHL_PYTHON:+"$DAHL_PYTHON"} python3.11 python3 /usr/bin/python3; do
-        if is_good_python "$python"; then echo "$python"; return; fi
+        "$python" -c 'import sys, venv, ensurepip
+sys.exit() if sys.version_info < (3, 11) else print(sys.executable)' 2>/dev/null | grep . && return
     done
 }
 
 # True for a Python of another origin too: no Debian package has its Python.h. If there is no Python, set-up installs Debian's.
 has_python_headers() {
     local python
-    python=$(find_python)
-    [ -n "$python" ] && "$python" -c 'import os, sys, sysconfig
+    python=$(find_python) || return
+    "$python" -c 'import os, sys, sysconfig
 folder = sysconfig.get_path("include")
 sys.exit(folder.startswith("/usr/include/") and not os.path.exists(folder + "/Python.h"))'
 }
 
-# An environment is bound to its interpreter and its place, because its scripts contain its path.
-venv_key() { { echo "$VENV"; "$PYTHON" -VV; } | sha256sum; }
+locked_uv() { sed -n '/^uv==/,/[^\\]$/p' "$LOCK_FILE"; }
 
-# The part of pyproject.toml that describes the package `dahl`. A change of it installs `dahl` again.
-package_key() { sed '/^\[dependency-groups/,$d' "$ROOT/pyproject.toml" | sha256sum; }
-
-stamp_holds() { # LINE KEY
-    [ "$(sed -n "$1p" "$VENV/.complete" 2>/dev/null)" = "$2" ]
-}
-
-# The stamp is written last: without it, an installation was interrupted. With it, each package is checked.
-venv_state() {
-    local code=0
-    stamp_holds 1 "$(venv_key)" || { echo unusable; return; }
-    "$VENV/bin/python" -I "$ROOT/tools/setup/check_venv.py" "$BUILD/deps/packages.txt" >>"$BUILD/setup.log" 2>&1 || code=$?
-    case "$code" in
-        0) if stamp_holds 2 "$(package_key)"; then echo complete; else echo incomplete; fi ;;
-        3) echo incomplete ;;
-        *) echo unusable ;;
-    esac
-}
-
-check_python() {
-    mapfile -t GROUPS_WANTED < <(words_of PYTHON_GROUP)
-    locked_packages "${GROUPS_WANTED[@]}" >"$BUILD/deps/packages.txt"
-    PYTHON=$(find_python)
-    if [ -n "$PYTHON" ]; then VENV_STATE=$(venv_state); else VENV_STATE=unusable; fi
-}
-
-needs_pip() { [ "$VENV_STATE" != complete ]; }
-
-pip() { "$VENV/bin/python" -m pip --disable-pip-version-check --quiet "$@"; }
-
-# Download one small package with pip's own settings and proxies. Without a network pip gives up after 10 s; on a busy machine it
-# needs more than 25 s to start. If there is no pip yet, create_venv checks again.
-reach_pip() {
-    local python
-    for python in "$VENV/bin/python" "$PYTHON"; do
-        if [ -n "$python" ] && "$python" -m pip --version >/dev/null 2>&1; then break; else python=; fi
-    done
-    [ -n "$python" ] || return 0
-    timeout 60 "$python" -m pip --disable-pip-version-check --quiet download --no-deps --no-cache-dir --retries 1 --timeout 5 \
-        --dest "$BUILD/deps" --require-hashes -r <(smallest_package) >>"$BUILD/setup.log" 2>&1
-    local code=$?
-    rm -f "$BUILD"/deps/mdurl-*
-    return "$code"
-}
-
-smallest_package() { locked_packages demo | sed -n '/^mdurl==/,/[^\\]$/p'; }
-
-# Python compiles a module when it first imports it. If that is forbidden, pip must compile all of them.
-pip_install() {
-    local try compile=--no-compile
-    if [ -n "${PYTHONDONTWRITEBYTECODE:-}" ]; then compile=--compile; fi
-    for try in 1 2 3; do
-        quietly setup pip install "$compile" --progress-bar off --retries 5 --timeout 30 "$@" && return
-        say "pip failed (try $try of 3)"
-        sleep $((try * 3))
-    done
-    die "pip could not install the Python packages (log: build/setup.log)"
-}
-
-create_venv() {
-    say "creating the Python environment build/venv with $("$PYTHON" -V)"
-    rm -rf "$VENV"
-    quietly setup "$PYTHON" -m venv "$VENV" || die "$PYTHON could not create a virtual environment (log: build/setup.log)"
-    reach_pip || die "cannot reach the index of Python packages (pip), needed for: build/venv (log: build/setup.log)"
-}
-
-# pip installs only packages with a SHA-256 sum of the lock file.
-fill_venv() {
-    say "installing Python packages: ${GROUPS_WANTED[*]} (tools/requirements.lock)"
-    rm -f "$VENV/.complete"
-    pip_install --no-deps --require-hashes -r "$BUILD/deps/packages.txt"
-    pip_install --no-deps --no-build-isolation --editable "$ROOT"
-    printf '%s\n' "$(venv_key)" "$(package_key)" >"$VENV/.complete"
-}
-
-# Install Python packages in the background while apt-get installs other packages.
-start_python() {
-    PYTHON=$(find_python)
-    [ -n "$PYTHON" ] ||
+# A new release of uv in the lock replaces the installed one. uv needs a cache; the user of a container may have no folder for it.
+install_uv() {
+    local pin cache=${XDG_CACHE_HOME:-${HOME:-/proc}/.cache}/uv
+    mkdir -p "${UV_CACHE_DIR:-$cache}" 2>/dev/null || export UV_CACHE_DIR=$BUILD/deps/uv-cache
+    PYTHON=$(find_python) ||
         die "no Python 3.11 or later with venv (tried: ${DAHL_PYTHON:-} python3.11 python3 /usr/bin/python3); set DAHL_PYTHON"
-    if [ "$VENV_STATE" = complete ]; then return; fi
-    set -m # a process group for stop_python
-    {
-        if [ "$VENV_STATE" = unusable ]; then create_venv; fi
-        fill_venv
-    } &
-    PIP_JOB=$!
-    set +m
+    read -r pin _ < <(locked_uv) || die "tools/requirements.lock has no uv"
+    [[ "$("$UV" --version 2>/dev/null) " != "${pin/==/ } "* ]] || return 0
+    say "installing uv, which installs Python packages (build/deps/uv)"
+    rm -rf "$BUILD/deps/uv"
+    quietly setup "$PYTHON" -m venv "$BUILD/deps/uv" ||
+        die "$PYTHON could not create a virtual environment (log: build/setup.log)"
+    quietly setup "$BUILD/deps/uv/bin/python" -m pip --disable-pip-version-check install --quiet --retries 2 --timeout 10 \
+        --require-hashes -r <(locked_uv) || die "pip could not install uv, needed for: build/venv (log: build/setup.log)"
 }
 
-stop_python() {
-    [ -n "$PIP_JOB" ] || return 0
-    kill -- "-$PIP_JOB" 2>/dev/null || true
-    wait "$PIP_JOB" 2>/dev/null || true
+# Use pip's index and the certificates of this system, unless uv has settings of its own.
+set_uv_index() {
+    local index=${PIP_INDEX_URL:-$("$BUILD/deps/uv/bin/python" -m pip config get global.index-url 2>/dev/null)}
+    export UV_SYSTEM_CERTS=${UV_SYSTEM_CERTS:-true}
+    if [ -n "$index" ]; then export UV_DEFAULT_INDEX=${UV_DEFAULT_INDEX:-$index}; fi
 }
 
-finish_python() {
-    [ -z "$PIP_JOB" ] || wait "$PIP_JOB" || die "no Python environment; the reason is above (log: build/setup.log)"
-    PIP_JOB=
-    touch -c "$VENV/.complete" # newer than the lock file: the environment is up to date
+# Python compiles a module when it first imports it. If that is forbidden, uv must compile all of them. The first try uses installed
+# packages and the cache of uv, so it needs no network.
+uv_install() { # FOLDER ARGUMENT...
+    local words=(pip install --python "$1/bin/python" ${PYTHONDONTWRITEBYTECODE:+--compile-bytecode} "${@:2}")
+    "$UV" "${words[@]}" --offline >>"$BUILD/setup.log" 2>&1 && return
+    set_uv_index
+    quietly setup "$UV" "${words[@]}" || die "uv could not install Python packages in $1 (log: build/setup.log)"
+}
+
+# False if a file of a package is missing, or has another size than it had when installed.
+is_undamaged() { # FOLDER
+    "$1/bin/python" -I -c 'import os, sys
+from importlib.metadata import distributions
+files = (file for each in distributions() for file in each.files or sys.exit("no RECORD"))
+sys.exit(any(file.size is not None and os.stat(file.locate()).st_size != file.size for file in files))' >>"$BUILD/setup.log" 2>&1
+}
+
+# Install groups of pyproject.toml. An environment is created again if it is damaged, if its installation was interrupted, or if
+# its place or its Python changed. Its file .complete is written last. uv links files of its cache, so damage may be in the cache too.
+fill_venv() { # FOLDER GROUP...
+    local key group words=(--require-hashes --constraints "$LOCK_FILE")
+    key="$1 $("$PYTHON" -VV)"
+    if [ "$(cat "$1/.complete" 2>/dev/null)" != "$key" ]; then
+        create_venv "$1"
+    elif ! is_undamaged "$1"; then
+        create_venv "$1"
+        words+=(--no-cache)
+    fi
+    rm -f "$1/.complete"
+    for group in "${@:2}"; do words+=(--group "$ROOT/pyproject.toml:$group"); done
+    uv_install "$1" "${words[@]}"
+    echo "$key" >"$1/.complete"
+}
+
+create_venv() { # FOLDER
+    say "creating a Python environment with $("$PYTHON" -V)"
+    quietly setup "$UV" venv --clear --python "$PYTHON" "$1" || die "uv could not create $1 (log: build/setup.log)"
+}
+
+# Install the package `dahl` in place, again if its description changed.
+install_dahl() {
+    [ ! "$VENV/bin/dahl" -nt "$ROOT/pyproject.toml" ] || [ ! "$VENV/bin/dahl" -nt "$ROOT/tools/dahl/version.py" ] || return 0
+    uv_install "$VENV" --no-deps --no-build-isolation --editable "$ROOT"
+}
+
+# Installed packages of other needs stay.
+install_python() { # GROUP...
+    install_uv
+    say "Python packages: $* (tools/requirements.lock)"
+    fill_venv "$VENV" "$@"
+    install_dahl
     say "Python environment: in place (build/venv)"
 }

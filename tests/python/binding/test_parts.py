@@ -16,7 +16,6 @@ import pytest
 from dahl.binding import models
 from dahl.sim import reference
 from model_examples import BRISTLES, OWN, THETA, made, numbers, whole
-from strategies import as_float
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -106,19 +105,6 @@ def test_a_mix_is_the_sum_of_its_parts_with_their_present_plans():
         ratio = mix.step_counts_q30(3) * 2.0**-30
         assert ratio == pytest.approx(mix.torque / (total + torque), abs=7e-8)
     assert dahl.Parallel().step_counts_q30(3) == 0
-
-
-def test_the_fast_mix_equals_the_exact_mix_each_time():
-    theta, limit, moves = as_float(2e-4), as_float(1.25), np.tile(MOVES, 10)
-    exact = dahl.Parallel(
-        dahl.Friction(dahl.Plan(80, 2, theta)), dahl.Slip([100], [limit], theta)
-    ).run_counts(moves)
-    fast = dahl.ThroughputParallel(
-        dahl.Throughput(80, 2, theta), dahl.ThroughputSlip([100], [limit], theta)
-    )
-    for _ in range(2):
-        assert np.abs(fast.run_counts(moves).astype(float) - exact).max() <= 1.07 * ulp_of(3.25)
-    assert dahl.ThroughputParallel().run_counts([1, 2]).tolist() == [0, 0]
 
 
 def test_a_table_over_speed_is_odd_and_linear_between_its_points():

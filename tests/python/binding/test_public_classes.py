@@ -81,7 +81,6 @@ NODE = {"gain": 0.5, "limit": 0.25, "ramp": 0.3, "timeout": 0.02, "max_step": 7}
 NODE |= {"status_period": 0.07}
 TABLE = [0.5, 0.3, 0.25, -0.125, *(0.0625 * k for k in range(1, 13))]
 MIX = (dahl.Friction(dahl.Plan(**PLAN)), dahl.Slip(**TWO))
-FAST = (dahl.Throughput(**PLAN), dahl.ThroughputSlip(**TWO))
 KINDS = {
     kind.of.__name__: kind
     for kind in (
@@ -110,8 +109,6 @@ KINDS = {
         Kind(dahl.Slip, TWO, step),
         Kind(dahl.State, {"w": 5}, lambda one: setattr(one, "w", -5)),
         Kind(dahl.Throughput, PLAN),
-        Kind(dahl.ThroughputParallel, {"parts": FAST}),
-        Kind(dahl.ThroughputSlip, TWO),
         Kind(dahl.VelocityTable, {"torque": TABLE, "segment_bits": 3}),
         Kind(dahl.Work, PLANNED, step),
     )

@@ -10,7 +10,6 @@ import copy
 import inspect
 import math
 import os
-import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -25,6 +24,7 @@ import pytest
 from dahl.binding import models
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from programs import run
 from test_public_classes import KINDS
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -147,16 +147,11 @@ def test_numbers_of_any_type_are_accepted():
 # --- values that do not fit together, and calls ---------------------------------------------------
 
 TRAVEL = ("", "travel", "2^-30 <=", "< 2^20")
-SLIPS = [
-    (lambda k: k([], [], 1e-3), ("sigma0", "0 elements")),
-    (lambda k: k([1.0] * 9, [1.0] * 9, 1e-3), ("sigma0", "9 elements", "8")),
-    (lambda k: k([1.0, 2.0], [1.0], 1e-3), ("sigma0 has 2", "Fc 1")),
-    (lambda k: k([1.0, 1e-9], [1.0, 1e9], 1e-3), ("element 1", "travel", *TRAVEL)),
-]
 REFUSED = [
-    *((lambda call=call: call(dahl.Slip), words) for call, words in SLIPS),
-    *((lambda call=call: call(dahl.ThroughputSlip), words) for call, words in SLIPS),
-    (lambda: dahl.ThroughputSlip([1.0], [1.0], 2**20 * (1 - 1e-12)), TRAVEL),
+    (lambda: dahl.Slip([], [], 1e-3), ("sigma0", "0 elements")),
+    (lambda: dahl.Slip([1.0] * 9, [1.0] * 9, 1e-3), ("sigma0", "9 elements", "8")),
+    (lambda: dahl.Slip([1.0, 2.0], [1.0], 1e-3), ("sigma0 has 2", "Fc 1")),
+    (lambda: dahl.Slip([1.0, 1e-9], [1.0, 1e9], 1e-3), ("element 1", "travel", *TRAVEL)),
     (lambda: dahl.Plan(2, 0.5, 2.0**18), ("travel ", "1.04858e+06", *TRAVEL, "0.5", "262144")),
     (lambda: dahl.Asymmetric(1.0, 1, 1e12, 1e-3), ("travel ", "sigma0/Fc_backward", *TRAVEL)),
     *(
@@ -187,13 +182,10 @@ def test_values_that_do_not_fit_together_are_named(call, words):
 
 
 WRONG_TYPES = [
-    *((lambda k=k: k(100.0, [1.0], 1e-3), ("sigma0 = 100.0", "list"))
-      for k in (dahl.Slip, dahl.ThroughputSlip)),
-    *((lambda k=k: k([1.0], np.ma.masked, 1e-3), ("Fc = masked", "list"))
-      for k in (dahl.Slip, dahl.ThroughputSlip)),
+    (lambda: dahl.Slip(100.0, [1.0], 1e-3), ("sigma0 = 100.0", "list")),
+    (lambda: dahl.Slip([1.0], np.ma.masked, 1e-3), ("Fc = masked", "list")),
     (lambda: dahl.VelocityTable(3, 0), ("torque = 3", "list")),
     (lambda: dahl.Parallel(dahl.Slip([1], [1], 1), 3), ("parts[1] = 3",)),
-    (lambda: dahl.ThroughputParallel(3), ("parts[0] = 3",)),
     (lambda: dahl.Loaded(PLAN, 1), ("fixed_stiffness = 1",)),
     *(
         (lambda c=c, v=v: c(v), ("plan = ", "Plan"))
@@ -233,7 +225,6 @@ def test_counts_without_an_encoder_are_refused():
         lambda: BLIND.tip_torque(1),
         lambda: quick.run_counts([1]),
         lambda: dahl.Parallel(blind).step_counts(1),
-        lambda: dahl.ThroughputParallel(quick),
         lambda: dahl.Loaded(BLIND),
         lambda: dahl.Work(BLIND),
         lambda: dahl.Node(BLIND),
@@ -388,9 +379,9 @@ def test_a_library_that_is_another_file_is_one_line(wrong, tmp_path):
     environment = {**os.environ, "DAHL_LIBRARY": wrong}
     code = "import dahl\ntry: dahl.Plan(1, 1)\nexcept dahl.RunError as e: print(e)"
     words = ["-m", "dahl", "plan", "--sigma0", "1", "--fc", "1", "--theta-per-count", "1e-3"]
-    how = {"env": environment, "cwd": tmp_path, "capture_output": True, "text": True}
-    done = subprocess.run([sys.executable, "-c", code], check=True, **how)
-    assert done.stdout.startswith(f"{wrong}: ") and done.stdout.count("\n") == 1
-    done = subprocess.run([sys.executable, *words, "-o", "x.h"], check=False, **how)
-    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    assert done.stderr.startswith(f"error: {wrong}: ") and not list(tmp_path.iterdir())
+    how = {"env": environment, "cwd": tmp_path}
+    said = run(sys.executable, "-c", code, **how)
+    assert said.startswith(f"{wrong}: ") and said.count("\n") == 1
+    said = run(sys.executable, *words, "-o", "x.h", code=1, **how)
+    assert said.count("\n") == 1
+    assert said.startswith(f"error: {wrong}: ") and not list(tmp_path.iterdir())

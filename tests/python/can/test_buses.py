@@ -19,7 +19,7 @@ import can
 import pytest
 from dahl import RunError, bus
 from dahl.io import candump
-from dahl.sim import firmware
+from dahl.target import firmware
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_tools import complaint
@@ -263,11 +263,10 @@ def test_the_emulator_gets_image_and_parameters_and_its_error_is_passed_on(monke
     assert page == (int.from_bytes(b"DAHL", "little"), 100.0, 0.5, 0.25, 3, 7000)
     with pytest.raises(RunError, match="qemu: ") as caught, node:
         pass
-    board = firmware.boards()["m4f"]
     for words in (
-        f"-M {board.machine} ",
+        f"-M {node.machine} ",
         "-display none -monitor none -serial tcp:127.0.0.1:",
         f"-kernel {folder}/image",
-        f"-device loader,file={str(node.page).replace(',', ',,')},addr={board.page:#x},",
+        f"-device loader,file={str(node.page).replace(',', ',,')},addr={node.page_address:#x},",
     ):
         assert words in str(caught.value)

@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""`dahl dbc` describes one or several nodes. tools/fault_table.py writes a table into a page."""
+"""`dahl dbc` describes one or several nodes."""
 
 from __future__ import annotations
 
 import itertools
-import subprocess
-import sys
 from pathlib import Path
 
 import cantools
-from conftest import ROOT
 from identify_tools import complaint
 
 
@@ -58,25 +55,3 @@ def test_it_is_printed_or_written_and_overwrites_no_file(dahl, dbc):
     assert Path("own.dbc").read_text() == "mine"
     assert dahl("dbc", "-o", "own.dbc", "--force").returncode == 0
     assert Path("own.dbc").read_text() == printed
-
-
-def test_a_page_gets_the_fault_table_between_its_marks(tmp_path):
-    def fault_table(*pages: Path) -> subprocess.CompletedProcess:
-        command = [sys.executable, ROOT / "tools" / "fault_table.py", *pages]
-        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
-
-    page, other = tmp_path / "page.md", tmp_path / "other.md"
-    page.write_text("before\n<!-- node:faults -->\nold\n<!-- /node:faults -->\nafter\n")
-    half = "its end was cut off\n<!-- node:faults -->\nold\n"
-    other.write_text(half)
-    assert fault_table(page, other).returncode == 0
-    table = fault_table().stdout
-    assert len(table.splitlines()) == 2 + (ROOT / "lib/node/fault_table.h").read_text().count(
-        " ROW("
-    )
-    assert "| wrong CRC | crc | CRC | kept | no |" in table
-    marked = f"<!-- node:faults -->\n{table}<!-- /node:faults -->\n"
-    assert page.read_text() == f"before\n{marked}after\n" and other.read_text() == half
-    assert marked in (ROOT / "docs" / "loop.md").read_text(encoding="utf-8")
-    missing = fault_table(tmp_path / "none.md")
-    assert (missing.returncode, missing.stderr.count("\n")) == (1, 1)

@@ -115,6 +115,17 @@ def test_frames_that_the_bus_lost_are_not_missing(lost, late):
     assert counted(sorted(held, key=lambda one: one.timestamp)) == bounds
 
 
+@pytest.mark.parametrize("late", range(4))
+def test_losses_of_bus_and_recorder_in_one_gap_are_told_apart(late):
+    draw = random.Random(late)
+    fates = ["normal"] * 30 + draw.choices(["normal", "bus"], [9, 1], k=3000)
+    frames = sorted(sent(fates, late, with_node=True), key=lambda one: one[0])
+    held = [message(frame, time) for time, frame in frames if time < 35 or draw.random() > 0.05]
+    lost = len(frames) - len(held)
+    least, most = counted(held)
+    assert 0.98 * lost <= least <= most <= lost
+
+
 def angles(
     counters: Iterable[int], ticks: Callable[[int], float] = float, **changes: object
 ) -> list[can.Message]:

@@ -275,9 +275,9 @@ def run_firmware(dahl, monkeypatch, tmp_path):
 
     def run(number: int, scene: str, *counters: int) -> tuple[subprocess.CompletedProcess, Node]:
         kept: list[Node] = []
-        monkeypatch.setattr("dahl.sim.firmware.build", lambda core: tmp_path / "node_image")
+        monkeypatch.setattr("dahl.target.firmware.build", lambda core: tmp_path / "node_image")
         attach = partial(attached, kept, counters)
-        monkeypatch.setattr("dahl.sim.firmware.attach_firmware", attach)
+        monkeypatch.setattr("dahl.target.firmware.attach_firmware", attach)
         (tmp_path / "own.ini").write_text(OWN_SCENE + scene)
         words = ("--scene", "own.ini", "--target", "m4f", "--node", number, "--seconds", 1)
         return dahl("node", *words), kept[0]

@@ -15,7 +15,6 @@ import pytest
 from crccheck.crc import Crc8Autosar
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule, run_state_machine_as_test
-from law_tools import SLOW, modes
 from loop_model import (
     BUS_OFF,
     ENCODER,
@@ -34,6 +33,7 @@ from loop_model import (
     travel_per_count,
 )
 from loop_tools import Logged, word
+from property_tools import SLOW, modes
 from strategies import COPIES
 
 pytestmark = pytest.mark.usefixtures("library")

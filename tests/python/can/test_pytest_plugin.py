@@ -479,7 +479,10 @@ def test_the_lock_of_a_rig_follows_its_address(tmp_path, monkeypatch):
             )
         ],
         [serial | {"channel": f"socket://{host}:4000"} for host in ("localhost", "127.0.0.1")],
-        [serial | {"channel": "socket://localhost:4001"}],
+        *(
+            [serial | {"channel": f"socket://{end}"}]
+            for end in ("localhost:4001", "[bad", "h:99999")
+        ),
         [{"interface": "kvaser", "channel": channel} for channel in (0, "0")],
         [{"interface": "of a user", "channel": channel} for channel in (0, "0")],
     ]

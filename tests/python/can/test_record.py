@@ -13,6 +13,7 @@ import socket
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -23,6 +24,7 @@ from bus_frames import ANGLE, bus_of, frames, new_channel, sending
 from dahl.io import can_logs, candump
 from identify_tools import complaint
 from loop_tools import SCENES, read_log, serving, wait_until
+from programs import call, run
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -86,14 +88,9 @@ def test_a_full_disk_leaves_whole_lines(served, root, tmp_path, ending):
     log, whole = tmp_path / f"run{ending}", tmp_path / f"whole{ending}"
     limit = 2003 if ending == ".blf" else 5003
     command = [sys.executable, "-m", "dahl", "record", *served, "--frames", "300", "-o"]
-    how = {"cwd": root, "capture_output": True, "text": True, "timeout": 60}
-    done = subprocess.run(
-        [*command, log],
-        check=False,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
-        **how,
-    )
-    code, said = complaint(done)
+    how = {"cwd": root, "timeout": 60}
+    bound = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (limit, limit))
+    code, said = complaint(call(*command, log, preexec_fn=bound, **how))
     held = int(re.search(r"(\d+) frames", said)[1])
     assert code == 1 and said.startswith(f"{log}: File too large")
     if ending == ".mf4":
@@ -102,7 +99,7 @@ def test_a_full_disk_leaves_whole_lines(served, root, tmp_path, ending):
     assert held == len(list(can.LogReader(log))) > 30
     if ending == ".blf":
         return
-    subprocess.run([*command, whole], check=True, **how)
+    run(*command, whole, **how)
     text, line = log.read_bytes(), max(map(len, whole.read_bytes().splitlines(keepends=True)))
     assert text.endswith(b"\n") and limit - line <= len(text) <= limit
 

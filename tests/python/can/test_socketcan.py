@@ -19,6 +19,7 @@ import pytest
 from conftest import ROOT, built
 from dahl import bus
 from loop_tools import SCENES, counts_of, read_log, run, torques_of
+from programs import call
 from test_pytest_plugin import SAME
 
 pytestmark = pytest.mark.checks
@@ -55,9 +56,7 @@ class Case:
 
 
 def run_cases(words: list[object]) -> None:
-    command = ["env", f"DAHL_VM_SECONDS={VM_SECONDS}", *map(str, words)]
-    limit = VM_SECONDS + 15
-    done = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
+    done = call("env", f"DAHL_VM_SECONDS={VM_SECONDS}", *words, timeout=VM_SECONDS + 15)
     if done.returncode == ABSENT:
         pytest.skip(done.stdout.strip())
     print(done.stdout, done.stderr)

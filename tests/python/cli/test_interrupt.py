@@ -16,6 +16,7 @@ import pytest
 from conftest import ROOT
 from identify_tools import dahl_torque
 from loop_tools import SCENES, serving, wait_until
+from programs import call
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
@@ -199,8 +200,7 @@ def test_an_interrupt_that_a_library_swallows_is_raised_again():
     exec(). While a bus runs, the first signal ends it in order (1: there was no frame) and the
     second at once. SIGHUP under nohup is ignored.
     """
-    words = [sys.executable, "-c", SWALLOWED, *WAYS]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+    done = call(sys.executable, "-c", SWALLOWED, *WAYS, timeout=120)
     assert done.returncode == 0, done.stderr
     codes = [f"{way} {1 if way == 'nohup' else 130}" for way in WAYS]
     assert done.stdout.splitlines() == [*codes, "SIGHUP is ignored True"]

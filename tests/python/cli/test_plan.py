@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import re
-import subprocess
 from functools import partial
 
 import numpy as np
@@ -16,6 +15,7 @@ from conftest import ROOT, built
 from dahl import __version__
 from dahl.binding import models, plan_header
 from identify_tools import caller
+from programs import run
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -84,8 +84,7 @@ def test_a_plan_equals_the_result_of_prepare(case, plan, tmp_path):
         *(["g++", f"-std=c++{n}", *STRICT, "same.cpp", library, "-o", "same"] for n in (11, 20)),
         ["./same"],
     ):
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
+        run(*command, cwd=tmp_path)
 
 
 @pytest.mark.parametrize("change", [(0, -1), (0, 1), (1, 0)])
@@ -98,13 +97,8 @@ def test_a_plan_of_another_version_is_refused_by_the_compiler(change, plan, tmp_
             number[0], number[0][: -len(number[1])] + str(int(number[1]) + more)
         )
     (tmp_path / "dahl.h").write_text(header)
-    done = subprocess.run(
-        ["gcc", "-fsyntax-only", f"-I{tmp_path}", f"-I{ROOT}/lib/include", tmp_path / "plan.h"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode != 0 and f"made for dahl {MAJOR_MINOR}" in done.stderr
+    words = ("-fsyntax-only", f"-I{tmp_path}", f"-I{ROOT}/lib/include", tmp_path / "plan.h")
+    assert f"made for dahl {MAJOR_MINOR}" in run("gcc", *words, code=1)
 
 
 @pytest.mark.parametrize(

@@ -219,13 +219,17 @@ def test_a_controller_that_does_not_answer_is_an_error(off: Controller) -> None:
         assert not any(off.nvic)
 
 
-DRIVER = {"device_is_ready": (False, 19), "can_add_rx_filter_msgq": (-28, 28), "can_start": (-5, 5)}
+CALLS = {"device_is_ready": (False, 19), "can_add_rx_filter_msgq": (-28, 28), "can_start": (-5, 5)}
+CALLS_45 = CALLS | {"can_add_state_change_callback": (-17, 17)}
 
 
-@pytest.mark.parametrize("call", DRIVER)
-@pytest.mark.parametrize("off", ["Zephyr", "Zephyr45"], indirect=True)
+@pytest.mark.parametrize(
+    ("off", "call"),
+    [*(("Zephyr", call) for call in CALLS), *(("Zephyr45", call) for call in CALLS_45)],
+    indirect=["off"],
+)
 def test_zephyr_returns_the_code_of_its_driver(off: Controller, call: str) -> None:
-    result, code = DRIVER[call]
+    result, code = CALLS_45[call]
     off.connect(**{call: lambda *_: result})
     assert off.init() == code
 
@@ -246,12 +250,6 @@ SAMPLE = """
     { return can == &mock_zephyr_canbus ? atoi(getenv("CODE")) : 1; }
     void can_node_serve(void) { exit(7); }
     """
-
-
-@pytest.mark.parametrize("off", ["Zephyr45"], indirect=True)
-def test_zephyr_returns_the_code_of_a_callback_that_is_not_added(off: Controller) -> None:
-    off.connect(can_add_state_change_callback=lambda *_: -17)
-    assert off.init() == 17
 
 
 @pytest.mark.parametrize("code", [0, -5])

@@ -114,7 +114,6 @@ def test_an_example_without_a_node_ends_with_one_line(root):
     assert "connect" in said and said.count("\n") == 1
 
 
-@pytest.mark.checks
 def add_own_sources(project: Path, *names: str) -> tuple[str, ...]:
     """Add files of the user with names of the library's; main calls them, and they the library."""
     main, calls = (project / "main.c").read_text(), ""
@@ -134,6 +133,7 @@ def add_own_sources(project: Path, *names: str) -> tuple[str, ...]:
     return names
 
 
+@pytest.mark.checks
 def test_a_plain_makefile_builds_a_firmware_that_runs(root: Path, tmp_path: Path) -> None:
     for tool in ("arm-none-eabi-gcc", "make", "qemu-system-arm"):
         need(tool, "a Makefile builds a firmware that runs")

@@ -16,7 +16,7 @@ import fmu_instance
 import numpy as np
 import pytest
 from dahl.binding import models
-from dahl.sim import fmu
+from dahl.simulators import fmu
 from fmu_instance import CO_SIMULATION, ERROR, OK, Instance
 from identify_tools import complaint
 from model_examples import THETA, made, numbers, whole

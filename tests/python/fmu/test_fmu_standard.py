@@ -15,7 +15,7 @@ import fmu_instance
 import numpy as np
 import pytest
 from dahl.binding import models
-from dahl.sim.fmu import VERSIONS
+from dahl.simulators.fmu import VERSIONS
 from fmu_instance import Instance
 from programs import run
 from test_fmu import DAHL, EVERY, walk

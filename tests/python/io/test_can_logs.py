@@ -137,6 +137,11 @@ def test_the_flags_of_a_canfd_line_decide_its_kind(tmp_path, line, wanted):
     assert frame.is_fd == ("##" in wanted)
 
 
+def candump_log(path: Path, times: np.ndarray, form: str = "010.6f") -> Path:
+    path.write_text("".join(f"({time:{form}}) can0 100#00\n" for time in times))
+    return path
+
+
 def differences(count: int) -> np.ndarray:
     """Times since the frame before of angles each ms and their answers."""
     return np.concatenate(([0.0], np.tile([6e-5, 9.4e-4], count)))
@@ -153,9 +158,7 @@ def differences(count: int) -> np.ndarray:
 )
 def test_times_since_the_frame_before_are_refused_with_the_line(tmp_path, times, line):
     """As `candump -td` writes them. Only an ASC can say that it has such times."""
-    path = tmp_path / "x.log"
-    texts = [f"{time:010.6f}" for time in times]
-    path.write_text("".join(f"({text}) can0 100#00\n" for text in texts))
+    path = candump_log(tmp_path / "x.log", times)
     with pytest.raises(Error, match=re.escape(f"{path}:{line or ''}")) as said:
         held(path)
     assert "candump -L" in str(said.value)
@@ -169,17 +172,10 @@ def test_a_few_frames_in_another_order_are_read(tmp_path):
     times = np.sort(np.random.default_rng(1).uniform(0, 1, 100)).round(6)
     times[[10, 11, 50, 51]] = times[[11, 10, 51, 50]]
     times[70] = times[71]
-    for form in ("{:017.6f}", "{:010.6f}"):
-        path = tmp_path / "x.log"
-        path.write_text("".join(f"({form.format(one)}) can0 100#00\n" for one in times))
-        assert held(path)[0] == pytest.approx(times)
-
-
-def test_pairs_of_one_time_are_read(tmp_path):
-    """As a simulation writes them, also in the seconds 100 to 999."""
-    times = np.repeat(np.arange(0, 400, 0.5), 2)
-    (path := tmp_path / "x.log").write_text("".join(f"({one:f}) c 100#00\n" for one in times))
-    assert held(path)[0] == pytest.approx(times)
+    pairs = np.repeat(np.arange(0, 400, 0.5), 2)  # as a simulation writes them
+    for form, wanted in (("017.6f", times), ("010.6f", times), ("f", pairs)):
+        path = candump_log(tmp_path / "x.log", wanted, form)
+        assert held(path)[0] == pytest.approx(wanted)
 
 
 BAD = ["hello", "(1.0) can0 100#0", "(1.0) can0 100", "\0" * 50, "(1.0) can0 100#0\xff", "(1.0) ca"]
@@ -197,7 +193,7 @@ def test_a_bad_line_of_a_candump_log_is_named_and_left_out(tmp_path, bad, dahl_h
     log = read(path, *words)
     assert log.rows == ROWS and log.time == pytest.approx(TIME)
     (note,) = log.notes
-    assert note.startswith(f"{path}:17: ") and "3 such lines of 203" in note
+    assert note.startswith(f"{path}:17: ") and "bad lines: 3 of 203" in note
     assert printable(bad[:5]) in note and note.isprintable()
     with pytest.raises(Error, match=re.escape(f"{path}:17: ")):
         can_logs.read_candump(path)

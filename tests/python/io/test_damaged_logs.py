@@ -12,8 +12,8 @@ import log_writers
 import numpy as np
 import pytest
 from hypothesis import strategies as st
-from law_tools import holds, modes
 from log_reading import RefusedError, read, signals
+from property_tools import holds, modes
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -51,16 +51,16 @@ def test_a_damaged_file_is_a_log_or_one_line(tmp_path, kind, examples, caplog):
     path, places = tmp_path / f"damaged.{kind}", st.integers(0, len(whole))
     named = (path.name, "in the DBC")
 
-    def law(cut: tuple[int, int], put: bytes, is_longer: bool) -> None:
+    def check(cut: tuple[int, int], put: bytes, is_longer: bool) -> None:
         low, high = min(cut), max(cut)
         path.write_bytes(whole[:low] + put + whole[high if is_longer else low + len(put) :])
         assert_read_or_refused(path, *words, names=named)
 
-    law((0, 0), b"", False)
+    check((0, 0), b"", False)
     assert read(path, *words).rows == len(ROWS)
     for part in (1, 10, 130, len(whole) // 7, len(whole) // 2, len(whole) - 1):
-        law((part, len(whole)), b"", True)
-    holds(law, examples, st.tuples(places, places), st.binary(max_size=8), st.booleans())
+        check((part, len(whole)), b"", True)
+    holds(check, examples, st.tuples(places, places), st.binary(max_size=8), st.booleans())
     logging.getLogger("asammdf").removeHandler(caplog.handler)
     assert not [one for one in caplog.records if one.name.startswith("asammdf")]
 
@@ -74,9 +74,9 @@ def test_any_dbc_is_read_or_refused_in_one_line(tmp_path, examples, dahl_here):
     words = ("--dbc", path, "--angle", "Angle", "--torque", "Torque")
     monitor = ("monitor", "-i", "virtual", "-c", "dbc", "--seconds", "0.01", "--dbc", path)
 
-    def law(chosen: list[bytes]) -> None:
+    def check(chosen: list[bytes]) -> None:
         path.write_bytes(b"\n".join(chosen) + b"\n")
         assert_read_or_refused(log, *words, names=("any.dbc", "DBC", "signal"))
         assert dahl_here(*monitor).stderr.count("\n") <= 1
 
-    holds(law, examples, st.lists(st.sampled_from(lines), max_size=14))
+    holds(check, examples, st.lists(st.sampled_from(lines), max_size=14))

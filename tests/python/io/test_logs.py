@@ -57,7 +57,7 @@ def test_the_demo_uses_the_units_of_names_and_unwraps():
 @pytest.mark.parametrize(
     ("name", "content", "parts"),
     [
-        ("a.log", "(0.1) v 100#00\nhello\nyou\n", "a.log:2: |hello|2 such lines of 3"),
+        ("a.log", "(0.1) v 100#00\nhello\nyou\n", "a.log:2: |hello|bad lines: 2 of 3"),
         ("a.log", "(zero) v 100#00\n", "a.log:1: "),
         ("a.log", "", "a.log: no frames"),
         ("a.asc", 0, "a.asc: no frames"),

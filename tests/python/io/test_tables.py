@@ -16,9 +16,9 @@ from dahl.identify import Source
 from dahl.identify import read as read_log
 from hypothesis import strategies as st
 from identify_tools import complaint
-from law_tools import holds, modes
 from log_reading import read, refused, run
 from log_writers import TABLES
+from property_tools import holds, modes
 from scipy.io import savemat
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -176,7 +176,7 @@ def test_a_table_in_any_form_is_read(examples, tmp_path):
     def write(form: dict, text: str) -> None:
         path.write_text(text.replace("\n", form["end"]), encoding=form["encoding"], newline="")
 
-    def law(form: dict, rows: list[tuple[float, float]]) -> None:
+    def check(form: dict, rows: list[tuple[float, float]]) -> None:
         columns = [np.arange(len(rows)) / 8, *np.array(rows).T]
         text, place = text_of(form, columns)
         write(form, text)
@@ -192,7 +192,7 @@ def test_a_table_in_any_form_is_read(examples, tmp_path):
         log = read_log(path, Source(skip_gaps=True))
         np.testing.assert_allclose(1e3 * log.torque, columns[2][:-1], rtol=1e-14, atol=1e-290)
 
-    holds(law, examples, FORMS, st.lists(numbers, min_size=4, max_size=7))
+    holds(check, examples, FORMS, st.lists(numbers, min_size=4, max_size=7))
 
 
 ODD = {  # lines above 40 rows of time, angle and torque, and the form of a row

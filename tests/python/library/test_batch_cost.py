@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Instructions of a tick of each batch on every hard motion, counted by callgrind."""
+"""Instructions of a tick of each throughput form on every hard motion, counted by callgrind."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def counted(out: Path, motion: str) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("motion", BUDGETS)
-def test_a_tick_of_each_batch_stays_within_its_budget(counts, motion):
+def test_a_tick_of_each_form_stays_within_its_budget(counts, motion):
     found = counts(motion)
     wanted = BUDGETS[motion]
     assert {name: found[name] for name in wanted if found[name] > wanted[name]} == {}

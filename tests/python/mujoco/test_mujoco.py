@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from conftest import ROOT
 from dahl.binding import models
-from dahl.sim import mujoco_plugin
+from dahl.simulators import mujoco_plugin
 from programs import run
 
 MISSING = "unproven: dahl.friction in MuJoCo: the package mujoco is not installed"

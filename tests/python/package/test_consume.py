@@ -215,6 +215,9 @@ def test_a_unity_build_for_a_core_has_its_assembly(tmp_path: Path) -> None:
     options += [f"-DCMAKE_C_COMPILER={core[0]}", f"-DCMAKE_C_FLAGS={' '.join(core[1:])}"]
     run("cmake", "-S", ROOT, "-B", tmp_path, *options)
     run("cmake", "--build", tmp_path)
+    symbols = run("arm-none-eabi-nm", tmp_path / "lib/libdahl.a").partition("unity_0_c")[2]
+    first = symbols.partition("\n\n")[0]
+    assert " W dahl_" not in first and " T dahl_" in first
     ticks = ("dahl_step_counts", "dahl_step_counts_q30", "dahl_step", "dahl_work_step_counts_q30")
     calls = "".join(f"void {tick}(void); {tick}(); " for tick in ticks)
     (tmp_path / "main.c").write_text(f"int main(void) {{ {calls} return 0; }}\n")

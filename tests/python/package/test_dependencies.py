@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""A command whose packages are missing installs them once, or names them in one line. The extras of
-the package contain the packages that each command imports.
+"""A command whose packages are missing names them in one line. The extras of the package contain
+the packages that each command imports.
 """
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 import sys
@@ -13,7 +12,7 @@ import tomllib
 
 import pytest
 from dahl import RunError, codec
-from identify_tools import caller, complaint
+from identify_tools import complaint
 from packaging.requirements import Requirement
 
 # Of each verb: the extras in its message, and the packages that it imports.
@@ -36,7 +35,6 @@ CALLED = {"can": "python-can", "jinja2": "jinja2"}  # other names, for pip
 
 def without(monkeypatch: pytest.MonkeyPatch, package: str) -> None:
     monkeypatch.setitem(sys.modules, package, None)
-    monkeypatch.setenv("DAHL_SETUP_TRIED", "1")
 
 
 def brought_by(line: str) -> list[list[str]]:
@@ -119,49 +117,3 @@ def test_the_extras_contain_the_imported_packages_in_the_tested_versions(extras,
     assert [name for name in tested if not wanted[name].contains(pins[name])] == []
     assert not any(map(wanted["plotext"].contains, ("6.0.0", "6.1.0", "7.0")))
     assert not wanted["python-can"].contains("4.5.0")
-
-
-# --- in a checkout, whose build/venv is filled by need --------------------------------------------
-
-
-class Restart(Exception):
-    """The program would start again with these words."""
-
-
-@pytest.mark.parametrize("case", ["it works", "it fails", "tried before", "another environment"])
-def test_a_checkout_sets_up_its_own_environment_once_and_restarts(
-    tmp_path, monkeypatch, capfd, case
-):
-    """It replaces private names: the folder of the checkout and the restart of the program. The
-    output of the set-up is not that of the command. A command with all packages starts at once.
-    """
-    script, asked = tmp_path / "tools/setup.sh", tmp_path / "asked"
-    script.parent.mkdir()
-    code = int(case == "it fails")
-    script.write_text(f'#!/bin/sh\necho "$@" | tee -a {asked}\nexit {code}\n')
-    script.chmod(0o755)
-
-    def start(*words: object) -> None:
-        raise Restart(*words)
-
-    monkeypatch.setattr("dahl.paths.ROOT", tmp_path)
-    monkeypatch.setattr(os, "execve", start)
-    own = "/usr" if case == "another environment" else str(tmp_path / "build/venv")
-    monkeypatch.setattr(sys, "prefix", own)
-    without(monkeypatch, "scipy")
-    if case != "tried before":
-        monkeypatch.delenv("DAHL_SETUP_TRIED")
-    dahl, given = caller(capfd), ["identify", "log.csv", "--json", "-"]
-    assert dahl("dbc").returncode == 0 and not asked.exists()
-    if case == "it works":
-        with pytest.raises(Restart) as restart:
-            dahl(*given)
-        program, words, environment = restart.value.args
-        assert (program, words[1:]) == (sys.executable, ["-m", "dahl", *given])
-        assert len(environment.keys() - os.environ.keys()) == 1  # it prevents a third start
-        assert asked.read_text() == "identify\n" and not capfd.readouterr().out
-        return
-    done = dahl(*given)
-    said = done.stderr.splitlines()[-1]  # below the words of the set-up
-    assert done.returncode == 1 and said.startswith("error: ") and "scipy" in said
-    assert ("tools/setup.sh" in said) == (case == "it fails") == asked.exists()

@@ -11,11 +11,11 @@ import dahl
 
 PACKAGE = Path(dahl.__file__).parent
 LAYERS = (  # docs/architecture.md; each layer may import from itself and the earlier ones
-    {"errors", "version"},
+    {"errors", "facts", "version"},
     {"dependencies", "interrupt", "paths"},
     {"binding"},
     {"can", "io"},
-    {"sim"},
+    {"sim", "simulators", "target"},
     {"report"},
     {"identify"},
     {"commands"},

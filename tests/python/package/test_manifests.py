@@ -63,8 +63,10 @@ def citation() -> dict[str, Any]:
 
 
 def test_every_manifest_has_the_version_of_the_header() -> None:
-    """CMake and pyproject.toml read it. These files state it."""
+    """pyproject.toml reads tools/dahl/version.py. These files state it."""
+    cmake = (ROOT / "CMakeLists.txt").read_text()
     stated = {
+        "CMakeLists.txt": re.search(r"^project\(dahl VERSION (\S+)", cmake, re.M)[1],
         "library.json": json.loads((ROOT / "library.json").read_text())["version"],
         "idf_component.yml": yaml.safe_load((ROOT / "idf_component.yml").read_text())["version"],
         "port/arduino": re.search(
@@ -73,7 +75,9 @@ def test_every_manifest_has_the_version_of_the_header() -> None:
         "lib/node/dahl.dbc": cantools.database.load_file(ROOT / "lib/node/dahl.dbc").version,
         "tools/dahl/version.py": dahl.__version__,
         "CITATION.cff": citation()["version"],
-        "CHANGELOG.md": re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.M)[1],
+        "CHANGELOG.md": re.search(
+            r"^## (\d\S+), \d{4}-\d\d-\d\d$", (ROOT / "CHANGELOG.md").read_text(), re.M
+        )[1],
     }
     assert stated == dict.fromkeys(stated, VERSION)
 

@@ -93,10 +93,10 @@ def listed(*folders: object) -> set[Path]:
 
 
 SHARED = {f"dahl/share/{name}" for name in ("dahl.dbc", "include/dahl.h", "scenes/steering.ini")}
-SHARED |= {"dahl/share/scene_keys.def", "dahl/share/timing.h", "dahl/share/LICENSE"}
+SHARED |= {"dahl/share/scene_keys.def", "dahl/share/LICENSE"}
 SHARED |= {"dahl/share/fmu/fmu.c", "dahl/share/mujoco/plugin.c"}
 SHARED |= {"dahl/share/simulators/friction.c", "dahl/share/lib/model/prepare.c"}
-SHARED |= {"dahl/py.typed", "dahl/commands/demo.py"}
+SHARED |= {"dahl/py.typed", "dahl/commands/demo.py", "dahl/binding/declarations.cdef"}
 
 
 def test_both_wheels_have_the_same_files_and_twine_accepts_them(dist: Path) -> None:
@@ -108,7 +108,7 @@ def test_both_wheels_have_the_same_files_and_twine_accepts_them(dist: Path) -> N
     )
     built = {"dahl/lib/libdahl.so", "dahl/lib/_dahl.abi3.so", "dahl/bin/dahl-loop"}
     built |= {"dahl/lib/dahl_fmu.so"}
-    assert first.keys() == second.keys() >= built | SHARED | {"dahl/lib/dahl_declarations.h"}
+    assert first.keys() == second.keys() >= built | SHARED
     differ = {name for name in first if first[name] != second[name]}
     libraries = {name for name in first if re.search(r"\.so(\.|$)", name)}
     assert libraries == {one for one in built if ".so" in one}  # no library of others

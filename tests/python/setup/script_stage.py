@@ -86,8 +86,15 @@ esac"""
 DPKG = """sed 's/^/installed /' "$STAGE/installed" """
 PYTHON = """case "$*" in
     -VV) cat "$STAGE/version" ;;
-    *"-m venv "*) mkdir -p "$3/bin"; ln -s "$STAGE/note" "$3/bin/python" ;;
-    *check_venv*) exit "$(cat "$STAGE/state")" ;;
+    -I*) exit "$(cat "$STAGE/damage")" ;;
+    *ensurepip*) echo "$0" ;;
+    "-m venv "*) mkdir -p "$3/bin"; ln -s "$STAGE/note" "$3/bin/python" ;;
+    *" install "*) ln -s "$STAGE/note" "${0%/*}/uv" ;;
+esac"""
+UV = """case "$*" in
+    --version) sed -n 's/^uv==\\([^ ]*\\).*/uv \\1 (a build)/p' "$STAGE/tools/requirements.lock" ;;
+    venv*) rm -rf "$5"; mkdir -p "$5/bin"; ln -s "$STAGE/note" "$5/bin/python" ;;
+    *--editable*) touch "$STAGE/build/venv/bin/dahl" ;;
 esac"""
 
 
@@ -101,7 +108,7 @@ class Debian(Stage):
         self.write("unknown")
         self.write("installed", "dpkg-dev")
         self.write("version", "3.11.2")
-        self.write("state", "0")  # exit code of check_venv.py
+        self.write("damage", "0")  # 1: a file of a package is missing
         for file in ("unity.c", "unity.h", "unity_internals.h"):
             self.write(f"unity/{file}", "mine")
         programs = {"apt-get": APT, "dpkg-query": DPKG, "python3.11": PYTHON, "sudo": '"$@"'}
@@ -109,10 +116,11 @@ class Debian(Stage):
         for name in ("apt-cache", "dpkg", "sleep", "cmake", *programs):
             self.stand_in(f"bin/{name}", programs.get(name, ""))
         self.does("python", PYTHON)
+        self.does("uv", UV)
 
     def set_up(self, needs: str, **variables: str) -> tuple[subprocess.CompletedProcess, list[str]]:
         """Return the process, and the calls that install something."""
         given = {"DAHL_UNITY_DIR": f"{self.folder}/unity", "DAHL_PYTHON": "", **variables}
         done = self.run("setup", *needs.split(), **given)
-        started = self.calls("apt-get", "python3.11", "python")
-        return done, [call for call in started if re.search(r" install | venv ", call)]
+        started = self.calls("apt-get", "python3.11", "python", "uv")
+        return done, [call for call in started if re.search(r" install |\bvenv ", call)]

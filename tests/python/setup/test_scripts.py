@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from loop_tools import is_running, wait_until
-from script_stage import Stage
+from script_stage import PYTHON, UV, Stage
 
 UNLOCKED = 'flock -n "$STAGE/build/build.lock" true'  # no build is running
 
@@ -27,6 +27,8 @@ def scripts(tmp_path: Path) -> Stage:
 def stage(scripts: Stage) -> Stage:
     for name in ("tools/setup.sh", "build/venv/bin/python", "build/venv/bin/dahl"):
         scripts.stand_in(name)
+    scripts.stand_in("build/deps/uv/bin/uv", UV)
+    scripts.stand_in("bin/python3.11", PYTHON)
     return scripts
 
 
@@ -143,3 +145,5 @@ def test_each_bench_command_ends_with_its_first_failure(stage, words, fails):
     assert stage.calls()[0] == "setup.sh bench"
     calls = [call.partition("python tools/bench/")[2] for call in stage.calls("python")]
     assert [call for call in calls if call] == (due[:1] if fails else due)
+    needs_rivals = any(call.startswith("host.py") for call in calls)
+    assert any("pyproject.toml:rivals" in call for call in stage.calls("uv")) == needs_rivals

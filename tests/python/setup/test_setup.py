@@ -7,16 +7,16 @@ from __future__ import annotations
 
 import os
 import re
-import runpy
 import shutil
 import subprocess
+import sys
 import time
 import tomllib
 from pathlib import Path
 
 import pytest
 from conftest import ROOT
-from script_stage import APT, PYTHON, Debian
+from script_stage import APT, PYTHON, UV, Debian
 
 
 @pytest.fixture
@@ -31,18 +31,18 @@ def test_each_need_installs_what_is_missing_once(bare):
         shutil.rmtree(bare.folder / "build", ignore_errors=True)
         done, started = bare.set_up(need)
         assert done.returncode == 0, done.stderr
-        python = re.search(r"installing Python packages: (.*) \(", done.stdout)[1].split()
+        python = re.findall(r"pyproject.toml:(\w+)", "".join(started))
         has[need] = {*bare.lines("installed"), *(f"group {name}" for name in python)}
         by_apt = [call for call in started if "apt-get" in call]
         assert all("--no-install-recommends" in call for call in by_apt)
-        assert by_apt[0].endswith(" python3 python3-venv")  # pip works during the next call
     assert has[""] == has["test"]
     assert has["demo"] < has["identify"] < has["test"] < has["docs"] < has["checks"]
     assert has["demo"] < has["firmware"] < has["checks"] and has["demo"] < has["vm"]
     assert has["identify"] | has["firmware"] < has["bench"]
     assert {"cmake", "ninja-build", "libinih-dev", "libcsv-dev", "libcjson-dev"} <= has["demo"]
     assert not {"gcc-arm-none-eabi", "clang", "doxygen"} & has["test"]
-    assert bare.set_up("checks")[1] == []
+    again = bare.set_up("checks")[1]
+    assert len(again) == 1 and again[0].endswith(" --offline") and "checks" in again[0]
 
 
 def test_an_optional_package_or_download_is_named_and_tried_once_a_day(bare):
@@ -80,12 +80,14 @@ def test_unity_with_other_sums_is_not_used(bare):
     assert not (bare.folder / "build/deps/unity").exists()
 
 
-CHANGES = {  # file and its new line: whether the environment is new, whether packages are installed
-    ("state", "0"): (False, False),  # complete
-    ("state", "3"): (False, True),  # packages are missing
-    ("state", "4"): (True, True),  # files are damaged
-    ("pyproject.toml", "[project]"): (False, True),
-    ("version", "3.12.0"): (True, True),
+NEW = {"venv", "--editable"}  # words of the calls of uv
+CHANGES = {  # file and its new line
+    ("damage", "0"): set(),
+    ("damage", "1"): NEW | {"--no-cache"},  # the cache may have the same damage
+    ("build/venv/.complete", "an interrupted run"): NEW,
+    ("version", "3.12.0"): NEW,
+    ("pyproject.toml", "[project]"): {"--editable"},
+    ("tools/dahl/version.py", "later"): {"--editable"},
 }
 
 
@@ -94,52 +96,61 @@ def test_the_environment_is_repaired_as_far_as_needed(bare, file, line):
     bare.set_up("demo")
     bare.write(file, line)
     done, started = bare.set_up("demo")
-    is_new, installs = CHANGES[file, line]
     assert done.returncode == 0
-    assert any("-m venv" in call for call in started) == is_new
-    assert any("--require-hashes" in call for call in started) == installs
-    assert any("--editable" in call for call in started) == installs
+    words = {word for call in started for word in call.split()}
+    assert words & (NEW | {"--no-cache"}) == CHANGES[file, line]
+    [installs] = [call for call in started if "--group" in call]
+    assert "--require-hashes --constraints tools/requirements.lock" in installs
 
 
-@pytest.mark.parametrize(("failing", "tries"), [("python", 3), ("python3.11", 0)])
-def test_an_environment_that_fails_is_an_error_each_time(bare, failing, tries):
-    bare.does(failing, f'case "$*" in *" install "*|*"-m venv"*) exit 1 ;; esac; {PYTHON}')
+FAILING = [  # program and words of its call
+    *(("python3.11", "-m venv"), ("python", " install ")),
+    *(("uv", "venv --clear"), ("uv", "--group"), ("uv", "--editable")),
+]
+
+
+@pytest.mark.parametrize(("program", "words"), FAILING)
+def test_an_environment_that_fails_is_an_error_each_time(bare, program, words):
+    works = UV if program == "uv" else PYTHON
+    bare.does(program, f'case "$*" in *"{words}"*) exit 1 ;; esac; {works}')
     for _ in range(2):
         done, started = bare.set_up("demo")
-        assert done.returncode == 1 and "error: " in done.stderr
-        assert sum("--require-hashes" in call for call in started) == tries
+        assert done.returncode == 1 and words in started[-1]
+        assert "error: " in done.stderr and "log: build/setup.log" in done.stderr
+    bare.does(program, works)
+    assert bare.set_up("demo")[0].returncode == 0
 
 
-PINS = ("not.here==9 ; python_version < '3'", "Kept.One==1.0", "gone==2")
-SITES = {  # change of a site that has all packages, and a file of 3 bytes: code and output
-    "": (0, ""),
-    "rm -r dahl-0.2.dist-info": (3, "missing: dahl\n"),
-    "mv kept_one-1.0.dist-info kept_one-1.1.dist-info": (3, "missing: kept-one 1.0\n"),
-    "rm -r gone-2.dist-info": (3, "missing: gone 2\n"),
-    "echo 123 > file.py": (4, "changed: file.py\n"),
-    "rm file.py gone-2.dist-info -r": (4, "missing: gone 2\nchanged: file.py\n"),
-    "rm kept_one-1.0.dist-info/RECORD": (4, "changed: {}/kept_one-1.0.dist-info/RECORD\n"),
-}
+def test_packages_that_are_not_in_the_cache_come_from_the_index_of_pip(bare):
+    bare.does("uv", f'case "$*" in *--offline) exit 1 ;; esac; echo "$UV_DEFAULT_INDEX"; {UV}')
+    done, started = bare.set_up("demo", PIP_INDEX_URL="https://packages.example/simple")
+    assert done.returncode == 0 and sum("--offline" in call for call in started) == 2
+    assert "https://packages.example/simple" in bare.lines("build/setup.log")
 
 
-@pytest.mark.parametrize("change", SITES)
-def test_missing_packages_and_changed_files_are_found(tmp_path, monkeypatch, capsys, change):
-    """A package for other versions of Python is not needed. A size is that of the RECORD."""
-    site = tmp_path / "site"
-    for name in ("dahl-0.2", "kept_one-1.0", "gone-2"):
-        (site / f"{name}.dist-info").mkdir(parents=True)
-        (site / f"{name}.dist-info/RECORD").write_text("")
-    (site / "kept_one-1.0.dist-info/RECORD").write_text("file.py,sha256=x,3\nRECORD,,\n")
+def test_another_version_of_uv_in_the_lock_is_installed(bare):
+    bare.set_up("demo")
+    bare.does("uv", 'case "$*" in --version) echo "uv 0.1 (a build)" ;; esac')
+    assert any("-m pip" in call for call in bare.set_up("demo")[1])
+
+
+DAMAGES = {"": 0, "echo 123 >file.py": 1, "rm file.py": 1, "rm kept-1.0.dist-info/RECORD": 1}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_missing_and_changed_files_of_packages_are_found(tmp_path, damage):
+    """A file must have its size of the RECORD."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", tmp_path], check=True)
+    [site] = tmp_path.glob("lib/python*/site-packages")
+    (site / "kept-1.0.dist-info").mkdir()
+    (site / "kept-1.0.dist-info/METADATA").write_text("Name: kept\nVersion: 1.0\n")
+    (site / "kept-1.0.dist-info/RECORD").write_text("file.py,sha256=x,3\nRECORD,,\n")
     (site / "file.py").write_text("12\n")
-    (tmp_path / "packages.txt").write_text(
-        "".join(f"{pin} \\\n    --hash=sha256:0\n" for pin in PINS)
-    )
-    subprocess.run(change, shell=True, cwd=site, check=True)
-    monkeypatch.setattr("sysconfig.get_path", lambda _name: str(site))
-    main = runpy.run_path(str(ROOT / "tools/setup/check_venv.py"))["main"]
-    code, printed = SITES[change]
-    assert main(str(tmp_path / "packages.txt")) == code
-    assert capsys.readouterr().out == printed.format(site)
+    subprocess.run(damage, shell=True, cwd=site, check=True)
+    script = f"BUILD=$1; . {ROOT}/tools/setup/python.sh; is_undamaged $1"
+    (tmp_path / "setup.log").touch()
+    done = subprocess.run(["bash", "-c", script, "bash", tmp_path], check=False)
+    assert done.returncode == DAMAGES[damage]
 
 
 def test_without_a_network_it_ends_with_one_line(tmp_path):
@@ -150,8 +161,8 @@ def test_without_a_network_it_ends_with_one_line(tmp_path):
     done = subprocess.run(script, env=away, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     [error] = done.stderr.splitlines()
-    wanted = ["apt-get", "unity"] if shutil.which("apt-get") else []
-    assert all(word in error for word in [*wanted, "(pip)", "build/venv", "build/setup.log"])
+    wanted = ["apt-get", "unity"] if shutil.which("apt-get") else ["pip", "build/venv"]
+    assert all(word in error for word in [*wanted, "build/setup.log"])
 
 
 def laptop(folder: Path) -> Path:

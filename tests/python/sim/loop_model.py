@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Reference for a log of dahl-loop, without its code: motions of a scene, lengths of frames, and
-counters and answers of a node (docs/loop.md).
+"""Independent reference for differential tests, without the code of dahl-loop and the library:
+motions of a scene (test_loop_virtual.py), lengths of frames, and counters and answers of a node by
+docs/loop.md (can/test_node_sequences.py). It has no shaft and no controller.
 """
 
 from __future__ import annotations

@@ -7,7 +7,9 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
+from dahl.binding.library import c
 from dahl.sim import compensation
 from dahl.sim.compensation import Comparison
 from identify_tools import complaint
@@ -37,6 +39,22 @@ def test_the_page_has_the_numbers_of_the_scene(compared: Comparison, root: Path)
             row = [float(value) for value in shown.pop((case, axis == "hand"))]
             assert row == pytest.approx(ratios, abs=2e-3), case
     assert not shown
+
+
+@pytest.mark.parametrize("kind", compensation.GAINS)
+def test_the_controller_has_the_torque_of_its_textbook(kind: str) -> None:
+    """PD, PID, or a PI controller of the speed that a P controller of the angle asks for."""
+    error, speed = np.random.default_rng(1).normal(size=(2, 50))
+    asked = 50.0 * error + speed
+    due = {
+        "PD": 30 * error + 0.4 * speed,
+        "PID": 30 * error + 0.4 * speed + 300 * np.cumsum(error) * 1e-3,
+        "cascade": 0.4 * asked + 8 * np.cumsum(asked) * 1e-3,
+    }
+    controller = c.new("controller_t *", compensation.GAINS[kind])
+    steps = zip(error, speed * 1e-3, strict=True)
+    found = [c.dahl_controller_torque(controller, *step) for step in steps]
+    assert found == pytest.approx(due[kind], rel=1e-12)
 
 
 def test_a_hold_does_not_change_the_sign_of_the_torque(compared: Comparison) -> None:

@@ -116,13 +116,14 @@ def test_a_run_leaves_record_picture_and_summary(demo, own_log):
 
 def test_the_table_has_the_numbers_of_the_summary(demo):
     rows, numbers = rows_of(demo[1]), summary_of(demo[0])
-    assert (rows["bus"], rows["ticks"]) == (numbers["bus"], str(TICKS))
-    assert rows["frames sent, unanswered"] == f"{TICKS}, 0"
+    assert (rows["bus"], rows["ticks of 1 ms"]) == (numbers["bus"], str(TICKS))
+    assert (rows["frames sent"], rows["frames without an answer"]) == (str(TICKS), "0")
     for name, value in numbers["latency_us"].items():
-        assert f"{name} {value:.0f} µs" in rows["latency"]
-    exact, fit = (rows[name] for name in rows if name.startswith("error against"))
-    assert exact.startswith(f"{numbers['max_error_ulp_Fc']:.3f} ulp of Fc")
-    assert f"{numbers['rmse_measured']:.4g} N m, R² {numbers['r2_measured']:.4f} " in fit
+        assert f"{name} {value:.0f}" in rows["latency of an answer"]
+    exact = rows["largest error against the exact torque"]
+    assert exact == f"{numbers['max_error_ulp_Fc']:.3f} ulp of Fc"
+    fit = rows["rms error against the measurement"], rows["R² against the measurement"]
+    assert fit == (f"{numbers['rmse_measured']:.4g} N m", f"{numbers['r2_measured']:.4f}")
 
 
 def test_a_scene_of_any_editor_without_a_measurement_runs(dahl, unpainted, tmp_path):

@@ -289,8 +289,8 @@ def test_firmware_replaces_the_node_of_dahl_loop(dahl, monkeypatch, root, number
     text = (SCENES / "segments.ini").read_text()
     Path("own.ini").write_text(text.replace("[friction]", f"[friction]\nnode = {number}"))
     asked: list[tuple[object, ...]] = []
-    monkeypatch.setattr("dahl.sim.firmware.build", lambda core: root / "build/m4f/node_image")
-    monkeypatch.setattr("dahl.sim.firmware.attach_firmware", partial(attached, asked))
+    monkeypatch.setattr("dahl.target.firmware.build", lambda core: root / "build/m4f/node_image")
+    monkeypatch.setattr("dahl.target.firmware.attach_firmware", partial(attached, asked))
     words = ("--scene", "own.ini", "--seconds", 0.3, "--target", "m4f")
     done = dahl("demo", *words, "--output", "out")
     assert done.returncode == 0, done.stderr

@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from dahl.binding.library import c
 from loop_model import nearest
 from loop_tools import SCENES, Logged, counts_of, read_log, run, setting, word
 from scipy.integrate import solve_ivp
@@ -18,6 +19,7 @@ from scipy.integrate import solve_ivp
 SIGMA0, FC = 120.0, float(np.float32(1.8))
 COUNT = float(np.float32(3.7450702829239285e-07))  # rad
 COLUMNS = "time_s,reference_rad,angle_rad,velocity_rad_s,motor_Nm,friction_Nm,compensation_Nm"
+TRACED = ("angle", "velocity", "friction", "hand")
 Traced = tuple[dict[str, np.ndarray], dict, list[Logged]]
 
 
@@ -91,6 +93,18 @@ def check_solved(trace: dict[str, np.ndarray], states: np.ndarray, angle_limit: 
     assert np.abs(trace["angle"][:ticks] - angle).max() < angle_limit
     assert np.abs(trace["velocity"][:ticks] - velocity).max() < 1e-3
     assert np.abs(trace["friction"][:ticks] - friction).max() < 1e-3 * FC
+
+
+def test_python_steps_the_shaft_of_dahl_loop_bit_by_bit(traced):
+    keys = {"stiffness": 40, "damping": 0.3, "amplitude": 0.2, "frequency": 1.5, "start": 0.2}
+    trace, *_ = traced("slow-reversal", *(f"hand.{key}={value}" for key, value in keys.items()))
+    shaft, hand = c.new("rotor_t *"), c.new("hand_t *", keys)
+    wrong = [c.dahl_rotor_open(shaft, 0.02, 0.02, SIGMA0, Fc) for Fc in (-1.8, np.nan, 1e-30)]
+    assert 0 not in wrong and c.dahl_rotor_open(shaft, 0.02, 0.02, SIGMA0, 1.8) == 0
+    shaft.hand = hand
+    for *due, motor in zip(*(trace[name] for name in TRACED), trace["motor"], strict=True):
+        assert [shaft.theta, shaft.omega, shaft.friction, c.dahl_rotor_hand_torque(shaft)] == due
+        c.dahl_rotor_advance(shaft, motor)
 
 
 def test_friction_grows_with_a_load_above_1(traced):

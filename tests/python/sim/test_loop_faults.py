@@ -168,13 +168,22 @@ def test_faults_keep_apart(tmp_path, kinds, ticks):
 # --- all kinds ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("rate", [None, 1 / len(KINDS)], ids=["scene", "every frame"])
-def test_every_fault_of_a_storm_is_counted(tmp_path, rate):
+MILLION = pytest.param(None, 1000, marks=pytest.mark.long)
+
+
+@pytest.mark.parametrize(
+    ("rate", "seconds"),
+    [(None, 30), (1 / len(KINDS), 30), MILLION],
+    ids=["scene", "every frame", "a million frames"],
+)
+def test_every_fault_of_a_storm_is_counted(tmp_path, rate, seconds):
     """While the count wraps. The shipped scene spoils a tenth of the frames."""
     rates = {} if rate is None else dict.fromkeys(KINDS, rate)
-    result = storm(tmp_path, keys=("motion.start_count=2147483600",), **rates)
+    keys = ("motion.start_count=2147483600", f"motion.seconds={seconds}")
+    result = storm(tmp_path, keys=keys, **rates)
     check_node(result, tmp_path / "scene.ini")
     summary, injected = result.summary, result.summary["faults"]["injected"]
+    assert summary["frames_sent"] == 1000 * seconds
     spoiled, least = sum(injected.values()) / summary["frames_sent"], 0.09 if rate is None else 0.08
     assert all(injected.values()) and least < spoiled < 0.11
     for name, due in due_counts(injected).items():

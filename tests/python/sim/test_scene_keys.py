@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""The facts that dahl-loop and the Python package share: keys of scenes, models, the period."""
+"""The keys of scenes and models that dahl-loop and the Python package share."""
 
 from __future__ import annotations
 
 import configparser
 
-import cantools
 import dahl
 import pytest
-from conftest import ROOT
-from dahl.sim import scene, scene_keys, timing
+from dahl.sim import scene, scene_keys
 from loop_tools import SCENES
 from test_scene_errors import beyond
 
@@ -34,12 +32,6 @@ def test_shipped_scenes_have_known_sections_and_keys():
         parser.read(path)
         for section in parser.sections():
             assert {*parser[section]} <= {*scene_keys.names(section)}, (path, section)
-
-
-def test_the_period_is_the_cycle_time_of_the_bus():
-    database = cantools.database.load_file(ROOT / "lib/node/dahl.dbc")
-    cycle_ms = database.get_message_by_name("EncoderState").cycle_time
-    assert cycle_ms * 1000 == timing.period_us()
 
 
 SUMS = [  # keys of [friction], sigma0 and Fc at a torque ratio of 1

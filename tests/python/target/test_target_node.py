@@ -21,7 +21,8 @@ import pytest
 from conftest import ROOT, need
 from dahl import codec, node
 from dahl.codec import EncoderState, Param, ParamWrite, State, Write
-from dahl.sim import firmware  # no public name starts QEMU with a page of parameters
+from dahl.facts import BOARDS
+from dahl.target import firmware  # no public name starts QEMU with a page of parameters
 from loop_tools import is_running, message_of, read_log, run, wait_until
 
 pytestmark = [pytest.mark.checks, pytest.mark.usefixtures("library")]
@@ -81,7 +82,7 @@ def test_silence_makes_it_stale_while_status_goes_on(start) -> None:
     assert (answer.state, answer.torque_q30) == (State.STALE, moved)
 
 
-@pytest.mark.parametrize("core", firmware.boards())
+@pytest.mark.parametrize("core", BOARDS)
 def test_a_trace_equals_that_of_the_host(core: str, start, tmp_path: Path) -> None:
     seconds = 10 if core == "m4f" else 2
     scene = ROOT / "host_sim/scenes/steering.ini"
@@ -147,7 +148,7 @@ def test_wrong_parameters_in_flash_leave_a_node_that_sends_nothing(start) -> Non
 
 
 START_CHILD = """import subprocess, time
-from dahl.sim.firmware import with_parent
+from dahl.target.firmware import with_parent
 print(subprocess.Popen([*with_parent(), "sleep", "600"]).pid, flush=True)
 time.sleep(600)"""
 

@@ -6,7 +6,7 @@
  *                                      on a sine of a A = 20 at 1 Hz, sampled RATE times a second
  *   host_bench growth SCENARIO TICKS   worst error up to each power of ten of ticks
  *   host_bench speed TICKS             nanoseconds a tick, and of a plain copy
- *   host_bench batches SCENARIO TICKS  each batch of the library once, for callgrind (tests/python/library/test_batch_cost.py)
+ *   host_bench batches SCENARIO TICKS  each throughput form once, for callgrind (tests/python/library/test_batch_cost.py)
  *   host_bench moves SCENARIO TICKS    the moves in counts and the exact F/Fc, as text, for rivals in Python
  */
 #define _POSIX_C_SOURCE 199309L /* clock_gettime */
@@ -237,28 +237,14 @@ typedef struct {
     int32_t *moves;
     float *angles, *F;
     size_t n;
-    dahl_plan_t plans[CHANNELS];
     dahl_throughput_params_t params[CHANNELS];
-    dahl_plan_t other_plans[CHANNELS]; /* of channels that differ */
-    dahl_throughput_params_t other_params[CHANNELS];
+    dahl_throughput_params_t other_params[CHANNELS]; /* of channels that differ */
     dahl_state_t states[CHANNELS];
 } race_t;
 
 static void run_way(race_t *race, const way_t *way)
 {
     way->torques(&race->run, race->moves, race->angles, race->F, race->n);
-}
-
-static void batch_channels(race_t *r, const way_t *way)
-{
-    (void)way;
-    dahl_batch_counts_channels(r->plans, r->states, CHANNELS, r->moves, r->F, r->n / CHANNELS);
-}
-
-static void batch_other_channels(race_t *r, const way_t *way)
-{
-    (void)way;
-    dahl_batch_counts_channels(r->other_plans, r->states, CHANNELS, r->moves, r->F, r->n / CHANNELS);
 }
 
 static void throughput_other_channels(race_t *r, const way_t *way)
@@ -286,27 +272,16 @@ static void copy(race_t *r, const way_t *way)
     __asm__ volatile("" : : "r"(r->F) : "memory");
 }
 
-static void start_other(race_t *race, size_t c, const scenario_t *s)
-{
-    dahl_params_t p = params_of(s);
-    p.sigma0 *= 1.0f + 0.01f * (float)c;
-    race->other_params[c] = (dahl_throughput_params_t){(double)p.sigma0, (double)p.Fc, (double)p.theta_per_count};
-    if (dahl_prepare(&race->other_plans[c], &p) != DAHL_OK) {
-        fputs("error: the bench's own parameters are refused\n", stderr);
-        exit(1);
-    }
-}
-
 static void start_race(race_t *race, const scenario_t *s)
 {
     dahl_params_t p = params_of(s);
     motion_t motion = MOTION_START;
     start_run(&race->run, &p, 1);
     for (size_t c = 0; c < CHANNELS; c++) {
-        race->plans[c] = race->run.plan;
         race->params[c] = (dahl_throughput_params_t){(double)p.sigma0, (double)p.Fc, (double)p.theta_per_count};
+        race->other_params[c] = race->params[c];
+        race->other_params[c].sigma0 *= 1.0 + 0.01 * (double)c;
         race->states[c].w = 0;
-        start_other(race, c, s);
     }
     for (size_t i = 0; i < race->n; i++) {
         race->moves[i] = s->next(&motion);
@@ -317,10 +292,8 @@ static void start_race(race_t *race, const scenario_t *s)
 static const struct {
     const char *name;
     void (*run)(race_t *, const way_t *);
-} extra[] = {{"batch_counts_16", batch_channels},
-             {"throughput_counts_16", throughput_channels},
+} extra[] = {{"throughput_counts_16", throughput_channels},
              {"throughput_angle_16", throughput_angle_channels},
-             {"batch_counts_16_apart", batch_other_channels},
              {"throughput_counts_16_apart", throughput_other_channels},
              {"copy", copy}};
 
@@ -376,10 +349,9 @@ static void batches_once(const scenario_t *s, size_t ticks)
 {
     with_room_for(ticks, &race);
     start_race(&race, s);
-    run_way(&race, way_named("batch_counts"));
     run_way(&race, way_named("throughput_counts"));
     run_way(&race, way_named("throughput_angle"));
-    for (size_t k = 0; k < 3; k++) {
+    for (size_t k = 0; k < 2; k++) {
         extra[k].run(&race, NULL);
     }
 }

@@ -5,20 +5,19 @@ from __future__ import annotations
 
 from dahl.binding import checks, parameters
 from dahl.binding.checks import INT32_MAX, INT32_MIN
-from dahl.binding.compensator import Compensator
+from dahl.binding.compensator import FRICTION, Compensator
 from dahl.binding.copies import Copied, content
 from dahl.binding.library import c
-from dahl.binding.parameters import Parameter
+from dahl.binding.parameters import HasParameters, Parameter
 from dahl.errors import InputError
 
 ONE_Q24 = 2**24
 PERIOD_MAX_S = 0.02
 INERTIA = "2^-64 <= inertia < 2^64 (kg m2)"
 PERIOD = "2^-64 <= period <= 0.02 (s)"
-FRICTION = ("sigma0", "Fc", "theta_per_count")
 
 
-class Adaptation(Copied):
+class Adaptation(HasParameters, Copied):
     """Follow an Fc that drifts with temperature or wear (dahl_adaptation_t), for a Compensator with
     reference=True. Viscous friction and the force of a hand look like Fc to it.
 
@@ -59,8 +58,7 @@ class Adaptation(Copied):
     ) -> None:
         given = {"sigma0": sigma0, "Fc": Fc, "theta_per_count": theta_per_count}
         given |= {"inertia": inertia, "period": period}
-        limits = {name: vars(Adaptation)[name].limit for name in given}
-        self._values = {k: parameters.parameter(k, v, limits[k]) for k, v in given.items()}
+        self._set_values(given)
         self._state = c.new("dahl_adaptation_t *")
         self._prepare()
 
@@ -145,5 +143,4 @@ class Adaptation(Copied):
     __hash__ = None  # type: ignore[assignment]  # it changes with each tick
 
     def __repr__(self) -> str:
-        named = [f"{name}={parameters.digits(value)}" for name, value in self._values.items()]
-        return f"Adaptation({', '.join(named)})"
+        return f"Adaptation({self._shown_values()})"

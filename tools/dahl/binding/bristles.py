@@ -3,31 +3,21 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 from dahl.binding import parameters
 from dahl.binding.elements import RatioElement
 from dahl.binding.friction import Plan, State
 from dahl.binding.library import c
-from dahl.binding.parameters import Parameter
+from dahl.binding.parameters import HasParameters, Parameter
 from dahl.errors import Error, InputError
 
 
-class Bristle(RatioElement):
-    """An element with parameters, each rounded to float, and the state of one bristle."""
-
-    _limits: ClassVar[dict[str, str]]  # of each parameter, in the order of __init__
-    _values: dict[str, float]
-
-    def __init_subclass__(cls) -> None:
-        found = {k: v.limit for k, v in vars(cls).items() if isinstance(v, Parameter)}
-        cls._limits = found or cls._limits
+class Bristle(HasParameters, RatioElement):
+    """An element with parameters, in the order of __init__, and the state of one bristle."""
 
     def _set(self, *values: float) -> None:
-        self._values = {
-            name: parameters.parameter(name, value, limit)
-            for (name, limit), value in zip(self._limits.items(), values, strict=True)
-        }
+        self._set_values(dict(zip(self._limits, values, strict=True)))
         self._state = State()
         self._prepare()
 
@@ -59,8 +49,7 @@ class Bristle(RatioElement):
     __hash__ = None  # type: ignore[assignment]  # it changes with each step
 
     def __repr__(self) -> str:
-        named = (f"{name}={parameters.digits(value)}" for name, value in self._values.items())
-        return f"{type(self).__name__}({', '.join(named)})"
+        return f"{type(self).__name__}({self._shown_values()})"
 
 
 class Asymmetric(Bristle):

@@ -15,7 +15,7 @@ from dahl.binding.copies import Copied, content
 from dahl.binding.elements import RatioElement
 from dahl.binding.friction import Friction
 from dahl.binding.library import c
-from dahl.binding.parameters import Parameter
+from dahl.binding.parameters import HasParameters, Parameter
 from dahl.errors import InputError
 
 FRICTION = ("sigma0", "Fc", "theta_per_count")
@@ -25,7 +25,7 @@ NEEDED = {*BOUNDS, *AXIS} - {"load"}  # of the measured law
 POSITIVE, OPTIONAL = "2^-64 <= {} < 2^64 ({})", "0, or 2^-64 <= {} < 2^64 ({})"
 
 
-class Compensator(Copied):
+class Compensator(HasParameters, Copied):
     """Feed-forward torque that cancels friction (dahl_compensator_t), faded out at first. It needs
     an element: call move() before the step of the element, torque() after it.
 
@@ -112,7 +112,7 @@ class Compensator(Copied):
         given |= dict(length_long=length_long, sigma0_high=sigma0_high, load=load)
         given |= dict(inertia=inertia, delay=delay, gain=gain, limit=limit, slew=slew)
         given |= dict(period=period, rise=rise, fall=fall, fade_speed=fade_speed, pull=pull)
-        self._values = {k: parameters.parameter(k, v, _limit(k)) for k, v in given.items()}
+        self._set_values(given)
         self._reference = checks.instance("reference", reference, bool)
         self._elastic = checks.instance("elastic", elastic, bool)
         self._noise = checks.whole("noise", noise, 0, c.DAHL_COMPENSATOR_PLAY_MAX // 2)
@@ -179,7 +179,7 @@ class Compensator(Copied):
         v = self._values
         for name, value in v.items():
             if name not in FRICTION and not _is_in_range(name, value, self._reference):
-                limit = _limit(name)
+                limit = self._limits[name]
                 if name in NEEDED and not self._reference:
                     limit = limit.removeprefix("0, or ") + " with reference = False"
                 return f"{name} = {value:g} is outside {limit}"
@@ -339,13 +339,9 @@ class Compensator(Copied):
     __hash__ = None  # type: ignore[assignment]  # it changes with each tick
 
     def __repr__(self) -> str:
-        named = [f"{name}={parameters.digits(value)}" for name, value in self._values.items()]
-        rest = list(self._parameters().items())[len(named) :]
-        return f"Compensator({', '.join([*named, *(f'{name}={value}' for name, value in rest)])})"
-
-
-def _limit(name: str) -> str:
-    return str(vars(Compensator)[name].limit)
+        rest = list(self._parameters().items())[len(self._values) :]
+        more = "".join(f", {name}={value}" for name, value in rest)
+        return f"Compensator({self._shown_values()}{more})"
 
 
 def _is_in_range(name: str, value: float, reference: bool) -> bool:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""One bearing with Dahl friction (dahl.h): Plan, State, Friction."""
+"""One Dahl element (dahl.h): Plan, State, Friction."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from dahl.binding import arrays, checks, parameters
 from dahl.binding.checks import UINT32_MAX
 from dahl.binding.copies import Copied
-from dahl.binding.elements import RatioElement
+from dahl.binding.elements import Element, RatioElement
 from dahl.binding.library import c
 from dahl.errors import InputError
 
@@ -22,7 +22,7 @@ STATE_MIN, STATE_MAX = -(2**62) - 2**31, 2**62 + 2**31 - 1  # of w after any ste
 
 
 class State(Copied):
-    """State of one bearing (dahl_state_t): w = F/Fc in Q62, a whole number; 0 is relaxed, +-2^62 is
+    """State of an element (dahl_state_t): w = F/Fc in Q62, a whole number; 0 is relaxed, +-2^62 is
     +-Fc. w must be in the range that a step can leave.
     """
 
@@ -97,8 +97,25 @@ class Plan(parameters.Counts, Copied):
         return f"Plan({', '.join(named)})"
 
 
-class Friction(RatioElement):
-    """One bearing: a Plan and its state (Eqs. 7, 18, 27). Cost: 0.3 us a step, 10 ns a tick of
+class PlanAndState(Element):
+    """Base of elements with a Plan and a State."""
+
+    _plan: Plan
+    _state: State
+
+    @property
+    def plan(self) -> Plan:
+        """The parameters."""
+        return self._plan
+
+    @property
+    def state(self) -> State:
+        """The state, live: w = F/Fc in Q62."""
+        return self._state
+
+
+class Friction(PlanAndState, RatioElement):
+    """One Dahl element: a Plan and a State (Eqs. 7, 18, 27). Cost: 0.3 us a step, 10 ns a tick of
     run_counts().
     """
 
@@ -114,16 +131,6 @@ class Friction(RatioElement):
         self._step: Callable[[int], float] = partial(c.dahl_step_counts, *arguments)
         if self._plan.theta_per_count == 0:
             self._step = super().step_counts  # raises dahl.Error
-
-    @property
-    def plan(self) -> Plan:
-        """The parameters; change_plan() replaces them."""
-        return self._plan
-
-    @property
-    def state(self) -> State:
-        """The state, live: w = F/Fc in Q62."""
-        return self._state
 
     def _arguments(self) -> tuple[Any, ...]:
         self._plan._need_counts()

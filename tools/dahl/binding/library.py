@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The C library by cffi. The build writes the declarations from the public headers.
+"""The C library by cffi. declarations.cdef has the declarations of the public headers.
 
 `c.dahl_step_counts` is the function of that name, `c.new` makes a structure. The library is loaded
 when the first of these names is used, so that importing this module is quick.
@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from dahl import paths
-from dahl.binding import declarations
 from dahl.errors import RunError
 
 
@@ -29,6 +28,7 @@ class Library:
 
 
 c = Library()
+DECLARATIONS = Path(__file__).with_name("declarations.cdef")
 
 
 @cache
@@ -48,7 +48,7 @@ def load() -> tuple[Any, Any]:
 
 def _load_compiled() -> tuple[Any, Any] | None:
     """Return FFI and functions of the module, or None if this interpreter cannot load it."""
-    path = paths.binding("_dahl.abi3.so")
+    path = paths.binding_module()
     loader = ExtensionFileLoader("_dahl", str(path))
     try:
         module: Any = loader.create_module(ModuleSpec("_dahl", loader, origin=str(path)))
@@ -60,9 +60,6 @@ def _load_compiled() -> tuple[Any, Any] | None:
 def _load_parsed(library: Path) -> tuple[Any, Any]:
     from cffi import FFI
 
-    path = paths.binding("dahl_declarations.h")
-    if not path.exists():
-        raise RunError(f"{path} is not there; the build makes it with {library.name}")
     ffi = FFI()
-    ffi.cdef(declarations.for_cffi(path.read_text(encoding="utf-8")))
+    ffi.cdef(DECLARATIONS.read_text(encoding="utf-8"))
     return ffi, ffi.dlopen(str(library))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A bearing whose Fc follows a load (dahl_parts.h)."""
+"""A Dahl element whose Fc follows a load (dahl_parts.h)."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from dahl.errors import InputError
 
 
 class Loaded(Copied):
-    """A bearing whose Fc follows a load, given with each tick: normal force, torque through a gear,
-    preload, temperature. By default sigma0 follows it too (dahl_loaded_state_t): F falls with the
-    load, and is kept if the load grows. With fixed_stiffness, sigma0 is constant
+    """A Dahl element whose Fc follows a load, given with each tick: normal force, torque through a
+    gear, preload, temperature. By default sigma0 follows it too (dahl_loaded_state_t): F falls with
+    the load, and is kept if the load grows. With fixed_stiffness, sigma0 is constant
     (dahl_clamped_step): a load that falls clamps F to load*Fc, and ticks are by angle. By either
     rule no closed cycle of motion and load returns energy.
 
-    plan             of the bearing at a load of 1
+    plan             of the element at a load of 1
     load             0 <= load < 2, rounded to 2^-30; at 1 the torques have the bits of
                      Friction(plan)
     fixed_stiffness  True: step() and run(), in rad; False: step_counts() and the like, in counts

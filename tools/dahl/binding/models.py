@@ -1,21 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""The friction models of a node: the rows of DAHL_MODELS in dahl_parts.h, and the Python
-objects that are made from the numbers of a row.
+"""The friction models of a node, and the Python objects that are made from the numbers of a model.
 
-The table is read as text. The shared library is loaded only when an object is made.
+The shared library is loaded only when an object is made.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from dahl import paths
-from dahl.errors import RunError
+from dahl.facts import MODELS
 
 if TYPE_CHECKING:
     from dahl.binding.bristles import Bristle
@@ -26,17 +22,10 @@ if TYPE_CHECKING:
     AnyPlan: TypeAlias = Plan | Slip | Bristle
     AnyModel: TypeAlias = AnyPlan | Parallel | Loaded
 
-HEADER = "dahl_parts.h"
-ROW = re.compile(
-    r'MODEL\((\w+), \w+, (\w+), (\d+), (\d), (\d), (\d), "(\w*)",\s+(?:\\\s+)?"([^"]*)"\)'
-)
-ROW_START = re.compile(r"^[ \t]*(MODEL\()", re.MULTILINE)  # not those in a comment
-COLUMNS = "name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning"
-
 
 @dataclass(frozen=True)
 class Model:
-    """One row of the table; the comment in dahl_parts.h defines the columns."""
+    """One row of DAHL_MODELS; the comment in dahl_parts.h defines the columns."""
 
     name: str
     class_name: str
@@ -58,29 +47,12 @@ class Model:
         return Fcs > 0 and (sigma0s, Fcs) == wanted
 
 
-@cache
+_TABLE = {row[0]: Model(*row) for row in MODELS}
+
+
 def table() -> dict[str, Model]:
-    """Return the models by name, `dahl` first. Raises dahl.RunError if there is no header."""
-    try:
-        text = (paths.INCLUDE / HEADER).read_text(encoding="utf-8")
-    except OSError as error:
-        raise RunError(f"{error.filename}: {error.strerror}") from None
-    _check_rows(text)
-    rows = [
-        Model(name, class_name, int(number), int(sigma0s), int(Fcs), plan == "1", key, meaning)
-        for name, class_name, number, sigma0s, Fcs, plan, key, meaning in ROW.findall(text)
-    ]
-    rows.sort(key=lambda row: row.name != "dahl")  # the macro of the first row stands last
-    return {row.name: row for row in rows}
-
-
-def _check_rows(header: str) -> None:
-    """Raise dahl.RunError for a row that ROW does not match: it would vanish."""
-    for start in ROW_START.finditer(header):
-        if not ROW.match(header, start.start(1)):
-            line = header.count("\n", 0, start.start(1)) + 1
-            words = "the row of DAHL_MODELS does not have the columns"
-            raise RunError(f"{paths.INCLUDE / HEADER}:{line}: {words} {COLUMNS}")
+    """Return the models by name, `dahl` first."""
+    return _TABLE
 
 
 def with_key(key: str) -> Model:

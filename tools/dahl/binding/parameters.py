@@ -6,7 +6,7 @@ parameter that is out of range and its limit. A test compares the limits with da
 from __future__ import annotations
 
 import math
-from typing import Any, overload
+from typing import Any, ClassVar, overload
 
 import numpy as np
 
@@ -64,6 +64,23 @@ class Parameter:
 
     def __set__(self, one: Any, value: float) -> None:
         raise AttributeError(f"{self._name} cannot be changed")
+
+
+class HasParameters:
+    """Base of a class with parameters, each rounded to float."""
+
+    _limits: ClassVar[dict[str, str]] = {}  # of each Parameter, in the order of the class
+    _values: dict[str, float]
+
+    def __init_subclass__(cls) -> None:
+        found = {k: v.limit for k, v in vars(cls).items() if isinstance(v, Parameter)}
+        cls._limits = found or cls._limits
+
+    def _set_values(self, given: dict[str, float]) -> None:
+        self._values = {k: parameter(k, value, self._limits[k]) for k, value in given.items()}
+
+    def _shown_values(self) -> str:
+        return ", ".join(f"{name}={digits(value)}" for name, value in self._values.items())
 
 
 def parameter(name: str, value: float, limit: str) -> float:

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Self, TypeVar
+from collections.abc import Sequence
+from typing import Any, Self
 
 from dahl.binding import arrays, checks, parameters
 from dahl.binding.copies import content
@@ -14,21 +14,7 @@ from dahl.binding.friction import Friction, Plan
 from dahl.binding.library import c
 from dahl.errors import Error, InputError
 
-T = TypeVar("T")
 SLIP_MAX = 8  # DAHL_SLIP_MAX: slip elements in parallel
-
-
-def each_element(
-    pairs: tuple[tuple[float, ...], tuple[float, ...]],
-    theta_per_count: float,
-    check: Callable[[float, float, float], T],
-) -> Iterator[T]:
-    """Yield check(sigma0, Fc, theta_per_count) of each element; add the index to its error."""
-    for k, (sigma0, torque) in enumerate(zip(*pairs, strict=True)):
-        try:
-            yield check(sigma0, torque, theta_per_count)
-        except Error as error:
-            raise InputError(f"element {k}: {error}") from None
 
 
 def floats(name: str, values: Sequence[float], limit: str) -> tuple[float, ...]:
@@ -40,38 +26,7 @@ def floats(name: str, values: Sequence[float], limit: str) -> tuple[float, ...]:
     )
 
 
-class SlipParameters:
-    """Parameters of slip elements in parallel."""
-
-    _sigma0: tuple[float, ...]
-    _Fc: tuple[float, ...]
-    _theta_per_count: float
-
-    @property
-    def sigma0(self) -> tuple[float, ...]:
-        """N m/rad, one for each element."""
-        return self._sigma0
-
-    @property
-    def Fc(self) -> tuple[float, ...]:  # noqa: N802
-        """N m, one for each element."""
-        return self._Fc
-
-    @property
-    def theta_per_count(self) -> float:
-        """rad/count"""
-        return self._theta_per_count
-
-    def _parameters(self) -> tuple[Any, ...]:
-        return self._sigma0, self._Fc, self._theta_per_count
-
-    def _text(self, digits: Callable[[float], str]) -> str:
-        sigma0, Fc = (", ".join(map(digits, values)) for values in (self._sigma0, self._Fc))
-        theta = digits(self._theta_per_count)
-        return f"{type(self).__name__}(sigma0=[{sigma0}], Fc=[{Fc}], theta_per_count={theta})"
-
-
-class Slip(SlipParameters, RatioElement):
+class Slip(RatioElement):
     """Slip elements in parallel (Maxwell slip, Prandtl-Ishlinskii; dahl_slip_plan_t) and their
     state: F is the sum of springs sigma0 that slip at Fc.
 
@@ -109,8 +64,34 @@ class Slip(SlipParameters, RatioElement):
             )
         if c.dahl_slip_prepare(self._prepared, self._params()) != 0:
             parameters.need_counted(self._theta_per_count)
-            list(each_element((self._sigma0, self._Fc), self._theta_per_count, Plan))
+            for k in range(count):
+                self._check_element(k)
             raise InputError(f"{self!r} is refused by dahl_slip_prepare")
+
+    def _check_element(self, k: int) -> None:
+        """Raise the error of element k, if it has one."""
+        try:
+            Plan(self._sigma0[k], self._Fc[k], self._theta_per_count)
+        except Error as error:
+            raise InputError(f"element {k}: {error}") from None
+
+    @property
+    def sigma0(self) -> tuple[float, ...]:
+        """N m/rad, one for each element."""
+        return self._sigma0
+
+    @property
+    def Fc(self) -> tuple[float, ...]:  # noqa: N802
+        """N m, one for each element."""
+        return self._Fc
+
+    @property
+    def theta_per_count(self) -> float:
+        """rad/count"""
+        return self._theta_per_count
+
+    def _parameters(self) -> tuple[Any, ...]:
+        return self._sigma0, self._Fc, self._theta_per_count
 
     def _params(self) -> Any:
         values = len(self._sigma0), self._theta_per_count, self._sigma0, self._Fc
@@ -128,7 +109,9 @@ class Slip(SlipParameters, RatioElement):
     __hash__ = None  # type: ignore[assignment]  # it changes with each step
 
     def __repr__(self) -> str:
-        return self._text(parameters.digits)
+        sigma0, Fc = (", ".join(map(parameters.digits, v)) for v in (self._sigma0, self._Fc))
+        theta = parameters.digits(self._theta_per_count)
+        return f"Slip(sigma0=[{sigma0}], Fc=[{Fc}], theta_per_count={theta})"
 
 
 class Parallel(RatioElement):

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""The fast form for long logs, in double and in vectors (dahl_batch.h): Throughput, ThroughputSlip,
-ThroughputParallel.
-"""
+"""The fast form for long logs, in double and in vectors (dahl_batch.h)."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from dahl.binding import arrays, checks, parameters, trajectory
 from dahl.binding.library import c
-from dahl.binding.slip import Slip, SlipParameters, each_element
 from dahl.errors import InputError
 
 
@@ -25,7 +22,7 @@ class Throughput(parameters.Counts):
     millions of ticks (dahl_throughput_params_t).
 
     The model, limits and 0.52 ulp of Fc are those of Friction, but not the bits: computed in
-    double, in vectors, 3 to 10 times as fast as Friction.run_counts. It is immutable and prepares
+    double, in vectors, 7 to 15 times as fast as Friction.run_counts. It is immutable and prepares
     no plan, so new parameters for every call cost no time.
 
     >>> dahl.Throughput(100.0, 0.5, 2 * 3.14159265 / 16384).run_counts([3])
@@ -150,103 +147,3 @@ def _state_of(F: float, Fc: float) -> int:  # noqa: N803
     """The state w in Q62 of torque F, clamped to +-Fc."""
     ratio = checks.finite("F", F, "N m") / Fc
     return round(max(-1.0, min(1.0, ratio)) * 2.0**62)
-
-
-class _Fast:
-    """Several elements in double, in vectors, from rest."""
-
-    def _elements(self) -> list[dict[str, Any]]:
-        raise NotImplementedError
-
-    def run_counts(
-        self, moves: ArrayLike, out: NDArray[np.float32] | None = None
-    ) -> NDArray[np.float32]:
-        """Moves in counts, shape (n,), whole numbers within int32 -> torques in N m after each,
-        shape (n,), float32, into `out` if given. All elements start relaxed.
-        """
-        elements = c.new("dahl_throughput_element_t[]", self._elements())
-        batch, moves = c.dahl_throughput_parallel_counts, arrays.moves(moves, np.int32)
-        return arrays.run(batch, (elements, len(elements)), moves, out)
-
-
-class ThroughputSlip(SlipParameters, _Fast):
-    """Parameters of slip elements in double (dahl_throughput_element_t): the model, units and
-    limits of Slip, about 5 times as fast as Slip.run_counts, with other bits. Error: 0.5001 ulp of
-    the sum of Fc.
-
-    >>> dahl.ThroughputSlip([100.0, 50.0], [0.5, 1.0], 1e-3).run_counts([10, 10])
-    array([1. , 1.5], dtype=float32)
-    """
-
-    def __init__(
-        self,
-        sigma0: Sequence[float],
-        Fc: Sequence[float],  # noqa: N803 (the field's name)
-        theta_per_count: float,
-    ) -> None:
-        Slip(sigma0, Fc, theta_per_count)  # raises the errors
-        self._sigma0 = tuple(float(value) for value in sigma0)
-        self._Fc = tuple(float(value) for value in Fc)
-        self._theta_per_count = float(theta_per_count)
-        self._elements()
-
-    def _elements(self) -> list[dict[str, Any]]:
-        pairs = self._sigma0, self._Fc
-        each = list(each_element(pairs, self._theta_per_count, Throughput))
-        return [{"params": one._params()[0], "slips": 1} for one in each]
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, ThroughputSlip):
-            return NotImplemented
-        return self._parameters() == other._parameters()
-
-    def __hash__(self) -> int:
-        return hash(self._parameters())
-
-    def __repr__(self) -> str:
-        return self._text(repr)
-
-
-class ThroughputParallel(_Fast):
-    """Elements on one shaft, whose torques add, in double (dahl_throughput_element_t): any mix of
-    Throughput and ThroughputSlip, 5 to 8 times as fast as Parallel, with other bits. Error: 0.52
-    ulp of the sum of all Fc.
-
-    >>> bearing, seal = dahl.Throughput(100, 0.5, 1e-3), dahl.ThroughputSlip([20], [1], 1e-3)
-    >>> dahl.ThroughputParallel(bearing, seal).run_counts([10**6])
-    array([1.5], dtype=float32)
-    """
-
-    def __init__(self, *parts: Throughput | ThroughputSlip) -> None:
-        for k, part in enumerate(parts):
-            if not isinstance(part, (Throughput, ThroughputSlip)):
-                shown = f"parts[{k}] = {checks.shown(part)}"
-                raise TypeError(f"{shown} is neither a Throughput nor a ThroughputSlip")
-            if isinstance(part, Throughput):
-                part._need_counts()
-        self._parts = parts
-
-    @property
-    def parts(self) -> tuple[Throughput | ThroughputSlip, ...]:
-        """The parts as given."""
-        return self._parts
-
-    def _elements(self) -> list[dict[str, Any]]:
-        return [element for part in self._parts for element in _elements_of(part)]
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, ThroughputParallel):
-            return NotImplemented
-        return self._parts == other._parts
-
-    def __hash__(self) -> int:
-        return hash(self._parts)
-
-    def __repr__(self) -> str:
-        return f"ThroughputParallel({', '.join(map(repr, self._parts))})"
-
-
-def _elements_of(part: Throughput | ThroughputSlip) -> list[dict[str, Any]]:
-    if isinstance(part, ThroughputSlip):
-        return part._elements()
-    return [{"params": part._params()[0]}]

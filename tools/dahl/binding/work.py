@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A bearing that adds up the energy that it absorbs (dahl_parts.h)."""
+"""A Dahl element that adds up the energy that it absorbs (dahl_parts.h)."""
 
 from __future__ import annotations
 
@@ -7,15 +7,14 @@ from typing import Any
 
 from dahl.binding import checks
 from dahl.binding.copies import content
-from dahl.binding.elements import Element
-from dahl.binding.friction import Plan, State
+from dahl.binding.friction import Plan, PlanAndState, State
 from dahl.binding.library import c
 
 
-class Work(Element):
-    """One bearing that adds up its work (dahl_work_t): the torques of Friction(plan), bit for bit,
-    and the work along the path in J. The sums are integers that do not overflow for 2^63 ticks. The
-    plan must have theta_per_count. Cost: 1 us a step, 10 ns a tick of run_counts().
+class Work(PlanAndState):
+    """One Dahl element that adds up its work (dahl_work_t): the torques of Friction(plan), bit for
+    bit, and the work along the path in J. The sums are integers that do not overflow for 2^63
+    ticks. The plan must have theta_per_count. Cost: 1 us a step, 10 ns a tick of run_counts().
 
     >>> bearing = dahl.Work(dahl.Plan(100.0, 0.5, 1e-3))
     >>> torques = bearing.run_counts([10**6, -(10**6)])
@@ -31,18 +30,8 @@ class Work(Element):
         self._state, self._sums = State(), c.new("dahl_work_t *")
 
     @property
-    def plan(self) -> Plan:
-        """The parameters."""
-        return self._plan
-
-    @property
-    def state(self) -> State:
-        """The state, live: w = F/Fc in Q62."""
-        return self._state
-
-    @property
     def work(self) -> float:
-        """J so far, the sum of F dtheta along the path: positive if the bearing absorbed energy.
+        """J so far, the sum of F dtheta along the path: positive if the element absorbed energy.
         Infinite beyond a float. Error: half an ulp, and for each reversal 2^-30 of Fc^2/sigma0.
         """
         return float(c.dahl_work(self._plan._params(), self._sums))

@@ -1,56 +1,31 @@
 # SPDX-License-Identifier: MIT
 """Count the frames of friction nodes that a recorder has missed, by their sequence counters.
 
-A counter has 4 bits, so it shows a gap modulo 16: the least number of missing frames. The most
-follows from the time stamps and the mean of the last periods. A gap of 16 n frames looks like a
-pause of the sender, and is not counted.
-
 Any bytes may have a right CRC by chance. So gaps of an id count only once SENDER_FRAMES frames in a
 row had a right CRC and a counter one higher than before: random bytes do so with a probability of
 2^-44. Gaps before that moment count then too.
 
-Angles that did not reach the node either were lost on the bus, not by the recorder. The counter of
-the answers then has no gap. Without answers each gap counts.
+Angles that did not reach the node either were lost on the bus, not by the recorder: no answer
+echoes them, and the counter of the answers has no gap for them. Without answers each gap counts.
 """
 
 from __future__ import annotations
 
-import functools
-import math
 from collections import deque
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
 from dahl.binding.library import load
-from dahl.can import codec, counters
+from dahl.can import codec
+from dahl.can.counters import MAX_STEPS_AHEAD, NO_GAP, Gap, Sequence, total
 
 if TYPE_CHECKING:
     import can
 
 ANGLE, TORQUE, STATUS = codec.EncoderState.base, codec.FrictionTorque.base, codec.Status.base
 MAX_UNANSWERED = 16  # angles after a gap; after more the node does not answer
+MAX_UNDECIDED = 64  # angles of a node that does not answer
 MAX_SPOILED = 16  # frames in a row; after more this id is not of a node
 SENDER_FRAMES = 4  # in a row, with right CRC and counter; then this id is of a node
-PERIODS = 64  # last ones, of which the mean is used
-
-
-class Gap(NamedTuple):
-    """A number of missing frames, of which only the bounds are known."""
-
-    least: int = 0
-    most: int = 0
-
-    def plus(self, other: Gap) -> Gap:
-        return Gap(self.least + other.least, self.most + other.most)
-
-    def at_least(self, number: int) -> Gap:
-        return Gap(max(self.least, number), max(self.most, number))
-
-    def __str__(self) -> str:
-        return str(self.least) if self.least == self.most else f"{self.least} to {self.most}"
-
-
-NO_GAP = Gap()
 
 
 class Missing:
@@ -70,24 +45,18 @@ class Missing:
 
     def count(self) -> Gap:
         """Frames missing so far."""
-        return self.proved().plus(_sum(node.unproved() for node in self._nodes.values()))
+        return self.proved().plus(total(node.unproved() for node in self._nodes.values()))
 
     def proved(self) -> Gap:
         """Missing frames that were certainly on the bus."""
-        return _sum(node.proved() for node in self._nodes.values())
+        return total(node.proved() for node in self._nodes.values())
 
 
-def _sum(gaps: Iterable[Gap]) -> Gap:
-    return functools.reduce(Gap.plus, gaps, NO_GAP)
-
-
-class _Sequence:
-    """The frames of one id."""
+class _Sender(Sequence):
+    """The frames of one id that may be of a node."""
 
     def __init__(self) -> None:
-        self.counter = 0  # of the newest
-        self._time: float | None = None
-        self._periods: deque[float] = deque(maxlen=PERIODS)  # s, of frames without a gap
+        super().__init__()
         self._spoiled = 0  # frames with a wrong CRC or length since the newest
         self._in_row = 0  # frames up to the newest whose counters follow each other
         self.is_sender = False  # this id is of a node
@@ -98,7 +67,8 @@ class _Sequence:
         self._spoiled += 1
         self._in_row = 0
         if self._spoiled > MAX_SPOILED:
-            self._time, self.is_sender = None, False
+            self.is_sender = False
+            self.restart()
         if not self.is_sender:
             self._pending = NO_GAP
 
@@ -108,61 +78,35 @@ class _Sequence:
         if self.is_sender:
             self.proved, self._pending = self.proved.plus(self._pending), NO_GAP
 
-    def restart(self) -> None:
-        """Forget the counter of a sender that has restarted."""
-        self._time = None
-
     def gap(self, counter: int, now: float) -> Gap | None:
-        """Return the frames missing before this frame; None if it is repeated or late."""
-        before = self._time
-        if before is not None:
-            least, most = self._steps_to(counter, now - before)
-            if least == 0:
-                if counter == self.counter:
-                    self._time = now
-                return None
-            if most == 1:
-                self._periods.append(now - before)
-        else:
-            least = most = 1
-        self._in_row = self._in_row + 1 if least == 1 else 1
+        gap = super().gap(counter, now)
+        if gap is None:
+            return None
+        self._in_row = self._in_row + 1 if gap.least == 0 else 1
         self.is_sender |= self._in_row >= SENDER_FRAMES
         spoiled, self._spoiled = self._spoiled, 0
-        self.counter, self._time = counter, now
-        return Gap(max(least - 1 - spoiled, 0), max(most - 1 - spoiled, 0))
+        return Gap(max(gap.least - spoiled, 0), max(gap.most - spoiled, 0))
 
-    def _steps_to(self, counter: int, seconds: float) -> tuple[int, int]:
-        """Return the steps of the counter, at least and by the elapsed time; 0 for a repeated or
-        late frame.
-        """
-        ahead = (counter - self.counter) % codec.COUNTERS
-        if ahead == 1:
-            return 1, 1
-        period = self._mean_period()
-        if period <= 0:  # unknown, and this sender may not count
-            step = 0 if ahead == 0 else counters.step(self.counter, counter, seconds)
-            return step, step
-        turns = math.ceil((seconds / period - ahead) / codec.COUNTERS - 0.5)
-        most = ahead + codec.COUNTERS * turns
-        return (0, 0) if most <= 0 else (ahead or codec.COUNTERS, most)
 
-    def _mean_period(self) -> float:
-        """s; 0 if it is unknown. The longest one is left out, since it may be a pause."""
-        if len(self._periods) < 2:
-            return 0.0
-        return (sum(self._periods) - max(self._periods)) / (len(self._periods) - 1)
+class _Answer(NamedTuple):
+    """A recorded answer, by the place of its angle in the sequence of angles."""
+
+    place: int
+    lost: int  # answers missing before it
 
 
 class _Node:
-    """The frames of one node: those proved missing, and a gap of angles that its next answers
-    decide.
-    """
+    """The frames of one node: those proved missing, and missing angles that answers decide."""
 
     def __init__(self) -> None:
-        self._by_kind = {kind: _Sequence() for kind in (ANGLE, TORQUE, STATUS)}
-        self._undecided = NO_GAP
-        self._angles_since = 0  # the undecided gap
-        self._is_answered_ahead = False  # the newest answer is to an angle not yet recorded
+        self._by_kind = {kind: _Sender() for kind in (ANGLE, TORQUE, STATUS)}
+        self._newest = 0  # place of the newest angle: a number that ends in its counter
+        self._forget()
+
+    def _forget(self) -> None:
+        self._undecided: dict[int, int] = {}  # places of missing angles: turns of 16 more, or 0
+        self._answers: deque[_Answer] = deque(maxlen=MAX_UNANSWERED)  # to angles not yet recorded
+        self._answered: int | None = None  # place of the angle of the last answer
 
     def feed(self, frame: can.Message) -> None:
         kind = frame.arbitration_id & ~15
@@ -170,49 +114,67 @@ class _Node:
         if not codec.is_whole(frame.arbitration_id, data):
             sequence.spoil()
             if not self._by_kind[ANGLE].is_sender:
-                self._undecided = NO_GAP
+                self._undecided.clear()
             return
         counter, state = data[1] & 15, data[1] >> 4
         if kind != ANGLE and counter == 0 and state == codec.State.INIT:
             sequence.restart()
-            self._undecided = NO_GAP
+            self._forget()
         gap = sequence.gap(counter, frame.timestamp)
         if gap is None:
             return
         if kind == ANGLE:
-            self._angle(gap)
+            self._angle(gap, counter)
             gap = NO_GAP
         elif kind == TORQUE:
             self._answer(gap, echo=data[2] & 15)
         sequence.prove(gap)
 
-    def _angle(self, gap: Gap) -> None:
+    def _angle(self, gap: Gap, counter: int) -> None:
+        self._newest += (counter - self._newest) % codec.COUNTERS or codec.COUNTERS
+        for place in range(self._newest - gap.least, self._newest):
+            self._undecided[place] = 0
         if gap.least:
-            self._undecided, self._angles_since = self._undecided.plus(gap), 0
-            if self._is_answered_ahead:
-                self._decide(is_missing=True)
-        self._is_answered_ahead = False
-        self._angles_since += 1
-        if self._angles_since > MAX_UNANSWERED:
-            self._decide(is_missing=True)
+            self._undecided[self._newest - 1] = gap.most - gap.least
+        self._decide()
+        last = next(reversed(self._undecided), self._newest)
+        if self._newest - last > MAX_UNANSWERED or len(self._undecided) > MAX_UNDECIDED:
+            self._prove(list(self._undecided), len(self._undecided))
 
     def _answer(self, gap: Gap, echo: int) -> None:
-        behind = (self._by_kind[ANGLE].counter - echo) % codec.COUNTERS
-        self._is_answered_ahead = behind > counters.MAX_STEPS_AHEAD
-        if gap.least or self._angles_since <= behind < self._angles_since + self._undecided.least:
-            self._decide(is_missing=True)
-        elif behind < self._angles_since:  # an answer after the gap, without a gap of its own
-            self._decide(is_missing=False)
+        behind = (self._newest - echo) % codec.COUNTERS
+        ahead = codec.COUNTERS if behind > MAX_STEPS_AHEAD else 0
+        self._answers.append(_Answer(self._newest - behind + ahead, gap.least))
+        self._decide()
 
-    def _decide(self, is_missing: bool) -> None:
-        if is_missing:
-            self._by_kind[ANGLE].prove(self._undecided)
-        self._undecided = NO_GAP
+    def _decide(self) -> None:
+        """Decide the missing angles up to each answer whose angle has been on the bus."""
+        while self._answers and self._answers[0].place <= self._newest:
+            answer = self._answers.popleft()
+            if self._undecided:
+                self._decide_before(answer)
+            self._answered = answer.place
+
+    def _decide_before(self, answer: _Answer) -> None:
+        before = answer.place - 1 if self._answered is None else self._answered
+        between = [one for one in self._undecided if before < one < answer.place]
+        recorded = answer.place - before - 1 - len(between)
+        self._prove(between, min(len(between), answer.lost - recorded))
+        self._prove([one for one in self._undecided if one == answer.place], 1)
+        for one in [one for one in self._undecided if one < answer.place]:  # lost on the bus
+            del self._undecided[one]
+
+    def _prove(self, places: list[int], number: int) -> None:
+        """Count a number of these missing angles, and forget them."""
+        turns = sum(self._undecided.pop(place) for place in places)
+        if places and number > 0:
+            self._by_kind[ANGLE].prove(Gap(number, number + turns))
 
     def proved(self) -> Gap:
-        return _sum(sequence.proved for sequence in self._by_kind.values())
+        return total(sequence.proved for sequence in self._by_kind.values())
 
     def unproved(self) -> Gap:
-        """An undecided gap of a node that never answers."""
+        """Undecided angles of a node that never answers."""
         is_open = self._by_kind[ANGLE].is_sender and not self._by_kind[TORQUE].is_sender
-        return self._undecided if is_open else NO_GAP
+        number = len(self._undecided)
+        return Gap(number, number + sum(self._undecided.values())) if is_open else NO_GAP

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +14,9 @@ from rich.table import Table
 from rich.text import Text
 
 from dahl import paths
-from dahl.can import codec, counters
+from dahl.can import codec
 from dahl.can.bus import NOTICEABLE_LAG_S
+from dahl.can.counters import Sequence
 from dahl.can.monitor_curves import panel
 from dahl.errors import InputError
 
@@ -45,7 +46,7 @@ class Seen:
     last: dict[str, Any] | None = None
     first_time: float = 0.0
     time: float = 0.0
-    newest: tuple[int, float] | None = None  # counter and time of the last frame
+    sequence: Sequence = field(default_factory=Sequence)
 
     def rate(self) -> float:
         span = self.time - self.first_time
@@ -99,13 +100,10 @@ class View:
         if seen.last is None:
             seen.first_time = now
         if seen.message.name in NUMBERED and "Counter" in signals:
-            counter = signals["Counter"]
-            if counter == 0 and str(signals.get("State")) == "Init":
-                seen.newest = None  # the node restarted, and its counters too
-            before, then = seen.newest or (counter - 1, now)
-            step = counters.step(before, counter, now - then)
-            if step:  # 0 if repeated or late
-                seen.missing, seen.newest = seen.missing + step - 1, (counter, now)
+            if signals["Counter"] == 0 and str(signals.get("State")) == "Init":
+                seen.sequence.restart()
+            gap = seen.sequence.gap(signals["Counter"], now)
+            seen.missing += gap.least if gap else 0
         seen.frames, seen.last, seen.time = seen.frames + 1, signals, now
 
     def _answer(self, signals: dict[str, Any], now: float) -> None:

@@ -304,10 +304,11 @@ def _address(settings: Settings) -> str:
     with contextlib.suppress(can.CanError, NotImplementedError, ValueError, TypeError):
         settings = can.util.load_config(config=dict(settings))
     channel = str(settings.get("channel"))
-    if os.sep in channel and not (link := urlsplit(channel)).netloc:
-        return os.path.realpath(channel.partition("@")[0])  # of a serial port, without its speed
-    if "://" in channel:
-        return f"{link.scheme} {_host(link.hostname)} {link.port}"
+    with contextlib.suppress(ValueError):  # of a bad address, which does not open
+        if os.sep in channel and not (link := urlsplit(channel)).netloc:
+            return os.path.realpath(channel.partition("@")[0])  # of a serial port, without speed
+        if "://" in channel:
+            return f"{link.scheme} {_host(link.hostname)} {link.port}"
     server = _host(settings.get("host")), settings.get("port")
     return " ".join(map(str, (settings.get("interface"), channel, *server)))
 

@@ -11,6 +11,8 @@ from pathlib import Path
 
 from dahl import paths
 
+DEFAULT_SEED, MAX_SEED = 1, 2**64 - 1
+
 
 def whole(low: int, high: int) -> Callable[[str], int]:
     """Return a type of argparse: an integer from low to high."""

@@ -34,7 +34,7 @@ def _fill_all(parser: argparse.ArgumentParser) -> None:
     import shtab
 
     from dahl import paths
-    from dahl.commands import compare_laws, park_steer
+    from dahl.report import simulated
 
     scenes = sorted(path.stem for path in paths.SCENES.glob("*.ini"))
     (commands,) = (one for one in parser._actions if isinstance(one, argparse._SubParsersAction))
@@ -43,7 +43,6 @@ def _fill_all(parser: argparse.ArgumentParser) -> None:
             command.fill()
         for action in command._actions:
             if action.dest == "scene":
-                others = [compare_laws.SCENE, park_steer.SCENE] if name == "demo" else []
-                action.choices = scenes + others
+                action.choices = scenes + [*simulated.SCENES] * (name == "demo")
             if action.nargs != 0 and not action.choices:
                 action.complete = shtab.FILE

@@ -4,7 +4,8 @@ torque was.
 
 Without a log: the tribometer set, else the cycloidal one, else (no measured log in reach) the
 steering scene. With LOG: your own recording, one row per tick of 1 ms. Leaves loop.png, run.log and
-summary.json in build/demo.
+summary.json in build/demo. The scenes compensation and park-steer are simulated without dahl-loop;
+their pictures are compensation.png and park-steer.png.
 """
 
 from __future__ import annotations
@@ -13,14 +14,15 @@ import argparse
 import json
 import math
 import shlex
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dahl import paths
-from dahl.commands.arguments import finite, number, seconds, whole
+from dahl.commands.arguments import DEFAULT_SEED, MAX_SEED, finite, number, seconds, whole
 from dahl.errors import Error, InputError, RunError
-from dahl.sim import timing
+from dahl.facts import BOARDS, PERIOD_US
 from dahl.version import __version__
 
 if TYPE_CHECKING:
@@ -40,110 +42,116 @@ PREFERRED = ("tribometer", "cycloidal")  # measured sets, best first
 WITHOUT_DATA = "steering"
 
 
+OWN_LOG = (  # type, name of the value, help
+    ("--angle", str, "COLUMN", "angle: column by name, or by number from 1"),
+    ("--torque", str, "COLUMN", "the same for the measured torque"),
+    ("--time", str, "COLUMN", "the same for the time"),
+    ("--sigma0", number, "X", "stiffness at rest, N m/rad (mm: N/m)"),
+    ("--fc", number, "Y", "Coulomb torque, N m (mm: N)"),
+    ("--counts-per-turn", number, "N", "encoder counts per turn (mm: per millimetre)"),
+    ("--angle-unit", str, "UNIT", "deg, rad, counts, mm, ... (default: by the name, else deg)"),
+    ("--torque-scale", finite, "K", "N m per unit of the torque (default: by its name, else 1)"),
+    ("--offset", finite, "T", "N m, added to the torque of the model"),
+    ("--spring", finite, "K", "N m/rad; its product with the angle is added"),
+)
+RUN = (
+    ("--scene", str, "NAME", "a shipped scene, a scene file, compensation or park-steer"),
+    ("--bus", str, "SPEC", "socketcan:IF or socketcand (default: the best there is)"),
+    ("--target", str, "CORE", "compute the torque in firmware on an emulated core, such as m4f"),
+    ("--seconds", seconds, "S", "end the motion after S seconds"),
+    ("--seed", whole(0, MAX_SEED), "N", "of a scene that has random parts"),
+)
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    log_help = "your own log: a table as dahl identify reads it"
+    parser.add_argument("log", nargs="?", type=Path, metavar="LOG", help=log_help)
+    for group, options in ((parser.add_argument_group("your own log"), OWN_LOG), (parser, RUN)):
+        for name, kind, metavar, words in options:
+            group.add_argument(name, type=kind, metavar=metavar, help=words)
+    json_help = "print summary.json, and all other output to standard error"
+    parser.add_argument("--json", action="store_true", help=json_help)
+    folder, folder_help = paths.OUTPUT / "demo", "folder of the files"
     parser.add_argument(
-        "log",
-        nargs="?",
-        type=Path,
-        metavar="LOG",
-        help="your own log: a table as dahl identify reads it",
-    )
-    _add_own(parser.add_argument_group("your own log"))
-    _add_run(parser)
-
-
-def _add_own(own: argparse._ActionsContainer) -> None:
-    """Add the options that describe a user's own log and the model to compare it with."""
-    own.add_argument("--angle", metavar="COLUMN", help="angle: column by name, or by number from 1")
-    own.add_argument("--torque", metavar="COLUMN", help="the same for the measured torque")
-    own.add_argument("--time", metavar="COLUMN", help="the same for the time")
-    own.add_argument(
-        "--sigma0", type=number, metavar="X", help="stiffness at rest, N m/rad (mm: N/m)"
-    )
-    own.add_argument("--fc", type=number, metavar="Y", help="Coulomb torque, N m (mm: N)")
-    own.add_argument(
-        "--counts-per-turn",
-        type=number,
-        metavar="N",
-        help="encoder counts per turn (mm: per millimetre)",
-    )
-    own.add_argument(
-        "--angle-unit",
-        metavar="UNIT",
-        help="deg, rad, mrad, turn, counts, m, mm, ... (default: that of the name, else deg)",
-    )
-    own.add_argument(
-        "--torque-scale",
-        type=finite,
-        metavar="K",
-        help="N m per unit of the torque column (default: that of its name, else 1)",
-    )
-    own.add_argument(
-        "--offset", type=finite, metavar="T", help="N m, added to the torque of the model"
-    )
-    own.add_argument(
-        "--spring", type=finite, metavar="K", help="N m/rad; its product with the angle is added"
-    )
-
-
-def _add_run(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--scene",
-        metavar="NAME",
-        help="a shipped scene, the path of a scene file, compensation (laws compared, no bus) or"
-        " park-steer (a power steering, two nodes)",
-    )
-    parser.add_argument(
-        "--bus", metavar="SPEC", help="socketcan:IF or socketcand (default: the best there is)"
-    )
-    parser.add_argument(
-        "--target",
-        metavar="CORE",
-        help="compute the torque in firmware on an emulated core, such as m4f",
-    )
-    parser.add_argument(
-        "--seconds", type=seconds, metavar="S", help="end the motion after S seconds"
-    )
-    parser.add_argument(
-        "--seed", type=whole(0, 2**64 - 1), metavar="N", help="of a scene that has random parts"
-    )
-    parser.add_argument(
-        "--json",
-        action="store_true",
-        help="print summary.json, and all other output to standard error",
-    )
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        default=paths.OUTPUT / "demo",
-        metavar="FOLDER",
-        help="folder of the files",
+        "-o", "--output", type=Path, default=folder, metavar="FOLDER", help=folder_help
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    from dahl.commands import compare_laws, park_steer
-    from dahl.report import run_files, terminal
+    from dahl.report import run_files, simulated, terminal
 
     console = terminal.console(stderr=args.json, soft_wrap=True)
+    play = _simulate if args.scene in simulated.SCENES else _replay
     with paths.lock_folder(args.output), run_files.track(args.output):
-        if args.scene == compare_laws.SCENE:
-            return compare_laws.run(args, console)
-        if args.scene == park_steer.SCENE:
-            return park_steer.run(args, console)
-        _refuse_overwriting(args.log, args.output)
-        scene, log, recorded = _choose(args, console)
-        numbers, trace = _play(args, scene, log, recorded, console)
-        _write_results(args.output, scene, trace, recorded, numbers, console)
+        numbers, wrong = play(args, console)
     if args.json:
         print(json.dumps(numbers, indent=2))
-    if numbers["interrupted"]:
+    if numbers.get("interrupted"):
         return 130
-    wrong = _wrong(numbers, trace.not_recorded)
     if wrong:
         raise RunError(f"{args.output / 'summary.json'}: {'; '.join(wrong)}")
     return 0
+
+
+def _simulate(args: argparse.Namespace, console: Any) -> tuple[dict[str, Any], list[str]]:
+    """Simulate a scene without dahl-loop. Return its numbers; nothing can be wrong with them."""
+    from dahl.io import files
+    from dahl.io.candump import candump_line
+    from dahl.report import run_files, simulated, terminal
+
+    scene, folder = simulated.SCENES[args.scene], args.output
+    _refuse_options(args, scene.has_seed)
+    seed = DEFAULT_SEED if args.seed is None else args.seed
+    with terminal.Bar(console) as bar:
+        played = scene.play(seed, bar.begin)
+    names = [f"{args.scene}.png", *["run.log"] * bool(played.frames), "summary.json"]
+    run_files.remove_earlier(folder)
+    run_files.set_aside(folder, *names)
+    if played.frames:
+        files.write_atomic(folder / "run.log", "".join(map(candump_line, played.frames)))
+    numbers = {"scene": args.scene, **({"seed": seed} if scene.has_seed else {})}
+    numbers |= {**played.numbers, **_origin(args)}
+    shown = terminal.table(simulated.table(numbers, folder))
+    _write_results(folder, names, numbers, played.draw, shown, console)
+    return numbers, []
+
+
+def _refuse_options(args: argparse.Namespace, has_seed: bool) -> None:
+    """Raise dahl.Error for an option that a scene without dahl-loop does not use."""
+    others = ["bus", "target", "seconds"] + ["seed"] * (not has_seed)
+    given = [*_given(args), *(name for name in others if getattr(args, name) is not None)]
+    if given:
+        names = ", ".join("LOG" if one == "log" else _option(one) for one in given)
+        raise InputError(f"--scene {args.scene} does not use {names}")
+
+
+def _option(name: str) -> str:
+    return "--" + name.replace("_", "-")
+
+
+def _origin(args: argparse.Namespace) -> dict[str, str]:
+    """Return the version and the command, for the summary."""
+    return {"version": __version__, "command": shlex.join(["dahl", *args.words])}
+
+
+def _replay(args: argparse.Namespace, console: Any) -> tuple[dict[str, Any], list[str]]:
+    """Run dahl-loop and compare. Return its numbers, and why a complete run has failed."""
+    from dahl.report import plots, traces
+
+    _refuse_overwriting(args.log, args.output)
+    scene, log, recorded = _choose(args, console)
+    numbers, trace = _play(args, scene, log, recorded, console)
+    numbers |= traces.summary(scene, trace, recorded, numbers)
+
+    def draw(path: Path) -> None:
+        plots.draw(path, scene, trace, recorded, numbers)
+
+    names = ["loop.png", "run.log", "summary.json"]
+    shown = _table(numbers, trace.not_recorded)
+    _write_results(args.output, names, numbers, draw, shown, console)
+    if numbers["interrupted"]:
+        console.print("ended early; the files hold all frames recorded until then")
+    return numbers, [] if numbers["interrupted"] else _wrong(numbers, trace.not_recorded)
 
 
 def _refuse_overwriting(log: Path | None, folder: Path) -> None:
@@ -182,9 +190,8 @@ def _not_compared(numbers: dict[str, Any], not_recorded: int) -> str:
 
 def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None, Recorded | None]:
     """Return scene, log and recording, checked before any program starts."""
-    from dahl.commands import compare_laws, park_steer
     from dahl.io import data
-    from dahl.report import run_files
+    from dahl.report import run_files, simulated
     from dahl.sim import scene
 
     if args.log:
@@ -193,10 +200,9 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
         console.print(f"angle   column '{args.angle}' in {unit} (else: --angle-unit)")
         table = args.output / chosen.log
         return chosen, table, scene.read_log(chosen, table)
-    given = ["--" + name.replace("_", "-") for name in _given(args) if name != "log"]
-    if given:
-        raise InputError(f"only with a LOG of your own: {', '.join(given)}")
-    others = compare_laws.SCENE, park_steer.SCENE
+    if given := _given(args):
+        raise InputError(f"only with a LOG of your own: {', '.join(map(_option, given))}")
+    others = simulated.SCENES
     chosen = scene.read(scene.find(args.scene, *others)) if args.scene else _default(console)
     if not chosen.log:
         return chosen, None, None
@@ -213,9 +219,7 @@ def _own(args: argparse.Namespace) -> Any:
     if not args.log.exists():
         raise InputError(f"{args.log}: no such file")
     needed = ("angle", "sigma0", "fc", "counts_per_turn")
-    missing = [
-        "--" + name.replace("_", "-") for name in needed if getattr(args, name) in (None, "")
-    ]
+    missing = [_option(name) for name in needed if getattr(args, name) in (None, "")]
     if missing or args.scene:
         raise InputError(
             f"{args.log}: a log of your own needs {', '.join(missing)}"
@@ -275,7 +279,7 @@ def _play(
     source = args.log or log  # a user's own log is replayed by a copy of its columns
     numbers |= {"bus": setup.bus, "log": str(source.resolve()) if source else None}
     now = datetime.now().astimezone().isoformat(sep=" ", timespec="seconds")
-    numbers |= {"date": now, "version": __version__, "command": shlex.join(["dahl", *args.words])}
+    numbers |= {"date": now, **_origin(args)}
     if args.target:  # the node that serves the bus received no frame
         numbers |= {"node": {}, "target": args.target}
     return numbers, _trace(args.output / "run.log", scene)
@@ -283,20 +287,12 @@ def _play(
 
 def _run_with_progress(setup: Setup, ticks: int | None, console: Any) -> dict[str, Any]:
     """Run dahl-loop with a progress bar. Return its counts; `ticks` is None if unknown."""
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
-
     from dahl.interrupt import Stop
+    from dahl.report.terminal import Bar
     from dahl.sim import loop
 
-    columns = (
-        TextColumn("run    "),
-        BarColumn(),
-        TaskProgressColumn(),
-        TextColumn("{task.completed:.0f} ticks"),
-        TimeElapsedColumn(),
-    )
-    with Stop() as stop, Progress(*columns, console=console) as progress:
-        task = progress.add_task("", total=ticks)
+    with Stop() as stop, Bar(console) as progress:
+        task = progress.add_task("ticks", total=ticks)
         numbers = loop.run(
             setup,
             stop,
@@ -350,7 +346,7 @@ def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: An
 
 def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any) -> None:
     """Let firmware be the node; the node of dahl-loop only serves the bus."""
-    from dahl.sim import firmware
+    from dahl.target import firmware
 
     if not setup.bus.startswith("socketcand"):
         raise InputError(f"--target goes with --bus socketcand, not {setup.bus}")
@@ -358,7 +354,7 @@ def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any
         words = "runs model dahl alone, without compensation and without faults"
         raise InputError(f"--target {words}, not the scene's ({scene.path.name})")
     image = firmware.build(args.target)
-    board = firmware.boards()[args.target].machine
+    board, _ = BOARDS[args.target]
     console.print(f"node    {image.relative_to(paths.ROOT)} on {board} in QEMU, by slcan")
     params = (scene.sigma0, scene.Fc, scene.theta_per_count)
     setup.node_scene = firmware.write_hub_scene(args.output, scene.node)
@@ -371,67 +367,45 @@ def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any
 def _expected(args: argparse.Namespace, scene: Scene, recorded: Recorded | None) -> int | None:
     """Return the number of ticks of the run, or None if it is unknown."""
     known = [args.seconds, scene.seconds]
-    per_second = 1e6 / timing.period_us()
+    per_second = 1e6 / PERIOD_US
     ticks = [int(seconds * per_second) for seconds in known if seconds and math.isfinite(seconds)]
     return min(ticks + ([recorded.rows] if recorded else []), default=None)
 
 
 def _write_results(
     folder: Path,
-    scene: Scene,
-    trace: Trace,
-    recorded: Recorded | None,
+    names: list[str],
     numbers: dict[str, Any],
+    draw: Callable[[Path], None],
+    table: Any,
     console: Any,
 ) -> None:
-    """Write summary and picture, and print the table. An old file stays until its successor is
-    complete."""
+    """Write summary and picture, and print the table and the names, the picture first. An old file
+    stays until its successor is complete.
+    """
     from dahl.io import files
-    from dahl.report import plots, traces
 
-    numbers |= traces.summary(scene, trace, recorded, numbers)
     files.write_atomic(folder / "summary.json", json.dumps(numbers, indent=2) + "\n")
-    plots.draw(folder / "loop.png", scene, trace, recorded, numbers)
-    console.print(_table(numbers, scene, trace.not_recorded))
-    console.print(
-        "files   "
-        + ", ".join(str(folder / name) for name in ("loop.png", "run.log", "summary.json"))
-    )
-    if numbers["interrupted"]:
-        console.print("ended early; the files hold all frames recorded until then")
+    draw(folder / names[0])
+    console.print(table)
+    console.print("files   " + ", ".join(str(folder / name) for name in names))
 
 
-def _table(numbers: dict[str, Any], scene: Scene, not_recorded: int) -> Any:
+def _table(numbers: dict[str, Any], not_recorded: int) -> Any:
     from rich.table import Table
 
-    from dahl.report import traces
+    from dahl.report import summary
 
-    latency, late = numbers.get("latency_us") or {}, traces.format_late(numbers)
-    error = numbers["max_error_ulp_Fc"]
-    rows = {
-        "bus": numbers["bus"],
-        "ticks": numbers.get("ticks"),
-        "frames sent, unanswered": f"{numbers.get('frames_sent')}, {numbers.get('frames_lost')}",
-        "latency": ", ".join(f"{key} {value:.0f} µs" for key, value in latency.items())
-        or "none: virtual time stands still between a count and its answer",
-        **{f"{name} later than a period": text for name, text in late.items()},
-        "error against the exact torque": "not compared: the node answers a part of the torque"
-        if error is None
-        else f"{error:.3f} ulp of Fc at most",
-        "error against the measurement": "no measurement here",
-    }
+    rows = dict(summary.rows(numbers)) | _special(numbers)
     if not_recorded:
-        for name in ("exact torque", "measurement"):
-            rows[f"error against the {name}"] = _not_compared(numbers, not_recorded)
-    if numbers["r2_measured"] is not None:
-        rows["error against the measurement"] = (
-            f"rms {numbers['rmse_measured']:.4g} {scene.measured.unit},"
-            f" R² {numbers['r2_measured']:.4f} (from row {numbers['compared_from_row']} on)"
-        )
-    rows |= _special(numbers)
+        rows["errors"] = _not_compared(numbers, not_recorded)
+    elif numbers["max_error_ulp_Fc"] is None:
+        rows["exact torque"] = "not compared: the node answers a part of the torque"
+    if numbers["r2_measured"] is None:
+        rows["measurement"] = "not compared" if numbers["log"] else "no measurement here"
     table = Table(show_header=False)
-    for name, value in rows.items():
-        table.add_row(name, str(value))
+    for row in rows.items():
+        table.add_row(*row)
     return table
 
 

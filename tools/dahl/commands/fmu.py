@@ -20,7 +20,7 @@ from dahl.errors import InputError
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from dahl.binding.models import Model
-    from dahl.sim.fmu import Fmu
+    from dahl.simulators.fmu import Fmu
 
 HELP = "an FMU for other simulators"
 EXAMPLE = """examples:
@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl.sim import fmu
+    from dahl.simulators import fmu
 
     path: Path = args.output
     if path.suffix != ".fmu":
@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> None:
 
 def _contents(args: argparse.Namespace) -> Fmu:
     from dahl.binding import models, plan_header
-    from dahl.sim import fmu
+    from dahl.simulators import fmu
 
     model = models.table()[args.model]
     sigma0, fc = model_arguments.read_numbers(args, model)

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 from dahl.commands.arguments import add_limits, add_output, number, positive, whole
 from dahl.commands.bus_arguments import add_bus_arguments
-from dahl.errors import Error, InputError, RunError
+from dahl.errors import Error, InputError, RunError, meant
 
 if TYPE_CHECKING:
     from dahl.identify.estimate import Options
@@ -160,7 +160,6 @@ def source_of(args: argparse.Namespace) -> Source:
 def options_of(args: argparse.Namespace) -> Options:
     from dahl.identify.estimate import Options
     from dahl.identify.models import OPTIONS
-    from dahl.io.can_logs import meant
     from dahl.io.log import TERMS
 
     terms = None

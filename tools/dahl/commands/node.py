@@ -28,6 +28,7 @@ from dahl.commands.arguments import number, seconds, whole
 from dahl.commands.bus_arguments import add_bus_arguments
 from dahl.commands.model_arguments import note_units
 from dahl.errors import Error, InputError, RunError
+from dahl.facts import BOARDS
 
 if TYPE_CHECKING:
     import can
@@ -214,7 +215,7 @@ def _run_on_target(
     from dahl.can.bus import open_bus
     from dahl.can.codec import Param, ParamWrite
     from dahl.can.node import ask
-    from dahl.sim import firmware
+    from dahl.target import firmware
 
     if scene.model != "dahl" or scene.compensates:
         raise InputError(f"--target runs model dahl alone, not the scene's ({scene.path.name})")
@@ -230,7 +231,7 @@ def _run_on_target(
             bus, ParamWrite(Param.MODEL), args.node, timeout=FIRMWARE_TIMEOUT_S
         )  # raises if it is absent
         _configure(bus, args.node, scene)
-        board = firmware.boards()[args.target].machine
+        board = BOARDS[args.target][0]
         _print_access(console, args, scene, f"{image.name} on {board} in QEMU", _client(port))
         return _watch(args, stop, bus)
 

@@ -13,7 +13,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl.errors import Error, InputError, RunError
+from dahl.commands.arguments import DEFAULT_SEED, MAX_SEED
+from dahl.errors import Error, InputError, RunError, meant
 
 if TYPE_CHECKING:
     from dahl.report.traces import Trace
@@ -42,23 +43,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl.report import plots, run_files, summary, traces
+    from dahl.report import plots, run_files, simulated, traces
     from dahl.sim import scene
 
     if args.output and args.output.suffix.lower() not in plots.PICTURES:
         endings = ", ".join(plots.PICTURES[:-1])
         raise InputError(f"-o {args.output}: no picture is written so ({endings})")
-    folder = args.run_path if args.run_path.is_dir() else args.run_path.parent
-    if args.run_path.is_dir() and not args.scene and _is_simulated(folder):
-        _draw_simulated(folder, args.output)
+    is_folder = args.run_path.is_dir()
+    folder = args.run_path if is_folder else args.run_path.parent
+    log = folder / "run.log" if is_folder else args.run_path
+    known = _summary_of(folder, log)
+    is_simulated = simulated.is_simulated(known)
+    if is_simulated and is_folder and not args.scene:
+        _draw_simulated(folder, args.output, known)
         return
-    log = folder / "run.log" if args.run_path.is_dir() else args.run_path
+    known = {} if is_simulated else known
     if not log.is_file():
-        hint = "; `dahl demo` leaves one" if args.run_path.is_dir() else ""
+        hint = "; `dahl demo` leaves one" if is_folder else ""
         raise InputError(f"{log}: no such file{hint}")
-    of_run = log.samefile(folder / "run.log") if (folder / "run.log").exists() else False
-    has_summary = of_run and (folder / "summary.json").exists() and not _is_simulated(folder)
-    known = summary.read(folder) if has_summary else {}
     own = _scene_of(known, folder)
     if not (args.scene or own):
         raise InputError(f"{log}: which parameters did this run have? Name its scene with --scene")
@@ -66,38 +68,40 @@ def run(args: argparse.Namespace) -> None:
     trace = _trace(log, played.node, args.channel)
     is_own = own is not None and own.exists() and played.path.samefile(own)
     recorded = _recorded(played, known.get("log") if is_own else None)
-    ticks = int(trace.row.max()) + 1
-    if recorded is not None and ticks > recorded.rows:
+    if recorded is not None and (ticks := int(trace.row.max()) + 1) > recorded.rows:
         raise InputError(
             f"{log}: {ticks} ticks, but {played.log} has {recorded.rows} rows: another run?"
         )
     output = args.output or folder / "loop.png"
-    known |= traces.fit(
-        played, trace, recorded
-    )  # the fit in the summary may belong to another scene
+    known |= traces.fit(played, trace, recorded)  # that of the summary may be of another scene
     plots.draw(output, played, trace, recorded, known, folder)
     run_files.add(output)
     print(f"{output}: {len(trace.row)} ticks, {played.title}")
 
 
-def _is_simulated(folder: Path) -> bool:
-    """Return whether the folder has the summary of a scene without dahl-loop."""
-    from dahl.report import simulated, summary
+def _summary_of(folder: Path, log: Path) -> dict[str, Any]:
+    """Return the summary in a folder; {} if there is none, or if it is not of this log."""
+    from dahl.report import summary
 
-    return (folder / "summary.json").exists() and simulated.is_simulated(summary.read(folder))
+    run_log = folder / "run.log"
+    is_other = log.exists() and not (run_log.exists() and log.samefile(run_log))
+    return {} if is_other or not (folder / "summary.json").exists() else summary.read(folder)
 
 
-def _draw_simulated(folder: Path, output: Path | None) -> None:
-    """Simulate such a scene again, and draw it."""
-    from dahl.commands import compare_laws, park_steer
-    from dahl.report import run_files, summary, terminal
+def _draw_simulated(folder: Path, output: Path | None, known: dict[str, Any]) -> None:
+    """Simulate such a scene again with the seed of its summary, and draw it."""
+    from dahl.report import run_files, simulated, terminal
 
-    known = summary.read(folder)
-    module = {one.SCENE: one for one in (compare_laws, park_steer)}[known["scene"]]
-    output = output or folder / module.PICTURE
-    module.draw(output, known, terminal.console(stderr=True))
+    name, seed = known["scene"], known.get("seed", DEFAULT_SEED)
+    if not isinstance(seed, int) or not 0 <= seed <= MAX_SEED:
+        place = folder / "summary.json"
+        raise InputError(f"{place}: seed = {seed}: a number from 0 to 2^64 - 1 was expected")
+    with terminal.Bar(terminal.console(stderr=True), leaves_nothing=True) as bar:
+        played = simulated.SCENES[name].play(seed, bar.begin)
+    output = output or folder / f"{name}.png"
+    played.draw(output)
     run_files.add(output)
-    print(f"{output}: scene {module.SCENE}, simulated again")
+    print(f"{output}: scene {name}, simulated again")
 
 
 def _trace(log: Path, node: int, channel: str | None) -> Trace:
@@ -113,7 +117,7 @@ def _trace(log: Path, node: int, channel: str | None) -> Trace:
         if channel in (None, str(frame.channel)):
             pairing.feed(frame)
     if channel is not None and channel not in buses:
-        raise InputError(f"{log}: no bus '{channel}'{can_logs.meant(channel, sorted(buses))}")
+        raise InputError(f"{log}: no bus '{channel}'{meant(channel, sorted(buses))}")
     if len(pairing.channels) > 1:
         raise InputError(
             f"{log}: frames of {', '.join(sorted(pairing.channels))}; name one with -c"

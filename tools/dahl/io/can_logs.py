@@ -8,7 +8,6 @@ has the time since the frame before are refused, unless an ASC log says that it 
 from __future__ import annotations
 
 import contextlib
-import difflib
 import gc
 import io
 import re
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
     import can
 
 T = TypeVar("T")
-MAX_LISTED_NAMES = 30  # in an error
 CAN_LOGS = (".asc", ".blf", ".log", ".mf4", ".trc")  # endings that python-can reads and writes
 BACKWARD_PART = 1 / 8  # of the frames; with more, times are differences (buses reorder few frames)
 DELTA_TIME = re.compile(r"\s*\(0\d\d\.")  # begins a line of candump -td or -tz; else 10 digits
@@ -33,16 +31,6 @@ ASC_HEADER = re.compile(r"date\s|base\s|//|(no\s+)?internal\s+events", re.IGNORE
 ASC_RELATIVE = re.compile(r"base\s+(hex|dec)\s+timestamps\s+relative", re.IGNORECASE)
 ASC_FD, ASC_REMOTE = 0x1000, 0x10  # flags of a CANFD line
 ASC_TIME = re.compile(r"\s*(-?\d+\.\d+)(\s.*)", re.DOTALL)
-
-
-def meant(name: str, known: Sequence[str]) -> str:
-    """Return the end of an error about an unknown name: the nearest known one, and all of them."""
-    lower = {word.lower(): word for word in known}
-    near = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.4)
-    hint = f"; did you mean '{lower[near[0]]}'?" if near else ""
-    more = len(known) - MAX_LISTED_NAMES
-    shown = ", ".join(known[:MAX_LISTED_NAMES]) + (f", and {more} more" if more > 0 else "")
-    return f"{hint} (known: {shown})"
 
 
 class _Clock:
@@ -91,10 +79,10 @@ def _candump_frames(path: Path, notes: list[str], clock: _Clock) -> Iterator[can
                 bad += 1
                 first = first or f"{path}:{number}: not a line of a candump log ('{_shown(line)}')"
     if bad:
-        note = f"{first}; {bad} such lines of {bad + clock.frames}"
+        note = f"{first}; bad lines: {bad} of {bad + clock.frames}"
         if bad > clock.frames:
             raise InputError(note)
-        notes.append(f"{note} are left out")
+        notes.append(f"{note}, left out")
 
 
 def _shown(line: str) -> str:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from dahl.errors import Error, InputError
+from dahl.errors import Error, InputError, meant
 from dahl.io import can_logs
 from dahl.io.files import one_line
 
@@ -134,9 +134,7 @@ def _message_with(database: cantools.database.Database, name: str) -> cantools.d
         places = ", ".join(f"{one}.{signal}" for one in messages)
         raise InputError(f"signal '{signal}' is in several messages, which one is it: {places}?")
     if not messages:
-        raise InputError(
-            f"no signal '{name}' in the DBC{can_logs.meant(name, sum(known.values(), []))}"
-        )
+        raise InputError(f"no signal '{name}' in the DBC{meant(name, sum(known.values(), []))}")
     return database.get_message_by_name(messages[0])
 
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dahl.errors import Error, InputError
+from dahl.errors import Error, InputError, meant
 from dahl.io import can_logs, encoder_grid, text_tables, units
 from dahl.io.can_signals import (
     NEEDS_DBC,
@@ -263,7 +263,7 @@ def find_columns(
         if fitting:
             found[role] = fitting[0]
         elif role != "time":
-            hint = can_logs.meant(role, known)
+            hint = meant(role, known)
             raise InputError(f"{place}: which column is the {role}? Name it with --{role}{hint}")
         if len(fitting) > 1 and role != "time":
             first, *others = (f"'{known[k]}'" for k in fitting)
@@ -302,7 +302,7 @@ def _index_of(given: str, known: Sequence[str], place: str) -> int:
         raise InputError(
             f"{place}: {list(known).count(given)} columns '{given}': give a number from 1"
         )
-    raise InputError(f"{place}: no column '{given}'{can_logs.meant(given, known)}")
+    raise InputError(f"{place}: no column '{given}'{meant(given, known)}")
 
 
 def _clock(table: Table, places: dict[str, int]) -> int | None:

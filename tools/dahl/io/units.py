@@ -7,8 +7,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 
-from dahl.errors import InputError
-from dahl.io.can_logs import meant
+from dahl.errors import InputError, meant
 
 DEGREE, POUND, G = math.pi / 180, 4.4482216153, 9.80665  # rad, N, m/s^2
 INCH = 0.0254  # m

@@ -12,9 +12,9 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dahl.facts import PERIOD_US
 from dahl.io import files, readers
 from dahl.report import traces
-from dahl.sim import timing
 from dahl.sim.scene import Recorded, Scene
 
 MEASURED, COMPUTED, MARK, MISSING = "#7c8b9c", "#d1495b", "#e9a23b", "#3d7ea6"
@@ -169,7 +169,7 @@ def _optional_panels(
 def _latencies(axes: Axes, numbers: dict[str, Any]) -> None:
     edges, counts = np.array(numbers["latency_histogram"]).T
     axes.bar(edges, counts, width=-edges / 33, align="edge", color=COMPUTED)
-    axes.axvline(timing.period_us(), color=MEASURED, linewidth=1)
+    axes.axvline(PERIOD_US, color=MEASURED, linewidth=1)
     axes.set(xlabel="latency of an answer [µs]; the line is one period", ylabel="answers")
     axes.set(xscale="log", yscale="log")
     quantiles, jitter = numbers["latency_us"], numbers["jitter_us"]

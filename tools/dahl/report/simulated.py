@@ -1,16 +1,21 @@
 # SPDX-License-Identifier: MIT
-"""Tables of the scenes that `dahl demo` simulates without dahl-loop: compensation, park-steer."""
+"""The scenes that `dahl demo` simulates without dahl-loop, compensation and park-steer: their runs,
+pictures and tables.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dahl.errors import InputError
 
-COMPENSATION, PARK_STEER = "compensation", "park-steer"  # names of the scenes
+if TYPE_CHECKING:
+    import can
+
+Begin = Callable[[int, str], Callable[[], None]]  # steps, their unit -> a call after each step
 COLUMNS = ("without", "with")  # assist, of park-steer
 ROWS = {
     "width_Nm": "width of the hysteresis loop [N m]",
@@ -23,6 +28,15 @@ ROWS = {
 
 
 @dataclass(frozen=True)
+class Played:
+    """A run: its numbers, a function that draws its picture, and the frames of its bus."""
+
+    numbers: dict[str, Any]
+    draw: Callable[[Path], None]
+    frames: Sequence[can.Message] = ()
+
+
+@dataclass(frozen=True)
 class Table:
     """Cells as text; `names` columns at the left are names, the others numbers."""
 
@@ -32,7 +46,24 @@ class Table:
     names: int
 
 
-def _compensation(numbers: dict[str, Any]) -> Table:
+@dataclass(frozen=True)
+class SimulatedScene:
+    """`play` takes the seed, which a scene without has_seed does not use."""
+
+    play: Callable[[int, Begin], Played]
+    table: Callable[[dict[str, Any]], Table]
+    has_seed: bool
+
+
+def _play_compensation(seed: int, begin: Begin) -> Played:
+    from dahl.report.compensation import draw
+    from dahl.sim import compensation
+
+    comparison = compensation.compare(seed, begin(compensation.count_runs(), "runs"))
+    return Played(comparison.numbers, lambda path: draw(path, comparison))
+
+
+def _compensation_table(numbers: dict[str, Any]) -> Table:
     """Return the ratios of all laws but "none"; a lower one is better."""
     axes = {axis: numbers[axis] for axis in ("position", "hand")}
     laws = tuple(law for law in next(iter(axes["position"].values())) if law != "none")
@@ -45,22 +76,32 @@ def _compensation(numbers: dict[str, Any]) -> Table:
     return Table(title, ("axis", "case", *laws), rows, names=2)
 
 
-def _park_steer(numbers: dict[str, Any]) -> Table:
+def _play_park_steer(_: int, begin: Begin) -> Played:
+    from dahl.report.park_steer import draw
+    from dahl.sim import park_steer
+
+    advance = begin(2 * park_steer.count_ticks() + 2, "ticks")
+    runs = [park_steer.simulate(gain, advance) for gain in (0.0, park_steer.GAIN)]
+    numbers = dict(zip(COLUMNS, (run.numbers() for run in runs), strict=True))
+    return Played(numbers, lambda path: draw(path, *runs), runs[1].frames)
+
+
+def _park_steer_table(numbers: dict[str, Any]) -> Table:
     columns = [numbers[name] for name in COLUMNS]
     rows = [(text, *(f"{one[key]:.2f}" for one in columns)) for key, text in ROWS.items()]
     head = ("one cycle of the hand wheel", *(f"{name} assist" for name in COLUMNS))
     return Table("", head, rows, names=1)
 
 
-TABLES: dict[str, Callable[[dict[str, Any]], Table]] = {
-    COMPENSATION: _compensation,
-    PARK_STEER: _park_steer,
+SCENES = {
+    "compensation": SimulatedScene(_play_compensation, _compensation_table, has_seed=True),
+    "park-steer": SimulatedScene(_play_park_steer, _park_steer_table, has_seed=False),
 }
 
 
 def is_simulated(numbers: dict[str, Any]) -> bool:
     """Return whether a summary is that of such a scene."""
-    return str(numbers.get("scene")) in TABLES and "scene_file" not in numbers
+    return str(numbers.get("scene")) in SCENES and "scene_file" not in numbers
 
 
 def table(numbers: dict[str, Any], path: Path) -> Table:
@@ -69,6 +110,6 @@ def table(numbers: dict[str, Any], path: Path) -> Table:
     """
     name = str(numbers["scene"])
     try:
-        return TABLES[name](numbers)
+        return SCENES[name].table(numbers)
     except (KeyError, TypeError, ValueError, AttributeError, StopIteration) as error:
         raise InputError(f"{path}: not the numbers of scene {name} ({error!r})") from None

@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: MIT
-"""Read summary.json of a run and check its shape: any program may have written it.
+"""Read summary.json of a run and check its shape, since any program may have written it. Show its
+numbers as text.
 
 Unknown keys are kept. Each known key may be absent or null.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from dahl.errors import InputError
 from dahl.io import files
+from dahl.report import traces
 from dahl.report.simulated import is_simulated, table
 
 NUMBER, WORDS, NUMBERS, BINS = "a finite number", "a text", "an object of numbers", "pairs above 0"
@@ -45,6 +48,19 @@ SHAPE: dict[str, Any] = {
     "latency_histogram": BINS,
     "faults": {"injected": NUMBERS, "expected": NUMBERS},
 }
+ROWS = {  # in this order: name, unit, format
+    "bus": ("bus", "", "s"),
+    "time": ("time", "", "s"),
+    "ticks": ("ticks of 1 ms", "", ".0f"),
+    "frames_sent": ("frames sent", "", ".0f"),
+    "frames_lost": ("frames without an answer", "", ".0f"),
+    "max_error_ulp_Fc": ("largest error against the exact torque", "ulp of Fc", ".3f"),
+    "rmse_measured": ("rms error against the measurement", "", ".4g"),
+    "r2_measured": ("R² against the measurement", "", ".4f"),
+    "bus_load": ("bus load", "", ".1%"),
+    "realtime_factor": ("times real time", "", ".1f"),
+}
+LATENCIES = {"latency_us": "latency of an answer", "jitter_us": "jitter"}
 MEASURED = {"latency_us", "jitter_us", "deadline_misses"}  # required with each histogram
 
 
@@ -61,6 +77,25 @@ def read(folder: Path) -> dict[str, Any]:
     if is_simulated(known):
         table(known, path)  # raises if a number is missing
     return known
+
+
+def rows(numbers: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield each name and its value with the unit; the units of the parameters come from the
+    run.
+    """
+    units = numbers.get("units", {})
+    units = units | {"rmse_measured": units.get("Fc", "")}
+    for key, (name, unit, form) in ROWS.items():
+        if numbers.get(key) is not None:
+            yield name, f"{format(numbers[key], form)} {unit or units.get(key, '')}".strip()
+    for name, text in traces.format_late(numbers).items():
+        yield f"{name} later than a period", text
+    for key, name in LATENCIES.items():
+        if (numbers.get(key) or {}).get("max"):
+            words = (f"{each} {value:.0f}" for each, value in numbers[key].items())
+            yield name, ", ".join(words) + " µs"
+    for name, value in numbers.get("parameters", {}).items():
+        yield name, f"{value:.6g} {units.get(name, '')}".strip()
 
 
 def _has_scene_file(known: dict[str, Any]) -> bool:

@@ -5,9 +5,11 @@ commands.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NoReturn
 
 from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table as RichTable
 from rich.text import Text
 
@@ -30,6 +32,24 @@ class PlainConsole(Console):
 def console(stderr: bool = False, soft_wrap: bool = False) -> Console:
     """Standard output, or standard error; soft_wrap leaves the folding of lines to the terminal."""
     return PlainConsole(stderr=stderr, highlight=False, soft_wrap=soft_wrap)
+
+
+class Bar(Progress):
+    """A progress bar with the number of steps done. The description of its task is their unit. If
+    `leaves_nothing`, it shows on a terminal only, and disappears.
+    """
+
+    def __init__(self, console: Console, leaves_nothing: bool = False) -> None:
+        steps = TextColumn("{task.completed:.0f} {task.description}")
+        bar = TextColumn("run    "), BarColumn(), TaskProgressColumn(), steps
+        hidden = leaves_nothing and not console.is_terminal
+        how: Any = {"console": console, "transient": leaves_nothing, "disable": hidden}
+        super().__init__(*bar, TimeElapsedColumn(), **how)
+
+    def begin(self, steps: int, unit: str) -> Callable[[], None]:
+        """Show a bar of this length. Return the call that advances it by a step."""
+        task = self.add_task(unit, total=steps)
+        return lambda: self.advance(task)
 
 
 def table(shown: Table) -> RichTable:

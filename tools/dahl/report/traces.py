@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from dahl import paths
-from dahl.can import codec, counters
+from dahl.can import codec
+from dahl.can.counters import Sequence
 from dahl.can.missing import Missing
 from dahl.errors import InputError, RunError
 from dahl.sim import reference
@@ -113,8 +114,8 @@ class Pairing:
         self.restarted = False
         self.new_start = new_start_states()
         self.channels: set[str] = set()  # of the frames
-        self.row, self._counter = -1, 0
-        self._missing = Missing()
+        self.row = -1
+        self._sequence, self._missing = Sequence(), Missing()
 
     def feed(self, frame: can.Message) -> None:
         """Process one frame; other messages are ignored."""
@@ -144,11 +145,10 @@ class Pairing:
 
     def _tick(self, signals: dict[str, Any], time: float) -> None:
         counter = signals["Counter"]
-        step = counters.step(self._counter, counter, time - self.ticks[-1][1]) if self.ticks else 1
-        if step == 0:  # no node accepts it
+        gap = self._sequence.gap(counter, time)
+        if gap is None:  # repeated or late: no node accepts it
             return
-        self.row += step
-        self._counter = counter
+        self.row += gap.least + 1
         self.waiting.append((counter, len(self.ticks)))
         self.ticks.append((self.row, time, signals["Count"], self.load))
 

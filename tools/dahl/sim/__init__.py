@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""Simulation: scenes, the program dahl-loop, emulated firmware, exact references."""
+"""Simulation: scenes, the program dahl-loop, exact references."""

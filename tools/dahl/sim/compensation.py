@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Compare laws of friction compensation on two simulated axes: one with a position loop, one that
-a hand leads along a path. Rotor, friction, encoder and drive are simulated here.
+a hand leads along a path. Shaft and controller are those of dahl-loop (host_sim/rotor.h,
+controller.h); encoder and drive are simulated here.
 """
 
 from __future__ import annotations
@@ -15,14 +16,25 @@ import numpy as np
 
 from dahl.binding.compensator import Compensator
 from dahl.binding.friction import Friction, Plan
+from dahl.binding.library import c
+from dahl.facts import PERIOD_US
 
-NAME = "compensation"
 FC, SIGMA0 = 0.5, 100.0  # N m, N m/rad: true friction, a presliding length of 5 mrad
 INERTIA = 0.002  # kg m2
 KP, KD = 30.0, 0.4  # N m/rad, N m s/rad
 KI = 300.0  # N m/(rad s), of PID
 CASCADE_KP, CASCADE_KI = 50.0, 8.0  # 1/s of the angle, N m/rad of the speed
-PERIOD_S, SUBSTEPS = 1e-3, 8
+GAINS = {  # of controller_t
+    "PD": {"kp": KP, "kd": KD},
+    "PID": {"kp": KP, "kd": KD, "ki": KI},
+    "cascade": {
+        "kp": CASCADE_KP * KD,
+        "kd": KD,
+        "ki": CASCADE_KP * CASCADE_KI,
+        "ki_speed": CASCADE_KI,
+    },
+}
+PERIOD_S = PERIOD_US / 1e6
 MOTION_S, HOLD_S, SETTLE_S = 4.5, 1.5, 0.5  # s; the reference stops at a peak of its sine
 FIRST_S = 1.0  # s, left out of each RMS
 SINE_HZ = 0.5
@@ -104,12 +116,6 @@ class Law(Protocol):
         """Read the counts of encoder and reference, and the speed of the reference in rad/s."""
 
 
-class NoLaw:
-    def torque(self, dcounts: int, reference_move: int, reference_speed: float) -> float:
-        """Return 0."""
-        return 0.0
-
-
 class SpeedLaw:
     """A usual law: Fc times a function of the speed."""
 
@@ -131,11 +137,8 @@ class DahlLaw:
     def __init__(self, case: Case, is_reference: bool) -> None:
         Fc, sigma0 = case.Fc * FC, case.sigma0 * SIGMA0  # noqa: N806
         plan = Plan(sigma0, Fc, case.theta_per_count)
-        self._element, self._measured, self._is_reference = (
-            Friction(plan),
-            Friction(plan),
-            is_reference,
-        )
+        self._element, self._measured = Friction(plan), Friction(plan)
+        self._is_reference = is_reference
         self._compensator = Compensator(
             plan.sigma0,
             plan.Fc,
@@ -168,24 +171,12 @@ class DahlLaw:
 def laws(case: Case, is_position: bool) -> dict[str, Law]:
     """Return new laws by name; "none" is first. A dead band always uses the measured speed."""
     return {
-        "none": NoLaw(),
+        "none": SpeedLaw(case, lambda v: 0.0, is_position),
         "sign": SpeedLaw(case, lambda v: float(np.sign(v)), is_position),
         "tanh": SpeedLaw(case, lambda v: math.tanh(v / TANH_SPEED), is_position),
         "dead band": SpeedLaw(case, lambda v: math.copysign(abs(v) > DEAD_BAND, v), False),
         "dahl": DahlLaw(case, is_position),
     }
-
-
-class Bearing:
-    """True friction: Dahl's model in double precision, exact in a move."""
-
-    def __init__(self) -> None:
-        self.F = 0.0  # N m
-
-    def move(self, dtheta: float) -> None:
-        """Step by an angle in rad."""
-        goal = math.copysign(FC, dtheta)
-        self.F = goal + (self.F - goal) * math.exp(-SIGMA0 / FC * abs(dtheta))
 
 
 class Encoder:
@@ -209,44 +200,24 @@ def reference(amplitude: float, t: float) -> tuple[float, float, float]:
     return (angle, speed, -w * w * angle) if t < MOTION_S else (angle, 0.0, 0.0)
 
 
-class Loop:
-    """Position loop: PD, PID, or a cascade of a P loop of the angle and a PI loop of the speed."""
-
-    def __init__(self, case: Case) -> None:
-        self._is_cascade = case.loop == "cascade"
-        self._Ki = {"PD": 0.0, "PID": KI, "cascade": CASCADE_KI}[case.loop]
-        self._integral = 0.0  # N m
-
-    def torque(self, error: float, speed_error: float) -> float:
-        """Return the torque in N m, once in each tick."""
-        if self._is_cascade:
-            lacking = CASCADE_KP * error + speed_error  # rad/s
-            self._integral += self._Ki * lacking * PERIOD_S
-            return self._integral + KD * lacking
-        self._integral += self._Ki * error * PERIOD_S
-        return self._integral + KP * error + KD * speed_error
-
-
 def track(case: Case, law: Law, seed: int) -> Run:
     """Run the axis with a position loop. The loop reads the angle by the encoder and the speed
     without an error."""
-    run, bearing, encoder, loop = Run(), Bearing(), Encoder(case, seed), Loop(case)
+    run, encoder = Run(), Encoder(case, seed)
+    shaft, controller = c.new("rotor_t *"), c.new("controller_t *", GAINS[case.loop])
+    c.dahl_rotor_open(shaft, INERTIA, 0.0, SIGMA0, FC)
     commands = [0.0] * (case.delay + 1)  # the last acts in this tick
-    theta = speed = 0.0
     reference_counts = 0
     for tick in range(_ticks(MOTION_S + HOLD_S)):
         target, target_speed, acceleration = reference(case.amplitude, tick * PERIOD_S)
         before, reference_counts = reference_counts, math.floor(target / case.theta_per_count)
-        added = law.torque(encoder.move(theta), reference_counts - before, target_speed)
+        added = law.torque(encoder.move(shaft.theta), reference_counts - before, target_speed)
         error = target - encoder.counts * case.theta_per_count
-        feedback = loop.torque(error, target_speed - speed)
+        change = (target_speed - shaft.omega) * PERIOD_S
+        feedback = c.dahl_controller_torque(controller, error, change)
         commands = [feedback + INERTIA * acceleration + added, *commands[:-1]]
-        for _ in range(SUBSTEPS):
-            step = PERIOD_S / SUBSTEPS
-            speed += (commands[-1] - bearing.F) / INERTIA * step
-            theta += speed * step
-            bearing.move(speed * step)
-        run.error.append(reference(case.amplitude, (tick + 1) * PERIOD_S)[0] - theta)
+        c.dahl_rotor_advance(shaft, commands[-1])
+        run.error.append(reference(case.amplitude, (tick + 1) * PERIOD_S)[0] - shaft.theta)
         run.motor.append(commands[-1])
         run.added.append(added)
     return run
@@ -254,7 +225,7 @@ def track(case: Case, law: Law, seed: int) -> Run:
 
 def lead(case: Case, law: Law, seed: int) -> Run:
     """Run the axis that a hand leads; the error is the torque of the hand."""
-    run, bearing, encoder = Run(), Bearing(), Encoder(case, seed)
+    run, bearing, encoder = Run(), Friction(Plan(SIGMA0, FC)), Encoder(case, seed)
     commands = [0.0] * (case.delay + 1)
     theta = 0.0
     for tick in range(_ticks(MOTION_S + HOLD_S)):
@@ -262,26 +233,33 @@ def lead(case: Case, law: Law, seed: int) -> Run:
         before, theta = theta, case.amplitude * (math.sin(s) + 0.2 * math.sin(3.4 * s))
         added = law.torque(encoder.move(before), 0, 0.0)
         commands = [added, *commands[:-1]]
-        bearing.move(theta - before)
-        run.error.append(bearing.F - commands[-1])
+        run.error.append(bearing.step(theta - before) - commands[-1])
         run.motor.append(commands[-1])
         run.added.append(added)
     return run
 
 
+AXES = {  # cases; how to run them; s, up to which the error counts
+    "position": (POSITION_CASES, track, MOTION_S),
+    "hand": (HAND_CASES, lead, MOTION_S + HOLD_S),
+}
+
+
+Numbers = dict[str, dict[str, dict[str, dict[str, float]]]]  # by axis, case, law and name
+
+
 @dataclass(frozen=True)
 class Comparison:
-    """Numbers by axis, case and law; the runs of the two cases of the picture by law."""
+    """All numbers; the runs of the two cases of the picture by law."""
 
-    numbers: dict[str, dict[str, dict[str, dict[str, float]]]]
+    numbers: Numbers
     position: dict[str, Run]
     hand: dict[str, Run]
 
 
 def count_runs() -> int:
     """Return the number of runs of compare()."""
-    cases = (*POSITION_CASES, *HAND_CASES)
-    return len(cases) * len(laws(cases[0], True))
+    return sum(len(laws(case, True)) for cases, *_ in AXES.values() for case in cases)
 
 
 def compare(seed: int = 1, progress: Callable[[], None] = lambda: None) -> Comparison:
@@ -289,38 +267,24 @@ def compare(seed: int = 1, progress: Callable[[], None] = lambda: None) -> Compa
     `sign_changes_per_s` counts those of the added torque while the reference holds.
     Each run calls progress() at its end.
     """
-    position = {case: _runs(track, case, True, seed, progress) for case in POSITION_CASES}
-    hand = {case: _runs(lead, case, False, seed, progress) for case in HAND_CASES}
-    numbers: dict[str, dict[str, dict[str, dict[str, float]]]] = {"position": {}, "hand": {}}
-    for case, runs in position.items():
-        numbers["position"][case.name] = {
-            law: {**_ratio(run, runs["none"], MOTION_S), **_chatter(run)}
-            for law, run in runs.items()
-        }
-    for case, runs in hand.items():
-        numbers["hand"][case.name] = {
-            law: _ratio(run, runs["none"], MOTION_S + HOLD_S) for law, run in runs.items()
-        }
-    return Comparison(numbers, position[SHOWN_POSITION], hand[SHOWN_HAND])
+    numbers: Numbers = {axis: {} for axis in AXES}
+    shown = {}
+    for axis, (cases, simulate, seconds) in AXES.items():
+        for case in cases:
+            runs = {}
+            for name, law in laws(case, axis == "position").items():
+                runs[name] = simulate(case, law, seed)
+                progress()
+            numbers[axis][case.name] = {
+                law: _numbers(run, runs["none"], seconds) for law, run in runs.items()
+            }
+            shown[axis] = runs  # of the last case
+    return Comparison(numbers, **shown)
 
 
-def _runs(
-    simulate: Callable[[Case, Law, int], Run],
-    case: Case,
-    is_position: bool,
-    seed: int,
-    progress: Callable[[], None],
-) -> dict[str, Run]:
-    runs = {}
-    for name, law in laws(case, is_position).items():
-        runs[name] = simulate(case, law, seed)
-        progress()
-    return runs
-
-
-def _ratio(run: Run, without: Run, seconds: float) -> dict[str, float]:
-    return {"rms": run.rms(seconds), "ratio": run.rms(seconds) / without.rms(seconds)}
-
-
-def _chatter(run: Run) -> dict[str, float]:
-    return {"sign_changes_per_s": run.sign_changes(MOTION_S + SETTLE_S)}
+def _numbers(run: Run, without: Run, seconds: float) -> dict[str, float]:
+    rms = run.rms(seconds)
+    found = {"rms": rms, "ratio": rms / without.rms(seconds)}
+    if seconds == MOTION_S:  # the reference then holds
+        found["sign_changes_per_s"] = run.sign_changes(MOTION_S + SETTLE_S)
+    return found

@@ -9,20 +9,20 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import can
 import numpy as np
 
 from dahl.binding.friction import Plan
+from dahl.binding.library import c
 from dahl.can import codec
-from dahl.can.bus import VCAN, open_bus
+from dahl.can.bus import VCAN
 from dahl.can.node import Node
 from dahl.errors import RunError
+from dahl.facts import PERIOD_US
 
-NAME = "park-steer"
 # Steering and car
 HAND_WHEEL_INERTIA = 0.046  # kg m2, with the upper column
 COLUMN_DAMPING = 0.361  # N m s/rad
@@ -43,12 +43,18 @@ HAND_AMPLITUDE, HAND_HZ = math.pi, 0.1  # rad
 CYCLES = 1.5  # the last whole cycle is measured
 GAIN = 0.8  # share of the sticking torque that the assist pushes with
 COUNTS_PER_TURN = 16384
-PERIOD_S, SUBSTEPS = 1e-3, 8
+PERIOD_S = PERIOD_US / 1e6
 TYRES, ASSIST = 0, 1  # numbers of the nodes
 
 PINION_INERTIA = MOTOR_INERTIA * MOTOR_RATIO**2 + RACK_MASS * PINION_RADIUS**2  # kg m2
 PINION_DAMPING = MOTOR_DAMPING * MOTOR_RATIO**2 + RACK_DAMPING * PINION_RADIUS**2  # N m s/rad
 RATE = 2 * math.pi * HAND_HZ  # rad/s
+HAND = {  # hand_t; three quarters of a cycle before the start, so that it starts at rest
+    "stiffness": TORSION_BAR,
+    "amplitude": HAND_AMPLITUDE,
+    "frequency": HAND_HZ,
+    "start": -0.75 / HAND_HZ,
+}
 THETA_PER_COUNT = 2 * math.pi / COUNTS_PER_TURN
 
 
@@ -71,94 +77,66 @@ def hand_motion(t: float) -> tuple[float, float, float]:
     return angle, HAND_AMPLITUDE * RATE * sine, -(RATE**2) * angle
 
 
-class Pinion:
-    """Pinion, rack and motor behind the torsion bar, whose other end the hand turns. From
-    `released` s on, the hand wheel is free.
+class Steering:
+    """Two shafts of dahl-loop (host_sim/rotor.h): pinion, rack and motor behind the torsion bar,
+    and the hand wheel. A hand leads the wheel up to `released` s; then it is free, and the torsion
+    bar couples both shafts tick by tick.
     """
 
     def __init__(self, released: float = math.inf) -> None:
-        self.angle, self.speed, self.time = hand_motion(0)[0], 0.0, 0.0  # rad, rad/s, s
-        self.wheel_angle, self.wheel_speed = hand_motion(0)[:2]
-        self._released = released
+        self.pinion, self.wheel = c.new("rotor_t *"), c.new("rotor_t *")
+        c.dahl_rotor_open(self.pinion, PINION_INERTIA, PINION_DAMPING, 0.0, 0.0)
+        c.dahl_rotor_open(self.wheel, HAND_WHEEL_INERTIA, COLUMN_DAMPING, 0.0, 0.0)
+        self._hand, self._released = c.new("hand_t *", HAND), released
+        self.pinion.hand, self.pinion.theta = self._hand, hand_motion(0.0)[0]
+        self._lead(0.0)
 
-    def twist(self) -> float:
-        """Return the torque of the torsion bar in N m."""
-        return TORSION_BAR * (self.wheel_angle - self.angle)
+    def _lead(self, now: float) -> None:
+        self.wheel.theta, self.wheel.omega, self._acceleration = hand_motion(now)
+        if now >= self._released:
+            self.pinion.hand = c.NULL
 
-    def advance(self, torque: float) -> None:
-        """Move for a period under a torque in N m that is constant in it."""
-        step = PERIOD_S / SUBSTEPS
-        for _ in range(SUBSTEPS):
-            twist = self.twist()
-            total = twist - PINION_DAMPING * self.speed + torque
-            self.speed += total / PINION_INERTIA * step
-            self.angle += self.speed * step
-            self._turn_wheel(twist, step)
-
-    def _turn_wheel(self, twist: float, step: float) -> None:
-        self.time += step
-        if self.time < self._released:
-            self.wheel_angle, self.wheel_speed = hand_motion(self.time)[:2]
-            return
-        braking = twist + COLUMN_DAMPING * self.wheel_speed
-        self.wheel_speed -= braking / HAND_WHEEL_INERTIA * step
-        self.wheel_angle += self.wheel_speed * step
+    def advance(self, torque: float, now: float) -> None:
+        """Move from `now` s for a period under a torque in N m that is constant in it."""
+        if self.pinion.hand:
+            c.dahl_rotor_advance(self.pinion, torque)
+            self._lead(now + PERIOD_S)
+        else:
+            twist = TORSION_BAR * (self.wheel.theta - self.pinion.theta)
+            c.dahl_rotor_advance(self.pinion, torque + twist)
+            c.dahl_rotor_advance(self.wheel, -twist)
 
     def hand_torque(self) -> float:
         """Return the torque in N m that the hand needs for its motion."""
-        if self.time >= self._released:
+        if not self.pinion.hand:
             return 0.0
-        _, speed, acceleration = hand_motion(self.time)
-        return HAND_WHEEL_INERTIA * acceleration + COLUMN_DAMPING * speed + self.twist()
-
-
-class Station:
-    """A friction node with its own access to the bus."""
-
-    def __init__(self, bus: can.BusABC, node: Node) -> None:
-        self._bus, self._node = bus, node
-
-    def serve(self, now: float) -> list[can.Message]:
-        """Answer all frames that wait. Return the answers."""
-        answers = []
-        while (message := self._bus.recv(0)) is not None:
-            if answer := self._node.receive(message, now):
-                self._bus.send(answer)
-                answers.append(answer)
-        return answers
+        inertia = HAND_WHEEL_INERTIA * self._acceleration
+        twist = c.dahl_rotor_hand_torque(self.pinion)
+        return float(inertia + COLUMN_DAMPING * self.wheel.omega + twist)
 
 
 class Column:
-    """The sensor and the motor of the column: sends counts, receives torques, in lockstep."""
+    """The sensor and the motor of the column: sends a count to each node and receives torques."""
 
-    def __init__(self, bus: can.BusABC, stations: list[Station]) -> None:
-        self._bus, self._stations = bus, stations
+    def __init__(self, nodes: Sequence[Node]) -> None:
+        self._nodes = nodes
         self._counters = itertools.cycle(range(codec.COUNTERS))
-        self.frames: list[can.Message] = []  # all of the bus, with their time
+        self.frames: list[can.Message] = []  # of the bus, with their time
 
     def exchange(self, angle: float, now: float) -> list[float]:
         """Return the torque over Fc of each node for an angle in rad at a time in s. Raises
         RunError if a node does not answer.
         """
         state = codec.EncoderState(round(angle / THETA_PER_COUNT), next(self._counters))
-        sent = [codec.pack(state, number) for number in range(len(self._stations))]
-        for message in sent:
-            self._bus.send(message)
-        for station in self._stations:
-            sent += station.serve(now)
-        for message in sent:
-            message.timestamp, message.channel = now, VCAN
-        self.frames += sent
-        return self._receive(now)
-
-    def _receive(self, now: float) -> list[float]:
-        ratios = {}
-        while (message := self._bus.recv(0)) is not None:
-            frame = codec.unpack(message, codec.FrictionTorque)
-            ratios[message.arbitration_id % codec.NODES] = frame.ratio
-        if len(ratios) < len(self._stations):
+        sent = [codec.pack(state, number) for number in range(len(self._nodes))]
+        pairs = zip(self._nodes, sent, strict=True)
+        answers = [answer for node, one in pairs if (answer := node.receive(one, now))]
+        if len(answers) < len(sent):
             raise RunError(f"a node did not answer the count at {now:.3f} s")
-        return [ratios[number] for number in sorted(ratios)]
+        for message in (frames := sent + answers):
+            message.timestamp, message.channel = now, VCAN
+        self.frames += frames
+        return [codec.unpack(answer, codec.FrictionTorque).ratio for answer in answers]
 
 
 @dataclass(frozen=True)
@@ -211,21 +189,18 @@ def simulate(
     The tyres have this share of their dry torque: less on ice, in the air, or if the car rolls. The
     assist still takes it for dry. The hand lets go of the wheel at `released` s.
     """
-    tyre, assist_plan, pinion = tyre_plan(grip_share), tyre_plan(), Pinion(released)
+    tyre, assist_plan, steering = tyre_plan(grip_share), tyre_plan(), Steering(released)
     nodes = Node(tyre, TYRES), Node(assist_plan, ASSIST, gain=gain)
     torques = tyre.Fc, assist_plan.Fc  # N m of a ratio of 1
-    rows = []
-    with ExitStack() as stack:
-        buses = [stack.enter_context(open_bus(interface="virtual", channel=NAME)) for _ in range(3)]
-        column = Column(buses[0], [Station(*pair) for pair in zip(buses[1:], nodes, strict=True)])
-        for tick in range(count_ticks() + 1):
-            now = tick * PERIOD_S
-            ratios = column.exchange(pinion.angle, now)
-            tyres, assist = (Fc * ratio for Fc, ratio in zip(torques, ratios, strict=True))
-            angles = pinion.wheel_angle, pinion.angle
-            rows.append((now, *angles, pinion.hand_torque(), tyres, assist))
-            pinion.advance(assist - tyres)
-            progress()
+    column, rows = Column(nodes), []
+    for tick in range(count_ticks() + 1):
+        now = tick * PERIOD_S
+        ratios = column.exchange(steering.pinion.theta, now)
+        tyres, assist = (Fc * ratio for Fc, ratio in zip(torques, ratios, strict=True))
+        angles = steering.wheel.theta, steering.pinion.theta
+        rows.append((now, *angles, steering.hand_torque(), tyres, assist))
+        steering.advance(assist - tyres, now)
+        progress()
     time, hand_angle, pinion_angle, hand, tyre_torques, assist_torques = np.array(rows).T
     return Run(time, hand_angle, pinion_angle, hand, tyre_torques, assist_torques, column.frames)
 

@@ -30,16 +30,22 @@ PRECISION_BITS = 100
 
 def travel_per_count(sigma0: float, Fc: float, theta_per_count: float) -> Fraction:  # noqa: N803
     """Return sigma0/Fc*theta_per_count exactly, for parameters rounded to float first, as in C."""
-    stiffness, most, theta = (
-        Fraction(float(np.float32(value))) for value in (sigma0, Fc, theta_per_count)
-    )
-    return stiffness * theta / most
+    return _as_in_c(sigma0) * _as_in_c(theta_per_count) / _as_in_c(Fc)
+
+
+def _as_in_c(value: float) -> Fraction:
+    """Return a parameter rounded to float."""
+    return Fraction(float(np.float32(value)))
+
+
+def _mpf(fraction: Fraction) -> mpmath.mpf:
+    return mpmath.mpf(fraction.numerator) / fraction.denominator
 
 
 def exact_ratios(moves: Iterable[int], travel: Fraction) -> list[mpmath.mpf]:
     """Return F/Fc after each move in counts; `travel` is the travel of one count."""
     with mpmath.workprec(PRECISION_BITS):
-        a = mpmath.mpf(travel.numerator) / travel.denominator
+        a = _mpf(travel)
 
         def after(anchor: mpmath.mpf, run: int, s: int) -> mpmath.mpf:
             return s - (s - anchor) * mpmath.exp(-a * run)
@@ -55,11 +61,8 @@ def exact_slip_ratios(
     """Return F over the sum of Fc after each move in counts, of slip elements (sigma0 [N m/rad],
     Fc [N m]).
     """
-    theta = Fraction(float(np.float32(theta_per_count)))
-    springs = [
-        (Fraction(float(np.float32(sigma0))) * theta, Fraction(float(np.float32(torque))))
-        for sigma0, torque in elements
-    ]
+    theta = _as_in_c(theta_per_count)
+    springs = [(_as_in_c(sigma0) * theta, _as_in_c(torque)) for sigma0, torque in elements]
     force = [Fraction(0)] * len(springs)
     total = sum((most for _, most in springs), Fraction(0))
     ratios = []
@@ -70,7 +73,7 @@ def exact_slip_ratios(
                 for now, (per_count, most) in zip(force, springs, strict=True)
             ]
             ratio = sum(force, Fraction(0)) / total
-            ratios.append(mpmath.mpf(ratio.numerator) / ratio.denominator)
+            ratios.append(_mpf(ratio))
     return ratios
 
 
@@ -83,17 +86,16 @@ def exact_parallel_ratios(
     """Return F over the sum of Fc after each move in counts, of elements (sigma0, Fc) whose kind is
     dahl or slip.
     """
-    total = sum(Fraction(float(np.float32(torque))) for _, torque in elements)
+    total = sum(_as_in_c(torque) for _, torque in elements)
     with mpmath.workprec(PRECISION_BITS):
         sums = [mpmath.mpf(0)] * len(moves)
         for (sigma0, torque), kind in zip(elements, kinds, strict=True):
-            share = Fraction(float(np.float32(torque))) / total
+            share = _as_in_c(torque) / total
             if kind == "slip":
                 ratios = exact_slip_ratios(moves, [(sigma0, torque)], theta_per_count)
             else:
                 ratios = exact_ratios(moves, travel_per_count(sigma0, torque, theta_per_count))
-            part = mpmath.mpf(share.numerator) / share.denominator
-            sums = [now + part * ratio for now, ratio in zip(sums, ratios, strict=True)]
+            sums = [now + _mpf(share) * ratio for now, ratio in zip(sums, ratios, strict=True)]
         return sums
 
 
@@ -109,7 +111,7 @@ def exact_asymmetric_ratios(
     torques = [mpmath.mpf(float(np.float32(torque))) for _, torque in elements]
     with mpmath.workprec(PRECISION_BITS):
         travels = [travel_per_count(*element, theta_per_count) for element in elements]
-        a = [mpmath.mpf(travel.numerator) / travel.denominator for travel in travels]
+        a = [_mpf(travel) for travel in travels]
 
         def after(anchor: mpmath.mpf, run: int, s: int) -> mpmath.mpf:
             end, rate = (torques[0], a[0]) if s > 0 else (-torques[1], a[1])
@@ -126,7 +128,7 @@ def exact_elastoplastic_ratios(
     """
     with mpmath.workprec(PRECISION_BITS):
         b = mpmath.mpf(float(np.float32(breakaway)))
-        a = mpmath.mpf(travel.numerator) / travel.denominator
+        a = _mpf(travel)
 
         def after(anchor: mpmath.mpf, run: int, s: int) -> mpmath.mpf:
             x, u = s * anchor, a * run
@@ -145,47 +147,29 @@ def exact_loaded_ratios(
     """
     ratios, before = [], Fraction(0)
     with mpmath.workprec(PRECISION_BITS):
-        w, a = mpmath.mpf(0), mpmath.mpf(travel.numerator) / travel.denominator
+        w, a = mpmath.mpf(0), _mpf(travel)
         for move, load in zip(moves, loads, strict=True):
             if load > before:
-                w = w * before.numerator * load.denominator / (before.denominator * load.numerator)
+                w *= _mpf(before / load)
             before, s = load, 1 if move > 0 else -1
             w = s - (s - w) * mpmath.exp(-a * abs(int(move)))
-            ratios.append(w * load.numerator / load.denominator)
+            ratios.append(w * _mpf(load))
     return ratios
 
 
-def _dahl(scene: Scene, moves: Moves, _: Iterable[Fraction]) -> list[mpmath.mpf]:
-    return exact_ratios(moves, _travel(scene))
-
-
-def _slip(scene: Scene, moves: Moves, _: Iterable[Fraction]) -> list[mpmath.mpf]:
-    return exact_slip_ratios(moves, scene.elements, scene.theta_per_count)
-
-
-def _parallel(scene: Scene, moves: Moves, _: Iterable[Fraction]) -> list[mpmath.mpf]:
-    return exact_parallel_ratios(moves, scene.elements, scene.kinds, scene.theta_per_count)
-
-
-def _asymmetric(scene: Scene, moves: Moves, _: Iterable[Fraction]) -> list[mpmath.mpf]:
-    return exact_asymmetric_ratios(moves, scene.elements, scene.theta_per_count)
-
-
-def _elastoplastic(scene: Scene, moves: Moves, _: Iterable[Fraction]) -> list[mpmath.mpf]:
-    return exact_elastoplastic_ratios(moves, _travel(scene), scene.breakaway)
-
-
-def _loaded(scene: Scene, moves: Moves, loads: Iterable[Fraction]) -> list[mpmath.mpf]:
-    return exact_loaded_ratios(moves, loads, _travel(scene))
-
-
 EXACT: dict[str, Callable[[Scene, Moves, Iterable[Fraction]], list[mpmath.mpf]]] = {
-    "dahl": _dahl,
-    "slip": _slip,
-    "parallel": _parallel,
-    "loaded": _loaded,
-    "elastoplastic": _elastoplastic,
-    "asymmetric": _asymmetric,
+    "dahl": lambda scene, moves, _: exact_ratios(moves, _travel(scene)),
+    "slip": lambda scene, moves, _: exact_slip_ratios(moves, scene.elements, scene.theta_per_count),
+    "parallel": lambda scene, moves, _: exact_parallel_ratios(
+        moves, scene.elements, scene.kinds, scene.theta_per_count
+    ),
+    "loaded": lambda scene, moves, loads: exact_loaded_ratios(moves, loads, _travel(scene)),
+    "elastoplastic": lambda scene, moves, _: exact_elastoplastic_ratios(
+        moves, _travel(scene), scene.breakaway
+    ),
+    "asymmetric": lambda scene, moves, _: exact_asymmetric_ratios(
+        moves, scene.elements, scene.theta_per_count
+    ),
 }  # torque ratio after each move, from rest, by the name of the model; loads as fractions of 1
 
 

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* The laws of the fuzzer of plans, checked with random input: parameters are accepted if and only if they are in range, a
+/* The properties of the fuzzer of plans, checked with random input: parameters are accepted if and only if they are in range, a
  * refusal leaves the plan unchanged, and the entries of a plan are 1 - exp(-u). */
 #include <unity.h>
 
-#define LAW(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "../fuzz/prepare.c"
 
 #ifndef TEST_TICKS

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Run a law on some inputs by default and on many with --long."""
+"""Run a property on some inputs by default and on many with --long."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ def modes(short: int, long: int) -> pytest.MarkDecorator:
     return pytest.mark.parametrize("examples", [pytest.param(short, id="short"), many])
 
 
-def holds(law: Callable[..., None], examples: int, *inputs: SearchStrategy) -> None:
-    """Raise if the law does not hold, on the smallest input that shows it."""
+def holds(check: Callable[..., None], examples: int, *inputs: SearchStrategy) -> None:
+    """Raise if `check` fails, on the smallest input that shows it."""
     settings = hypothesis.settings(
         max_examples=examples, phases=PHASES, report_multiple_bugs=False, suppress_health_check=SLOW
     )
-    settings(hypothesis.given(*inputs)(law))()
+    settings(hypothesis.given(*inputs)(check))()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Compute the coefficients of lib/batch/fast.h (needs mpmath).
+"""Compute the coefficients of lib/batch/throughput.h (needs mpmath).
 
-    build/venv/bin/python tools/generators/fast_kernel.py
+    build/venv/bin/python tools/generators/throughput_kernel.py
 
 They approximate (1 - exp(-x))/x on [0, ln 2] by a polynomial of degree 6 with the least *relative*
 error, by Remez' exchange in 40 digits. If the kernel has the relative error r, the torque has an

@@ -4,8 +4,8 @@
  * same state; 0 counts change no bit; both ends agree, and for slip elements the mirrored walk and split travel. From any bits
  * a call first clamps the state, and the torque keeps its limits. Define HOLDS(condition, words) before the include.
  */
-#ifndef LAWS_H
-#define LAWS_H
+#ifndef PROPERTIES_H
+#define PROPERTIES_H
 
 #include "models.h"
 

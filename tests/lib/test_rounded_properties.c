@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: MIT */
-/* Laws that hold within the rounding of the state: energy, opposite motion, longer moves, the inverse. The bounds are those of
+/* Properties that hold within the rounding of the state: energy, opposite motion, longer moves, the inverse. The bounds are those of
  * dahl_parts.h; plans, states and moves are random. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <unity.h>
 
 #define HOLDS(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
-#include "laws.h"
+#include "properties.h"
 #include "plans.h"
 
 #ifndef TEST_TICKS

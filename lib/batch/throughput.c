@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/** Limits of dahl_prepare() for parameters in double. */
-#include "fast.h"
+/** Check of parameters in double, with the limits of dahl_prepare(). */
+#include "throughput.h"
 
 /** Compare bits, since -ffast-math may ignore NaN. */
 static int is_positive(double x)

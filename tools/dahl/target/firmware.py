@@ -9,7 +9,6 @@ which a product stores its calibration.
 from __future__ import annotations
 
 import contextlib
-import functools
 import re
 import shutil
 import socket
@@ -18,11 +17,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from dahl import paths
 from dahl.errors import InputError, RunError
+from dahl.facts import BOARDS
 
 QEMU_START_TIMEOUT_S = 20.0  # generous: a loaded machine may start QEMU slowly
 ERROR_LINE = re.compile(r"^fatal: |\berror: ", re.IGNORECASE)  # of git, cmake or a compiler
@@ -38,33 +37,10 @@ def with_parent() -> list[str]:
     return [setpriv, "--pdeathsig", "TERM"] if setpriv else []
 
 
-@dataclass(frozen=True)
-class Board:
-    """A board of QEMU, and the address of its flash page of parameters."""
-
-    machine: str
-    page: int
-
-
-@functools.cache
-def boards() -> dict[str, Board]:
-    """Return the board of each core, from the toolchain file and the linker scripts."""
-    folder = paths.checkout("the firmware of --target") / "port" / "cortex_m"
-    toolchain = (folder / "toolchain.cmake").read_text(encoding="utf-8")
-    found = {}
-    for core, machine in re.findall(r"^dahl_core\((\w+) (\S+)", toolchain, re.MULTILINE):
-        script = (folder / f"{machine}.ld").read_text(encoding="utf-8")
-        page = re.search(r"^param_page = (\w+);", script, re.MULTILINE)
-        if page is None:
-            raise RunError(f"{folder / machine}.ld: no param_page")
-        found[core] = Board(machine, int(page[1], 0))
-    return found
-
-
 def build(core: str) -> Path:
-    if core not in boards():
-        raise InputError(f"--target {core}: one of {' '.join(boards())} was expected")
-    folder = paths.ROOT / "build" / core
+    folder = paths.checkout("the firmware of --target") / "build" / core
+    if core not in BOARDS:
+        raise InputError(f"--target {core}: one of {' '.join(BOARDS)} was expected")
     for command in (
         ["cmake", "--preset", core],
         ["cmake", "--build", str(folder), "--target", "node_image"],
@@ -111,7 +87,8 @@ class Firmware:
         default of the firmware. folder: for files. options: more arguments of QEMU.
         """
         self.options = options
-        self.core, self.board, self.number = core, boards()[core], number
+        self.core, self.number = core, number
+        self.machine, self.page_address = BOARDS[core]
         self.image = image or build(core)
         self.page = folder / f"params.{core}.bin"
         self.page.write_bytes(
@@ -126,10 +103,10 @@ class Firmware:
             raise RunError("qemu-system-arm is missing; tools/setup.sh installs it")
         self.port = free_port()
         serial = f"tcp:127.0.0.1:{self.port},server=on,wait=off,nodelay=on"
-        command = [*with_parent(), "qemu-system-arm", "-M", self.board.machine, "-display", "none"]
+        command = [*with_parent(), "qemu-system-arm", "-M", self.machine, "-display", "none"]
         command += ["-monitor", "none", "-serial", serial, "-kernel", str(self.image)]
         page = str(self.page).replace(",", ",,")  # QEMU escapes a comma in a value so
-        loader = f"loader,file={page},addr={self.board.page:#x},force-raw=on"
+        loader = f"loader,file={page},addr={self.page_address:#x},force-raw=on"
         with self.errors.open("w", encoding="utf-8") as errors:
             self.process = subprocess.Popen(
                 [*command, "-device", loader, *self.options],
@@ -192,25 +169,24 @@ def write_hub_scene(folder: Path, number: int = 0) -> Path:
 def attach_firmware(
     core: str, params: tuple[float, float, float], folder: Path, port: int, number: int = 0
 ) -> Iterator[None]:
-    """Run firmware as a node of the bus that is served on `port`."""
+    """Run firmware as a node of the bus that is served on `port`. The bridge of python-can joins
+    both.
+    """
     with Firmware(core, params, folder, number, STALL_TIMEOUT_US) as node:
-        command = [
-            *with_parent(),
-            sys.executable,
-            "-m",
-            "dahl.can.bridge",
-            str(node.port),
-            str(port),
-        ]
+        command = [*with_parent(), sys.executable, "-u", "-m", "can.bridge"]
+        command += ["--bus1-interface", "slcan", "--bus1-channel", str(node.bus["channel"])]
+        command += ["--bus2-interface", "socketcand", "--bus2-channel", "vcan0"]
+        command += ["--bus2-bus-kwargs", "host=127.0.0.1", f"port={port}", "tcp_tune=True"]
         with subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,  # warnings of split frames
             text=True,
             start_new_session=True,
         ) as bridge:
             try:
-                if bridge.stdout is None or bridge.stdout.readline() != "ready\n":
+                if bridge.stdout is None or "Started" not in bridge.stdout.readline():
                     raise RunError("the bridge from slcan to the bus did not open")
                 yield
             finally:

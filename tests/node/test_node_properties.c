@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* The laws of the node's fuzzer for random frames at random times. Each frame increases one count, the bristle moves only with
+/* The properties of the node's fuzzer for random frames at random times. Each frame increases one count, the bristle moves only with
  * an answer, and a timeout ends only after enough good frames. */
 #include <unity.h>
 
-#define LAW(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "../fuzz/receiver.c"
 
 static void test_the_laws_of_the_node_hold_for_random_frames(void)

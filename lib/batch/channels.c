@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /** Many channels: vectors run across the channels, so only the ticks are serial. A block of ticks computes only d =
  * w - w0, which is then carried into the state. If the channels have equal travel per count and the core has
- * AVX-512, g of few counts comes from a table in registers (fast_table.h). */
+ * AVX-512, g of few counts comes from a table in registers (count_table.h). */
 #include <stddef.h>
 #include <string.h>
 
-#include "fast_table.h"
+#include "count_table.h"
 
 #define CHUNK 16  /* channels at a time */
 #define BLOCK 128 /* ticks before d is carried into the state */
@@ -189,8 +189,8 @@ DAHL_INLINE void run_by_size(const job_t *job, steps_t steps)
     }
 }
 
-DAHL_VARIANTS_OF(counts, job_t, run_by_size(job, step_few_counts), run_by_size(job, step_counts), run_by_size(job, step_counts))
-DAHL_VARIANTS_OF(angles, job_t, run_by_size(job, step_angles), run_by_size(job, step_angles), run_by_size(job, step_angles))
+DAHL_VARIANTS(counts, job_t, run_by_size(job, step_few_counts), run_by_size(job, step_counts), run_by_size(job, step_counts))
+DAHL_VARIANTS(angles, job_t, run_by_size(job, step_angles), run_by_size(job, step_angles), run_by_size(job, step_angles))
 
 static dahl_err_t check_all(const dahl_throughput_params_t *params, size_t channels, bool by_counts)
 {

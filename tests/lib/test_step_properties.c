@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* The laws of the step fuzzer, checked with random input: each step solves Eq. 1, the state stays in range, torques are read
+/* The properties of the step fuzzer, checked with random input: each step solves Eq. 1, the state stays in range, torques are read
  * back, and a change of the plan keeps F or the deflection. */
 #include <unity.h>
 
-#define LAW(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "../fuzz/step.c"
 
 #ifndef TEST_TICKS

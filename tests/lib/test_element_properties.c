@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* The laws of the fuzzer of parts, checked with random input: the contract of each model from rest and from any bits,
+/* The properties of the fuzzer of elements, checked with random input: the contract of each from rest and from any bits,
  * return-point memory, no creep below breakaway, the integral of the work, the inverse, tips, and loads of 1. Plans of zeros. */
 #include <unity.h>
 
-#define LAW(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "../fuzz/parts.c"
 
 #ifndef TEST_TICKS

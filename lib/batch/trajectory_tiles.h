@@ -1,19 +1,18 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * One long trajectory of a Dahl element in AVX-512 registers: the scan of fast_scan.h. A compiler uses more
- * shuffles and no tables in registers. This form needs two thirds of the time for moves of few counts, and a tenth
- * less otherwise (docs/decisions/04).
+ * The scan of trajectory.c in AVX-512 registers. A compiler uses more shuffles and no tables in registers. This form
+ * needs two thirds of the time for moves of few counts, and a tenth less otherwise (docs/decisions/04).
  * - lanes: a tile is 64 ticks. Lane i of vector k is tick 8 i + k, so each lane runs through 8 ticks in a row.
  * - pairs: ticks 2 m and 2 m + 1 of a lane share one 64-bit word until they become doubles, which halves the
  *   shuffles.
- * - table: g of up to 15 counts (fast_table.h).
+ * - table: g of up to 15 counts (count_table.h).
  * - three passes over a block, with their input in memory, since the latency of a tile exceeds the look-ahead of a
  *   processor.
  */
-#ifndef DAHL_BATCH_FAST_TILES_H
-#define DAHL_BATCH_FAST_TILES_H
+#ifndef DAHL_BATCH_TRAJECTORY_TILES_H
+#define DAHL_BATCH_TRAJECTORY_TILES_H
 
-#include "fast_table.h"
+#include "count_table.h"
 
 #ifdef DAHL_AVX512
 

@@ -2,15 +2,15 @@
 /**
  * Throughput forms: the recurrence in double, many ticks or channels at a time. Other bits than the exact forms,
  * the same error bound for any motion:
- * - kernel: g(u) = u P(u), relative error 2.1e-10 (fast_kernel.py; fewer terms for short travel). The error of F/Fc
+ * - kernel: g(u) = u P(u), relative error 2.1e-10 (throughput_kernel.py; fewer terms for short travel). The error of F/Fc
  *   is at most twice that.
  * - block: a block of ticks computes only d = w - w0, with w0 the state at its start. Rounding loses at most 2^-53
  *   (ticks of a block) u for each tick of travel u.
  * - carry: between blocks the state is w in Q62. Truncation to 2^-61 sums up to at most 2^-31, for a block of
  *   travel 2^-30: within 0.01 ulp.
  */
-#ifndef DAHL_BATCH_FAST_H
-#define DAHL_BATCH_FAST_H
+#ifndef DAHL_BATCH_THROUGHPUT_H
+#define DAHL_BATCH_THROUGHPUT_H
 
 #include <math.h> /* fabs and copysign, which compilers inline */
 #include <stdbool.h>
@@ -36,7 +36,7 @@ typedef union {
 /** Returns g(|x|) with the sign of the travel x. */
 typedef double (*dahl_g_t)(double x);
 
-/* (1 - exp(-x))/x for 0 <= x <= ln 2, for a double or a vector of doubles. Coefficients: fast_kernel.py. */
+/* (1 - exp(-x))/x for 0 <= x <= ln 2, for a double or a vector of doubles. Coefficients: throughput_kernel.py. */
 #define DAHL_SLOPE(x)                                                                                            \
     ((((((0x1.338b5a271ae80p-13 * (x) - 0x1.5fb71abddd792p-10) * (x) + 0x1.10587edb2864ap-7) * (x)               \
         - 0x1.554a20f68fa7bp-5) * (x) + 0x1.5555018e47e72p-3) * (x) - 0x1.fffffe257b105p-2) * (x) + 0x1.fffffffe43b48p-1)

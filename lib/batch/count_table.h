@@ -2,13 +2,13 @@
 /**
  * g of few counts from a table in two AVX-512 registers.
  *
- * If all ticks have one travel per count, one permutation replaces a polynomial: for one trajectory (fast_tiles.h)
- * and for uniform channels (fast_channels.c).
+ * If all ticks have one travel per count, one permutation replaces a polynomial: for one trajectory (trajectory_tiles.h)
+ * and for uniform channels (channels.c).
  */
-#ifndef DAHL_BATCH_FAST_TABLE_H
-#define DAHL_BATCH_FAST_TABLE_H
+#ifndef DAHL_BATCH_COUNT_TABLE_H
+#define DAHL_BATCH_COUNT_TABLE_H
 
-#include "fast.h"
+#include "throughput.h"
 
 #define DAHL_TABLE_MOST 15u /* counts */
 #define DAHL_TABLE_ENTRIES (DAHL_TABLE_MOST + 1u)

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: MIT
+"""The committed files that tools/generators write from the C sources and from the DBC."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from types import ModuleType
+
+import cantools
+import pytest
+from conftest import ROOT
+from dahl import facts
+from dahl.binding import models
+from dahl.sim.reference import EXACT
+
+
+def generator(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, ROOT / f"tools/generators/{name}.py")
+    sys.modules[name] = module = importlib.util.module_from_spec(spec)  # dataclasses look it up
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize(("name", "files"), [("facts", 4), ("frames", 3)])
+def test_the_committed_files_are_those_that_a_generator_writes(name, files):
+    texts = generator(name).generated()
+    assert len(texts) == files
+    for path, text in texts.items():
+        assert path.read_text(encoding="utf-8") == text, f"{path}: run tools/generators/{name}.py"
+
+
+def test_the_header_of_the_frames_has_the_declarations_of_the_dbc():
+    assert generator("frames").missing_in_header() == []
+
+
+def test_the_dbc_and_the_references_have_each_model_and_the_period(dbc):
+    """The DBC has no word for slip and parallel, whose number depends on the elements."""
+    database, table = cantools.database.load_file(dbc), models.table()
+    assert list(table) == list(EXACT) and next(iter(table)) == "dahl"
+    named = {row.number: row.class_name for row in table.values() if row.sigma0s}
+    for frame in ("ParamWrite", "ParamReply"):
+        signal = database.get_message_by_name(frame).get_signal_by_name("Model")
+        assert {number: str(word) for number, word in signal.choices.items()} == named
+    assert database.get_message_by_name("EncoderState").cycle_time * 1000 == facts.PERIOD_US

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Firmware of the node on emulated cores."""
