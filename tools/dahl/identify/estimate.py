@@ -37,10 +37,9 @@ MIN_ENCODER_GAIN = 0.1  # of the residual, from which an encoder error is taken 
 MAX_CORRECTIONS = 2
 HIDDEN_ROUNDING = 0.3  # of the variance of a torque's rounding: it repeats in each cycle
 COARSE_ERROR = 2.0  # times the variance of rounding, below which a torque sensor is coarse here
-SPLINE_ERROR = 0.02  # of sigma0 and Fc, if turns between two rows are those of a spline
 MAX_SWAPPED_COST = 0.8  # of the robust cost, with angle and torque swapped, if they are; half of
 # it if the torque takes energy as given, which a soft loop's does too
-MORE_ELEMENTS, OTHER_LAW = 1.4, 0.5  # see _beyond_one_element()
+MORE_ELEMENTS, OTHER_LAW, MAX_OTHER_COST = 1.4, 0.5, 2.0  # see _beyond_one_element()
 
 
 @dataclass(frozen=True)
@@ -215,8 +214,7 @@ def _judge(
         simulated = widths["counts"] * value
         low = value - np.hypot(value - low, simulated)
         high = value + np.hypot(high - value, simulated)
-    part = SPLINE_ERROR if samples.block < 1 else select.MODEL_ERROR
-    least = part * value  # no parameter is known better than its law
+    least = select.relative_error(samples) * value  # no parameter is known better than its law
     low, high = np.minimum(low, value - least), np.maximum(high, value + least)
     return seen, lacks, Intervals(value, low, high, widths)
 
@@ -246,7 +244,8 @@ def _beyond_one_element(
     The fitted law is then one of many with such a curve. Its distance from the best Dahl fit shows
     how much the choice of the law matters. The truth may lie further on by half of this distance,
     or by 1.4 times if the law has several elements and the residual shows a lack of fit: it may
-    then lack small stiff elements.
+    then lack small stiff elements. Each law that leaves at most twice as much then counts too, with
+    and without a spring, which looks like a soft element.
     """
     plain = [f for f in fits if f.hypothesis.law == "dahl"]
     laws = {f.hypothesis.law for f in seen.fits}
@@ -256,7 +255,16 @@ def _beyond_one_element(
     value = seen.best.value
     apart = np.abs(value - min(plain, key=lambda f: f.total).value)
     apart *= MORE_ELEMENTS if several and lacks else OTHER_LAW
-    return np.minimum(low, value - apart), np.maximum(high, value + apart)
+    low, high = np.minimum(low, value - apart), np.maximum(high, value + apart)
+    most = MAX_OTHER_COST * seen.best.total if several and lacks else 0.0
+    near = sorted((f for f in fits if f.total <= most), key=lambda f: -f.total)
+    others = [f.value for f in {(f.hypothesis.law, _has_spring(f)): f for f in near}.values()]
+    return np.min([low, *others], axis=0), np.max([high, *others], axis=0)
+
+
+def _has_spring(fit: Fit) -> bool:
+    """Whether a fit has a torque that depends on the angle."""
+    return not {"spring", "waves"}.isdisjoint(fit.hypothesis.terms)
 
 
 def _simulated_reach(fitter: Fitter, chosen: Fit) -> np.ndarray:
