@@ -208,10 +208,11 @@ def _drift(x: Context) -> list[Row]:
 
 def _angle(x: Context) -> list[Row]:
     """Torque or friction that depends on the angle."""
-    waves, z = x.samples.waves, x.samples.terms["spring"]
-    rows = [Row("cubic spring", np.column_stack((z, z**3, z**5)))]
+    z = x.samples.terms["spring"]
+    powers = np.column_stack((z, z**3, z**5))
+    rows = [Row("cubic spring", x.fitter.late(x.fit, powers))]
     if "waves" not in x.fit.hypothesis.terms:
-        rows.append(Row("angle ripple", waves, max_move=0.2))
+        rows.append(Row("angle ripple", x.fitter.late(x.fit, x.samples.waves), max_move=0.2))
     rows.append(_friction_by_angle(x, z))
     return rows
 

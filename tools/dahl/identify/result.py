@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dahl.identify.fit import DELAYED, Fit, Fitter, Hypothesis, Optimum, parameters_of, solve
-from dahl.identify.models import ONE_ELEMENT, rise_lengths
+from dahl.identify.models import BY_SPEED, ONE_ELEMENT, rise_lengths
 from dahl.identify.refusals import SOURCES as STEPS_OF_SOURCES
 from dahl.identify.refusals import next_step
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, samples_of
@@ -457,7 +457,7 @@ def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
         text = "presliding is shorter than a count or a move of one row"
         yield (True, False), "short presliding", text
     plausible = [fit.hypothesis for fit in result.plausible.fits]
-    if all(h.lag != "none" and h.law not in ONE_ELEMENT for h in plausible):
+    if all(h.lag != "none" and h.law not in (*ONE_ELEMENT, *BY_SPEED) for h in plausible):
         text = "law and lag both round the loop at a reversal, and both are unusual"
         hides_Fc = result.hypothesis.law != "breakaway"  # noqa: N806  (its peak is at the turns)
         yield (True, hides_Fc), "law and lag", f"{text}: no log separates them"
