@@ -210,10 +210,11 @@ def _drift(x: Context) -> list[Row]:
 
 def _angle(x: Context) -> list[Row]:
     """Torque or friction that depends on the angle."""
-    waves, z = x.samples.waves, x.samples.terms["spring"]
-    rows = [Row("cubic spring", np.column_stack((z, z**3, z**5)))]
+    z = x.samples.terms["spring"]
+    powers = np.column_stack((z, z**3, z**5))
+    rows = [Row("cubic spring", x.fitter.late(x.fit, powers))]
     if "waves" not in x.fit.hypothesis.terms:
-        rows.append(Row("angle ripple", waves, max_move=0.2))
+        rows.append(Row("angle ripple", x.fitter.late(x.fit, x.samples.waves), max_move=0.2))
     return [*rows, _fine_ripple(x, z), _friction_by_angle(x, z)]
 
 
@@ -226,7 +227,7 @@ def _fine_ripple(x: Context, z: np.ndarray) -> Row:
     first, last = (4 * periods for periods in RIPPLE_PERIODS)  # a quarter of a period apart
     spectrum = np.abs(np.fft.rfft(sums, 4 * RIPPLE_CELLS))[first:last]
     phase = np.pi * z * (first + int(np.argmax(spectrum))) / 4
-    columns = np.column_stack((np.sin(phase), np.cos(phase)))
+    columns = x.fitter.late(x.fit, np.column_stack((np.sin(phase), np.cos(phase))))
     return Row("angle ripple of cogging", columns, min_gain=0.03)
 
 

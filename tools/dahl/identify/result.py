@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dahl.identify.fit import DELAYED, Fit, Fitter, Hypothesis, Optimum, parameters_of, solve
-from dahl.identify.models import ONE_ELEMENT, rise_lengths
+from dahl.identify.models import BY_SPEED, ONE_ELEMENT, rise_lengths
 from dahl.identify.refusals import SOURCES as STEPS_OF_SOURCES
 from dahl.identify.refusals import next_step
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, samples_of
@@ -471,8 +471,9 @@ def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
     if law == "breakaway":
         text = "the torque has a peak after each rest: its form changes the slope there"
         yield (True, False), "peak after a rest", text
-    if all(h.lag != "none" and h.law not in {*ONE_ELEMENT, "asymmetric"} for h in plausible):
-        text = "law and lag both change the loop at a reversal, and both are unusual"
+    dahl_at_turns = {*ONE_ELEMENT, *BY_SPEED, "asymmetric"}
+    if all(h.lag != "none" and h.law not in dahl_at_turns for h in plausible):
+        text = "law and lag both round the loop at a reversal, and both are unusual"
         hides_Fc = law != "breakaway"  # noqa: N806  (its peak is at the turns)
         yield (True, hides_Fc), "law and lag", f"{text}: no log separates them"
     if any(_is_steepest_at_rest(fit) for fit in result.plausible.fits):

@@ -208,9 +208,8 @@ def plausible(fitter: Fitter, fits: list[Fit], hidden: float) -> Plausible:
     chosen = min(near, key=lambda f: (f.hypothesis.size, f.total))
     chosen = fitter.fit(chosen.hypothesis, chosen.p) or chosen  # without a step of linearisation
     kept = [_converge(fitter, f) for f in near if not _is_dominated(f, near)]
-    kept = [
-        f for f in kept if is_near(penalised_cost(f), limit, free) and (f.error < f.value).all()
-    ]
+    kept = [f for f in kept if f.is_near_optimum and (f.error < f.value).all()]
+    kept = [f for f in kept if is_near(penalised_cost(f), limit, free)]
     kept = kept or [chosen]
     kept += _with_skew(fitter, kept, limit, free)
     if hidden:  # more parameters than the chosen one only fit the rounding
