@@ -17,7 +17,7 @@ from dahl.errors import InputError
 from dahl.identify import diagnose, preprocess, select, simulate
 from dahl.identify.diagnose import CORRECTABLE, Lack
 from dahl.identify.fit import LAGS, Fit, Fitter, Hypothesis, solve
-from dahl.identify.models import ONE_ELEMENT, OPTIONS
+from dahl.identify.models import BY_SPEED, ONE_ELEMENT, OPTIONS
 from dahl.identify.result import Intervals, Result, claims_of
 from dahl.identify.samples import (
     MIN_SCORED_CYCLES,
@@ -244,19 +244,19 @@ def _beyond_one_element(
     """Return wider intervals if one Dahl element is not enough.
 
     The fitted law is then one of many with such a curve. Its distance from the best Dahl fit shows
-    how much the choice of the law matters. The truth may lie further on by half of this distance,
-    or by 1.4 times if the law has several elements and the residual shows a lack of fit: it may
-    then lack small stiff elements.
+    how much the choice of the law matters, and so does that from another form of an Fc by speed.
+    The truth may lie further on by half of this distance, or by 1.4 times if the law has several
+    elements and the residual shows a lack of fit: it may then lack small stiff elements.
     """
-    plain = [f for f in fits if f.hypothesis.law == "dahl"]
-    laws = {f.hypothesis.law for f in seen.fits}
-    if not plain or laws & ONE_ELEMENT:
+    laws, best = {f.hypothesis.law for f in seen.fits}, seen.best
+    others = {"dahl", *(BY_SPEED if best.hypothesis.law in BY_SPEED else ())}
+    rivals = [[f for f in fits if f.hypothesis.law == law] for law in others]
+    nearest = [min(some, key=lambda f: f.total).value for some in rivals if some]
+    if not nearest or laws & ONE_ELEMENT:
         return low, high
-    several = seen.best.hypothesis.friction.elements > 1
-    value = seen.best.value
-    apart = np.abs(value - min(plain, key=lambda f: f.total).value)
-    apart *= MORE_ELEMENTS if several and lacks else OTHER_LAW
-    return np.minimum(low, value - apart), np.maximum(high, value + apart)
+    apart = np.max(np.abs(best.value - nearest), axis=0)
+    apart *= MORE_ELEMENTS if best.hypothesis.friction.elements > 1 and lacks else OTHER_LAW
+    return np.minimum(low, best.value - apart), np.maximum(high, best.value + apart)
 
 
 def _simulated_reach(fitter: Fitter, chosen: Fit) -> np.ndarray:
