@@ -182,11 +182,7 @@ def test_a_log_of_the_loop_shows_inertia_and_bandwidth(tmp_path):
 @pytest.mark.parametrize(
     ("seconds", "words", "parts"),
     [
-        (
-            2.0,
-            "--reference target_rad --torque-constant 0.1",
-            ("the inertia", "quicker", "--inertia"),
-        ),
+        (2.0, "--reference target_rad --torque-constant 0.1", ("the inertia", "--inertia")),
         (0.12, "--reference target_rad", ("current_A", "--torque-constant")),
         (0.12, "--torque-constant 0.1", ("--reference", "--bandwidth")),
         (0.12, "--reference angle_rad --torque-constant 0.1", ("the stiffness", "--bandwidth")),

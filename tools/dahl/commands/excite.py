@@ -3,8 +3,8 @@
 
 It needs a guess of both parameters: from a first log (--from FILE.json, written by dahl identify,
 if it claims them) or by options. A guess may be wrong by a factor of 2 or 3. For a position loop,
-give its inertia and bandwidth, or a log of the loop that shows them (--loop). It writes the motion as CSV (time, angle, counts) and as a scene for
-dahl-loop.
+give its inertia and bandwidth, or a log of the loop that shows them (--loop). It writes the motion
+as CSV (time, angle, counts) and as a scene for dahl-loop.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def _loop_of(args: argparse.Namespace) -> tuple[float, float]:
     from dahl.identify import loop_log
 
     if (args.reference is None) == math.isinf(args.bandwidth):
-        raise InputError(f"--loop {args.loop}: give --reference COLUMN or --bandwidth HZ, one of both")
+        raise InputError(f"--loop {args.loop}: give either --reference or --bandwidth")
     log = _read_loop(args)
     inertia = args.inertia or loop_log.inertia_of(log)
     bandwidth = args.bandwidth

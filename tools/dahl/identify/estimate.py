@@ -17,7 +17,7 @@ from dahl.errors import InputError
 from dahl.identify import diagnose, preprocess, select, simulate
 from dahl.identify.diagnose import CORRECTABLE, Lack
 from dahl.identify.fit import LAGS, Fit, Fitter, Hypothesis, solve
-from dahl.identify.models import ONE_ELEMENT, OPTIONS
+from dahl.identify.models import BY_SPEED, ONE_ELEMENT, OPTIONS
 from dahl.identify.result import Intervals, Result, claims_of
 from dahl.identify.samples import (
     MIN_SCORED_CYCLES,
@@ -242,24 +242,25 @@ def _beyond_one_element(
     """Return wider intervals if one Dahl element is not enough.
 
     The fitted law is then one of many with such a curve. Its distance from the best Dahl fit shows
-    how much the choice of the law matters. The truth may lie further on by half of this distance,
-    or by 1.4 times if the law has several elements and the residual shows a lack of fit: it may
-    then lack small stiff elements. Each law that leaves at most twice as much then counts too, with
-    and without a spring, which looks like a soft element.
+    how much the choice of the law matters, and so does that from another form of an Fc by speed.
+    The truth may lie further on by half of this distance, or by 1.4 times if the law has several
+    elements and the residual shows a lack of fit: it may then lack small stiff elements. Each law
+    that leaves at most twice as much then counts too, with and without a spring: a soft element.
     """
-    plain = [f for f in fits if f.hypothesis.law == "dahl"]
-    laws = {f.hypothesis.law for f in seen.fits}
-    if not plain or laws & ONE_ELEMENT:
+    laws, best = {f.hypothesis.law for f in seen.fits}, seen.best
+    others = {"dahl", *(BY_SPEED if best.hypothesis.law in BY_SPEED else ())}
+    rivals = [[f for f in fits if f.hypothesis.law == law] for law in others]
+    nearest = [min(some, key=lambda f: f.total).value for some in rivals if some]
+    if not nearest or laws & ONE_ELEMENT:
         return low, high
-    several = seen.best.hypothesis.friction.elements > 1
-    value = seen.best.value
-    apart = np.abs(value - min(plain, key=lambda f: f.total).value)
-    apart *= MORE_ELEMENTS if several and lacks else OTHER_LAW
-    low, high = np.minimum(low, value - apart), np.maximum(high, value + apart)
-    most = MAX_OTHER_COST * seen.best.total if several and lacks else 0.0
+    lacks_elements = best.hypothesis.friction.elements > 1 and bool(lacks)
+    apart = np.max(np.abs(best.value - nearest), axis=0)
+    apart *= MORE_ELEMENTS if lacks_elements else OTHER_LAW
+    most = MAX_OTHER_COST * best.total if lacks_elements else 0.0
     near = sorted((f for f in fits if f.total <= most), key=lambda f: -f.total)
-    others = [f.value for f in {(f.hypothesis.law, _has_spring(f)): f for f in near}.values()]
-    return np.min([low, *others], axis=0), np.max([high, *others], axis=0)
+    also = [f.value for f in {(f.hypothesis.law, _has_spring(f)): f for f in near}.values()]
+    ends = best.value - apart, best.value + apart
+    return np.min([low, ends[0], *also], axis=0), np.max([high, ends[1], *also], axis=0)
 
 
 def _has_spring(fit: Fit) -> bool:

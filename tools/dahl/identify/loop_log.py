@@ -42,8 +42,12 @@ def bandwidth_of(log: Log, reference: np.ndarray, inertia: float) -> float:
     period = _period_of(log)
     error = reference - log.theta
     terms = error, np.cumsum(error) * period
-    derived = [_smooth(x, period, order) for x, order in ((error, 1), (reference, 1), (reference, 2))]
-    columns = [*(_smooth(x, period) for x in terms), *derived, np.ones(log.rows)]
+    columns = [
+        *(_smooth(x, period) for x in terms),
+        *(_smooth(x, period, 1) for x in (error, reference)),
+        _smooth(reference, period, 2),
+        np.ones(log.rows),
+    ]
     step = "record strokes in which the loop is behind its reference, or give --bandwidth"
     torque = _smooth(log.torque, period)
     stiffness = _first(log, "stiffness of the loop", np.column_stack(columns), torque, step)

@@ -471,8 +471,8 @@ def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
     if law == "breakaway":
         text = "the torque has a peak after each rest: its form changes the slope there"
         yield (True, False), "peak after a rest", text
-    dahl_at_turns = {*ONE_ELEMENT, *BY_SPEED, "asymmetric"}
-    if all(h.lag != "none" and h.law not in dahl_at_turns for h in plausible):
+    is_unusual = all(h.lag != "none" and h.law not in ONE_ELEMENT for h in plausible)
+    if is_unusual and law not in (*BY_SPEED, "asymmetric"):  # Dahl's laws at a reversal
         text = "law and lag both round the loop at a reversal, and both are unusual"
         hides_Fc = law != "breakaway"  # noqa: N806  (its peak is at the turns)
         yield (True, hides_Fc), "law and lag", f"{text}: no log separates them"
