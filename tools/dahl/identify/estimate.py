@@ -39,6 +39,7 @@ HIDDEN_ROUNDING = 0.3  # of the variance of a torque's rounding: it repeats in e
 COARSE_ERROR = 2.0  # times the variance of rounding, below which a torque sensor is coarse here
 MAX_SWAPPED_COST = 0.8  # of the robust cost, with angle and torque swapped, if they are; half of
 # it if the torque takes energy as given, which a soft loop's does too
+MAX_WITHOUT_LAG = 1.2  # times the best cost, that Dahl's law leaves without a lag
 MORE_ELEMENTS, OTHER_LAW, MAX_OTHER_COST = 1.4, 0.5, 2.0  # see _beyond_one_element()
 
 
@@ -201,6 +202,7 @@ def _judge(
     quantile = float(student.ppf(CONFIDENCE, max(len(samples.folds) - 1, 1)))
     lacks = [] if hidden else diagnose.lack_of_fit(fitter, seen.best, quantile, corrected)
     low, high = _over_hypotheses(seen, quantile)
+    low, high = _without_lag(seen, fits, low, high)
     low, high = _beyond_one_element(seen, fits, lacks, low, high)
     widths = {
         "noise": quantile * seen.chosen.error / value,
@@ -234,6 +236,20 @@ def _over_hypotheses(seen: Plausible, quantile: float) -> tuple[np.ndarray, np.n
     low = np.min([f.value - r for f, r in zip(seen.fits, reach, strict=True)], axis=0)
     high = np.max([f.value + r for f, r in zip(seen.fits, reach, strict=True)], axis=0)
     return low, high
+
+
+def _without_lag(
+    seen: Plausible, fits: list[Fit], low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return intervals that cover the best Dahl fit without a lag if a lag explains little more.
+
+    A small error of the angle at equal turning points looks like a lag, in each cycle.
+    """
+    plain = [f for f in fits if f.hypothesis.law == "dahl" and f.hypothesis.lag == "none"]
+    best = min(plain, key=lambda f: f.total, default=seen.best)
+    if best.total > MAX_WITHOUT_LAG * seen.best.total:
+        return low, high
+    return np.minimum(low, best.value), np.maximum(high, best.value)
 
 
 def _beyond_one_element(
