@@ -258,7 +258,8 @@ def _are_even(readings: np.ndarray) -> bool:
 def unwrap(log: Log, trust_units: bool = False) -> Log:
     """Unwrap a counter that wraps. Raises dahl.Error if its period is unclear."""
     jumps = wraps(log.theta)
-    if trust_units or not np.any(np.delete(jumps, gaps(log) - 1)):
+    paused = [_first_new_row(log, row) - 1 for row in gaps(log).tolist()]
+    if trust_units or not np.any(np.delete(jumps, paused)):
         return log  # or the shaft moved on while the recorder paused
     times, period = np.count_nonzero(jumps), wrap_period(log, jumps)
     if period == 0:

@@ -382,7 +382,7 @@ def claims_of(result: Result) -> Result:
     objections = [
         *_against_units(result),
         *_against_log(result),
-        *_against_widths(i),
+        *_against_widths(result, i),
         *_against_lacks(result),
         *_against_sigma0(result, i),
         *_against_short_strokes(result),
@@ -395,16 +395,21 @@ def claims_of(result: Result) -> Result:
         if one is not None
     }
     claimed = (first[0] is None, first[1] is None)
-    reasons = [text for _, _, text in objections if text]
+    reasons = list(dict.fromkeys(text for _, _, text in objections if text))
     return replace(result, intervals=i, claimed=claimed, reasons=reasons, refusals=refusals)
 
 
 def _against_lacks(result: Result) -> Iterator[Objection]:
-    """Objections of rows of diagnose.py, by the row that explains far more if there is one."""
+    """Objections of rows of diagnose.py; if others explain as much, they are named too."""
     for lack in sorted(result.lacks, key=lambda lack: -lack.gain):
-        main = max(result.lacks, key=lambda one: one.gain)
-        named = main if main.gain > MUCH_MORE * lack.gain else lack
-        yield lack.withdraws, named.name, named.text
+        rivals = [one for one in result.lacks if one is not lack and 2 * one.gain > lack.gain]
+        named, words = max([lack, *rivals], key=lambda one: one.gain), ""
+        if not any(lack.withdraws) or named.gain < MUCH_MORE * lack.gain:
+            named = lack
+        if any(lack.withdraws) and rivals:
+            others = [one.name.split(" each")[0] for one in [lack, *rivals] if one is not named]
+            words = f" (or {' or '.join(dict.fromkeys(others))} would)"
+        yield lack.withdraws, named.name, named.text + words
 
 
 def _against_short_strokes(result: Result) -> Iterator[Objection]:
@@ -451,31 +456,36 @@ def _against_log(result: Result) -> Iterator[Objection]:
         yield (True, True), "few cycles", text
 
 
-def _against_widths(i: Intervals) -> Iterator[Objection]:
+def _against_widths(result: Result, i: Intervals) -> Iterator[Objection]:
+    is_wrong = any(any(lack.withdraws) for lack in result.lacks)  # so that no width has its cause
     for k, name in enumerate(NAMES):
         half = (i.high[k] - i.low[k]) / 2 / i.value[k]
         if half > MAX_HALF_WIDTH and np.isfinite(half):
-            cause = SOURCES[i.dominant(k)]
-            text = f"{name} is known within {100 * half:.0f} % only, due to {cause}"
-            yield (k == 0, k == 1), STEPS_OF_SOURCES[i.dominant(k)], text
+            source = "lack of fit" if is_wrong else i.dominant(k)
+            text = f"{name} is known within {100 * half:.0f} % only, due to {SOURCES[source]}"
+            yield (k == 0, k == 1), STEPS_OF_SOURCES[source], text
 
 
 def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
     """Objections to the slope at rest, if no log resolves it; an unusual lag hides Fc too."""
     law, plausible = result.hypothesis.law, [fit.hypothesis for fit in result.plausible.fits]
-    if i is not result.intervals:
+    is_hidden = i is not result.intervals
+    is_unusual = all(h.lag != "none" and h.law not in ONE_ELEMENT for h in plausible)
+    is_unusual &= law not in (*BY_SPEED, "asymmetric", "breakaway")  # Dahl's laws at a reversal
+    if law == "breakaway":
+        text = "the torque has a peak after each rest: its form changes the slope there"
+        yield (True, False), "peak after a rest", text
+    if result.samples.has_rests and law not in ONE_ELEMENT and (is_hidden or is_unusual):
+        text = "friction may change in the rests, or law and lag both round the loop at a reversal"
+        yield (True, is_unusual), "peak after a rest", text
+    if is_hidden:
         what, reason = "presliding is", "short presliding"
         if law not in ONE_ELEMENT:
             what, reason = "the steepest part of the fitted law is", "steepest at rest"
         yield (True, False), reason, f"{what} shorter than a count or a move of one row"
-    if law == "breakaway":
-        text = "the torque has a peak after each rest: its form changes the slope there"
-        yield (True, False), "peak after a rest", text
-    is_unusual = all(h.lag != "none" and h.law not in ONE_ELEMENT for h in plausible)
-    if is_unusual and law not in (*BY_SPEED, "asymmetric"):  # Dahl's laws at a reversal
+    if is_unusual:
         text = "law and lag both round the loop at a reversal, and both are unusual"
-        hides_Fc = law != "breakaway"  # noqa: N806  (its peak is at the turns)
-        yield (True, hides_Fc), "law and lag", f"{text}: no log separates them"
+        yield (True, True), "law and lag", f"{text}: no log separates them"
     if any(_is_steepest_at_rest(fit) for fit in result.plausible.fits):
         text = "the loop is steepest at rest, as of small stiff elements: sigma0 is larger"
         yield (True, False), "steepest at rest", text

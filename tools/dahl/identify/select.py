@@ -38,7 +38,6 @@ MAX_SKEWED = 3  # hypotheses that are fitted with a skew
 MAX_LOGS_WITH_DELAYS = 4  # logs that may each have a delay of their own
 FAR_STEP = 0.1  # of ln a: a plausible subset whose linearisation went further is fitted again
 MAX_REFITS = 8  # until the best one is at its optimum
-MIN_RESTS = 0.05  # of the samples; a sine is as slow as a rest in 1 %
 OTHER_ANGLES = 5  # laws that are fitted again with the other angles
 
 
@@ -155,7 +154,7 @@ def _law_starts(
 ) -> dict[str, np.ndarray]:
     """Start values without a lag, by law; `plain` is Dahl's law without one."""
     laws = ["slip", "stribeck", "log speed", "asymmetric"]
-    if fitter.samples.is_at_rest.mean() > MIN_RESTS:
+    if fitter.samples.has_rests:
         laws.append("breakaway")
     if len(models.strokes(fitter.moves[plain.angle])[0]) < models.MAX_STROKES:
         laws += ["exponent", "bouc-wen", "soft shaft"]
