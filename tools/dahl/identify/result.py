@@ -28,7 +28,9 @@ SLIP_LENGTHS = 3  # presliding lengths that a compensator needs if slip elements
 MAX_HALF_WIDTH = 0.3  # of the value; a wider interval is no basis for a firmware
 MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller shapes still more
 MIN_REACHED = 0.8  # of Fc, by the friction in a log; Dahl's law alone may extrapolate further
+MIN_PLAY_COUNTS = 1.5  # of a play that is not the travel hidden by a count
 BOUND_MARGIN = 1.1  # of bounds from intervals that are not claimed
+MUCH_MORE = 3.0  # times the gain of a row of diagnose.py, from which another row is the cause
 MIN_R2 = 0.5  # on cycles left out; below it most of the torque is not friction
 POWERS_OF_REACH = {"spring": 1, "cubic": 3}  # by which samples.py divides the angle of these terms
 SOURCES = {  # of the width of an interval, in the order in which they are added
@@ -209,8 +211,12 @@ class Result:
 
     @property
     def play(self) -> float:
-        """Width of the play between encoder and bearing in the chosen hypothesis, rad (m)."""
-        return float(np.exp(self.chosen.p[-1])) if self.hypothesis.lag == "play" else 0.0
+        """Width of the play between encoder and bearing in the chosen hypothesis, rad (m).
+
+        A play of about a count is the travel that a count hides at a turn: 0.
+        """
+        width = float(np.exp(self.chosen.p[-1])) if self.hypothesis.lag == "play" else 0.0
+        return width if width > MIN_PLAY_COUNTS * self.samples.count else 0.0
 
     @property
     def terms(self) -> dict[str, float]:
@@ -394,8 +400,11 @@ def claims_of(result: Result) -> Result:
 
 
 def _against_lacks(result: Result) -> Iterator[Objection]:
-    for lack in result.lacks:
-        yield lack.withdraws, lack.name, lack.text
+    """Objections of rows of diagnose.py, by the row that explains far more if there is one."""
+    for lack in sorted(result.lacks, key=lambda lack: -lack.gain):
+        main = max(result.lacks, key=lambda one: one.gain)
+        named = main if main.gain > MUCH_MORE * lack.gain else lack
+        yield lack.withdraws, named.name, named.text
 
 
 def _against_short_strokes(result: Result) -> Iterator[Objection]:
@@ -453,17 +462,20 @@ def _against_widths(i: Intervals) -> Iterator[Objection]:
 
 def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
     """Objections to the slope at rest, if no log resolves it; an unusual lag hides Fc too."""
+    law, plausible = result.hypothesis.law, [fit.hypothesis for fit in result.plausible.fits]
     if i is not result.intervals:
-        text = "presliding is shorter than a count or a move of one row"
-        yield (True, False), "short presliding", text
-    plausible = [fit.hypothesis for fit in result.plausible.fits]
-    if all(h.lag != "none" and h.law not in (*ONE_ELEMENT, *BY_SPEED) for h in plausible):
-        text = "law and lag both round the loop at a reversal, and both are unusual"
-        hides_Fc = result.hypothesis.law != "breakaway"  # noqa: N806  (its peak is at the turns)
-        yield (True, hides_Fc), "law and lag", f"{text}: no log separates them"
-    if result.hypothesis.law == "breakaway":
+        what, reason = "presliding is", "short presliding"
+        if law not in ONE_ELEMENT:
+            what, reason = "the steepest part of the fitted law is", "steepest at rest"
+        yield (True, False), reason, f"{what} shorter than a count or a move of one row"
+    if law == "breakaway":
         text = "the torque has a peak after each rest: its form changes the slope there"
         yield (True, False), "peak after a rest", text
+    is_unusual = all(h.lag != "none" and h.law not in ONE_ELEMENT for h in plausible)
+    if is_unusual and law not in (*BY_SPEED, "asymmetric"):  # Dahl's laws at a reversal
+        text = "law and lag both round the loop at a reversal, and both are unusual"
+        hides_Fc = law != "breakaway"  # noqa: N806  (its peak is at the turns)
+        yield (True, hides_Fc), "law and lag", f"{text}: no log separates them"
     if any(_is_steepest_at_rest(fit) for fit in result.plausible.fits):
         text = "the loop is steepest at rest, as of small stiff elements: sigma0 is larger"
         yield (True, False), "steepest at rest", text

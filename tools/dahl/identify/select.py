@@ -25,11 +25,13 @@ from dahl.identify.fit import (
     excess,
 )
 from dahl.identify.models import LAWS
+from dahl.identify.samples import Samples
 from dahl.identify.start import pair_starts, slip_start
 from dahl.io.log import TERMS
 
 PLAUSIBLE_ERRORS = 1.5  # standard errors from the best score; 7 % of the true are further away
 MODEL_ERROR = 0.003  # of Fc, rms, that even the right law is off; a judgement
+SPLINE_ERROR = 0.02  # the same if turns between two rows are those of a spline
 PENALTY = 0.002  # of the best cost, for each parameter: a tie goes to the simpler hypothesis
 SKEW_SAMPLES = 0.5  # torque and angle of one row may be read half a row apart
 MAX_SKEWED = 3  # hypotheses that are fitted with a skew
@@ -217,7 +219,13 @@ def plausible(fitter: Fitter, fits: list[Fit], hidden: float) -> Plausible:
 
 def model_error(fitter: Fitter, best: Fit) -> float:
     """Cost of the error that even the right law has."""
-    return float(fitter.samples.used.sum()) * (MODEL_ERROR * float(best.value[1])) ** 2
+    part = relative_error(fitter.samples)
+    return float(fitter.samples.used.sum()) * (part * float(best.value[1])) ** 2
+
+
+def relative_error(samples: Samples) -> float:
+    """Return the part of sigma0, Fc and torque that even the right law is off."""
+    return SPLINE_ERROR if samples.block < 1 else MODEL_ERROR
 
 
 def is_near(cost: np.ndarray, best: np.ndarray, hidden: float = 0.0) -> bool:
