@@ -285,6 +285,15 @@ def test_a_log_without_strokes_is_refused_with_a_next_step():
         identify([log_of(theta, FC + 0 * theta)])
 
 
+@pytest.mark.parametrize("seed", [6017, 6035])
+def test_a_motor_current_in_a_loop_is_claimed(seed):
+    """Stribeck friction and a late torque; a loop that answers counts of the encoder."""
+    result = identify([motor_logs.log(seed)])
+    assert result.claimed == (True, True), result.verdict
+    assert result.sigma0.low <= SIGMA0 <= result.sigma0.high
+    assert result.Fc.low <= FC <= result.Fc.high
+
+
 def test_a_loop_that_hardly_moves_does_not_show_full_slip():
     result = identify([motor_logs.log(114)])  # 1.2 presliding lengths in all, .29 N m
     assert not result.Fc.claimed or result.Fc.low <= FC <= result.Fc.high, result.verdict

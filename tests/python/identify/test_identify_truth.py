@@ -117,6 +117,14 @@ def test_a_few_logs_are_claimed_and_true():
         assert (found["verdict"] == verdict).sum() <= 1, found.to_string()
 
 
+def test_the_bound_is_that_of_a_mean_and_a_slope():
+    x = np.linspace(-1, 1, 101)
+    line = {"mean": 2.0, "slope": 5.0}
+    widths = cramer_rao.half_widths(lambda mean, slope: mean + slope * x, line, 0.3)
+    assert widths["mean"] == pytest.approx(2 * 0.3 / np.sqrt(101) / 2)
+    assert widths["slope"] == pytest.approx(2 * 0.3 / np.linalg.norm(x) / 5)
+
+
 @pytest.mark.long
 @pytest.mark.timeout(8 * 3600)
 @pytest.mark.parametrize("group", GROUPS)

@@ -292,7 +292,8 @@ OBJECTIONS = [  # plausible fits, the chosen one first, and how many objections 
     ([("dahl", "delay")], 0),
     ([("exponent", "none")], 0),
     ([("exponent", "delay")], 1),  # both round the loop
-    ([("exponent", "delay"), ("stribeck", "play")], 1),
+    ([("exponent", "delay"), ("bouc-wen", "play")], 1),
+    ([("exponent", "delay"), ("stribeck", "play")], 0),  # Dahl's law at a reversal
     ([("exponent", "delay"), ("dahl", "delay")], 0),
     ([("exponent", "delay"), ("exponent", "none")], 0),
     ([("bouc-wen", "none", 0.81)], 0),

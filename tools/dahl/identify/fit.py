@@ -187,7 +187,8 @@ def solve_within(gram: np.ndarray, ends: np.ndarray) -> np.ndarray:
     scale = np.sqrt(np.maximum(np.diag(gram)[:-1], 1e-300))
     matrix = gram[:-1, :-1] / scale[:, None] / scale + 1e-10 * np.eye(len(scale))
     root = np.linalg.cholesky(matrix).T
-    found: np.ndarray = lsq_linear(root, root @ (wanted * scale), ends * scale, "bvls").x / scale
+    low, high = ends * scale
+    found: np.ndarray = lsq_linear(root, root @ (wanted * scale), (low, high), "bvls").x / scale
     return found
 
 

@@ -69,10 +69,9 @@ def _smooth(x: np.ndarray, period: float, derivative: int = 0) -> np.ndarray:
 
 def _first(log: Log, name: str, table: np.ndarray, torque: np.ndarray, step: str) -> float:
     """Return the first coefficient of least squares, if parts of the log agree on it."""
-    parts = np.array_split(np.arange(len(torque)), PARTS)
-    kept = [np.delete(np.arange(len(torque)), part) for part in parts]
-    rows = [slice(None), *kept]
-    whole, *left_out = (np.linalg.lstsq(table[r], torque[r], rcond=None)[0][0] for r in rows)
+    rows = np.arange(len(torque))
+    kept = [rows, *(np.delete(rows, part) for part in np.array_split(rows, PARTS))]
+    whole, *left_out = (np.linalg.lstsq(table[r], torque[r], rcond=None)[0][0] for r in kept)
     error = 2 * math.sqrt((PARTS - 1) * np.var(left_out))
     if not error < MAX_ERROR * whole:
         raise InputError(f"{log.name}: the log does not show the {name}; {step}")
