@@ -203,6 +203,9 @@ def _judge(
     lacks = [] if hidden else diagnose.lack_of_fit(fitter, seen.best, quantile, corrected)
     low, high = _over_hypotheses(seen, quantile)
     low, high = _without_lag(seen, fits, low, high)
+    if samples.has_rests:  # friction that creeps back there looks like a viscous torque in motion
+        slips = [f.value[1] + fitter.timed(f).get("viscous", 0.0) for f in seen.fits]
+        high[1] = max(high[1], *slips)
     low, high = _beyond_one_element(seen, fits, lacks, low, high)
     widths = {
         "noise": quantile * seen.chosen.error / value,
