@@ -19,6 +19,7 @@ SMOOTH_ROWS, ORDER = 15, 3  # of a polynomial through angle, reference and torqu
 SLIDING = 0.4  # of fast motion; presliding near a turn looks like inertia
 KNOTS = 17  # of a torque that depends on the angle
 PARTS = 12  # of a log, that are left out one by one
+MIN_FREE = 0.01  # of a column, that the others do not explain
 MAX_ERROR = 0.2  # two standard errors of a coefficient, in it
 
 
@@ -55,11 +56,12 @@ def bandwidth_of(log: Log, reference: np.ndarray, inertia: float) -> float:
 
 
 def _period_of(log: Log) -> float:
-    if log.time is None:
+    period = 0.0 if log.time is None else float(np.median(np.diff(log.time)))
+    if not period > 0:
         raise InputError(f"{log.name}: inertia and bandwidth need times of the rows")
     if log.rows < PARTS * SMOOTH_ROWS:
         raise InputError(f"{log.name}: {log.rows} rows are too few to see inertia and bandwidth")
-    return float(np.median(np.diff(log.time)))
+    return period
 
 
 def _smooth(x: np.ndarray, period: float, derivative: int = 0) -> np.ndarray:
@@ -73,6 +75,9 @@ def _first(log: Log, name: str, table: np.ndarray, torque: np.ndarray, step: str
     kept = [rows, *(np.delete(rows, part) for part in np.array_split(rows, PARTS))]
     whole, *left_out = (np.linalg.lstsq(table[r], torque[r], rcond=None)[0][0] for r in kept)
     error = 2 * math.sqrt((PARTS - 1) * np.var(left_out))
-    if not error < MAX_ERROR * whole:
+    first, others = table[:, 0], table[:, 1:]
+    free = first - others @ np.linalg.lstsq(others, first, rcond=None)[0]
+    is_free = free @ free > MIN_FREE**2 * (first @ first)
+    if not (is_free and error < MAX_ERROR * whole):
         raise InputError(f"{log.name}: the log does not show the {name}; {step}")
     return float(whole)
