@@ -6,10 +6,10 @@
 #include "dahl_node.h"
 #include "run_file.h"
 
-/* Memory of a node for a model other than dahl. */
+/* Memory of a node for a model other than dahl; each member begins with a dahl_node_model_t. */
 #define MODEL_STORAGE(name, ...) dahl_node_##name##_t name;
 typedef union {
-    DAHL_FRAMES_OTHER_MODELS(MODEL_STORAGE)
+    DAHL_OTHER_MODELS(MODEL_STORAGE)
 } model_memory_t;
 
 /* Call it after dahl_node_init. It returns the error code of the library. */

@@ -26,8 +26,8 @@ FLAGS = "-O0 -g -fprofile-instr-generate -fcoverage-mapping -fcoverage-mcdc"
 FEW_TICKS = "-DTEST_TICKS=20000 -DTEST_KERNEL_STRIDE=65537 -DTEST_FINEST_BITS=20"
 
 # Codecs and receiver. Sockets, serial ports and boards are tested through their programs.
-PORT = re.compile(r"(port|lib/node)/.*\b(frame_queue|frames|loopback|slcan|text|node)\.[ch]$")
-LIB = re.compile(r"lib/(?!node/|cores/).*\.[ch]$")
+PORT = re.compile(r"port/.*\b(frame_queue|loopback|slcan|text)\.[ch]$")
+LIB = re.compile(r"lib/(?!cores/).*\.[ch]$")
 
 # Processor features that the batches need, one more in each row, so that each condition decides
 # once.

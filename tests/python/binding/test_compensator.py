@@ -9,12 +9,15 @@ import math
 import random
 from collections.abc import Callable
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import dahl
 import numpy as np
 import pytest
+from dahl.binding import models
 from dahl.binding.library import c
+from model_examples import BRISTLES
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -29,9 +32,10 @@ ELEMENTS: dict[str, Callable[[], Any]] = {
     "dahl": lambda: dahl.Friction(dahl.Plan(**FRICTION)),
     "slip": lambda: dahl.Slip([60.0, 40.0], [0.3, 0.2], THETA),
     "mix": lambda: dahl.Parallel(dahl.Slip([50.0], [0.25], THETA), ELEMENTS["dahl"]()),
-    "asymmetric": lambda: dahl.Asymmetric(100.0, 0.5, 0.4, THETA),
-    "elastoplastic": lambda: dahl.ElastoPlastic(100.0, 0.5, THETA, 0.6),
 }
+for row in BRISTLES:  # an Fc for each direction, or the breakaway
+    values = [100.0, *[0.5, 0.4][: row.Fcs], THETA, *([0.6] if row.key else [])]
+    ELEMENTS[row.name] = partial(models.class_of(row), *values)
 
 
 def compensator(**changed: Any) -> dahl.Compensator:

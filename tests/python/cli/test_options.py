@@ -212,7 +212,7 @@ COMMAS = [  # --model and options of plan; whether a number with a decimal comma
     ("slip --sigma0 100,5 --fc 0,5", True),
     ("asymmetric --sigma0 100 --fc 0,2", True),
     ("asymmetric --sigma0 100 --fc 0,2,0,3", True),
-    ("elastoplastic --sigma0 1 --fc 1 --breakaway 0,5", True),
+    (f"{models.with_key('breakaway').name} --sigma0 1 --fc 1 --breakaway 0,5", True),
     ("dahl --sigma0 100;5 --fc 1", False),
     ("slip --sigma0 1 --fc nan", False),
     ("asymmetric --sigma0 100 --fc 1", False),

@@ -306,7 +306,7 @@ def test_parameters_that_do_not_fit_are_an_error_of_the_initialization(
 
 
 def test_the_smallest_breakaway_can_be_set_saved_and_restored(export):
-    path = export(models.table()["elastoplastic"], "--breakaway", 1e-44)
+    path = export(models.with_key("breakaway"), "--breakaway", 1e-44)
     one = Instance(path).initialize(breakaway=1e-44)
     assert one.restore(one.save()) == OK
 

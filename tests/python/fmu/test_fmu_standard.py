@@ -80,7 +80,8 @@ def test_fmpy_simulates_the_bits_of_python_before_and_after_its_own_build(dahl, 
 
 
 @pytest.mark.parametrize(
-    "words", [("parallel",), ("elastoplastic",), ("loaded", "--fixed-stiffness")]
+    "words",
+    [("parallel",), (models.with_key("breakaway").name,), ("loaded", "--fixed-stiffness")],
 )
 def test_a_plain_compiler_builds_the_sources_with_the_headers_of_the_standard(
     export, fmi, header, words

@@ -20,12 +20,13 @@ from matplotlib.figure import Figure
 
 SIGMA0, FC = 100.0, 0.5  # N m/rad, N m
 COUNT = 2 * np.pi / 2**14  # rad
+SCALE = {"sigma0": 1.0, "Fc": 1.0}  # factors of all friction of this file (true_law.py)
 
 
 def springs(theta: np.ndarray, *parts: tuple[float, float]) -> np.ndarray:
     """Springs that slip, (sigma0, Fc) each, row by row."""
     forces, drawn = np.zeros(len(parts)), []
-    stiffness, limits = np.array(parts).T
+    stiffness, limits = np.array(parts).T * [[SCALE["sigma0"]], [SCALE["Fc"]]]
     for move in np.diff(theta, prepend=theta[0]):
         forces = np.clip(forces + stiffness * move, -limits, limits)
         drawn.append(forces.sum())
@@ -42,7 +43,8 @@ def dahl_torque(
 
     If `is_reduced`, a falling Fc reduces the torque at once, as a falling load does.
     """
-    stiffness, limits = (np.broadcast_to(np.asarray(x, float), theta.shape) for x in (sigma0, Fc))
+    scaled = SCALE["sigma0"] * np.asarray(sigma0, float), SCALE["Fc"] * np.asarray(Fc, float)
+    stiffness, limits = (np.broadcast_to(x, theta.shape) for x in scaled)
     torque, F, before = [], 0.0, limits[0]  # noqa: N806
     moves = np.diff(theta, prepend=theta[0])
     for move, k, limit in zip(moves.tolist(), stiffness.tolist(), limits.tolist(), strict=True):

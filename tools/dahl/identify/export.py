@@ -125,7 +125,7 @@ class RunnableModel:
 
         Raises dahl.Error for parameters that the library rejects.
         """
-        from dahl.binding.asymmetric import Asymmetric
+        from dahl.binding.bristles import Asymmetric
         from dahl.binding.friction import Plan
         from dahl.binding.slip import Slip
 
