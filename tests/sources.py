@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The C files of the product by purpose, found by folder, so that a new file needs no change."""
 
-from __future__ import annotations
-
 import functools
 from pathlib import Path
 

@@ -7,8 +7,6 @@ The properties are in tests/fuzz/*.c. Programs and inputs are in build/fuzz. An 
 property stays there as NAME/crash-... and is a seed of each later run.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -8,8 +8,6 @@ runs the forms for compilers without extensions, tests/target the code for ARMv6
 torque_from.c, a branch of scale.h) on a Cortex-M0.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Sources and compiler flags of the static checks."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 

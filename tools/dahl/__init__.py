@@ -46,13 +46,13 @@ from dahl.version import __version__ as __version__
 TYPE_CHECKING = False  # importing typing would double the time of `dahl --help`
 if TYPE_CHECKING:
     from dahl.binding.adaptation import Adaptation
-    from dahl.binding.bristles import Asymmetric, ElastoPlastic
     from dahl.binding.compensator import Compensator
     from dahl.binding.encoder import Encoder, counts_between, to_units
     from dahl.binding.friction import Friction, Plan, State
     from dahl.binding.loaded import Loaded
     from dahl.binding.plausible import implausible
     from dahl.binding.slip import Parallel, Slip
+    from dahl.binding.state_element import Asymmetric, ElastoPlastic
     from dahl.binding.throughput import Throughput
     from dahl.binding.velocity import VelocityTable
     from dahl.binding.work import Work

@@ -3,8 +3,6 @@
 refusals with their limits, and changes of parameters in exact numbers.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Callable
@@ -17,9 +15,7 @@ import numpy as np
 import pytest
 from dahl.binding import models
 from dahl.binding.library import c
-from model_examples import BRISTLES
-
-pytestmark = pytest.mark.usefixtures("library")
+from model_examples import STATE_ELEMENTS
 
 THETA = 3.8e-4
 FRICTION = {"sigma0": 100.0, "Fc": 0.5, "theta_per_count": THETA}
@@ -33,7 +29,7 @@ ELEMENTS: dict[str, Callable[[], Any]] = {
     "slip": lambda: dahl.Slip([60.0, 40.0], [0.3, 0.2], THETA),
     "mix": lambda: dahl.Parallel(dahl.Slip([50.0], [0.25], THETA), ELEMENTS["dahl"]()),
 }
-for row in BRISTLES:  # an Fc for each direction, or the breakaway
+for row in STATE_ELEMENTS:  # an Fc for each direction, or the breakaway
     values = [100.0, *[0.5, 0.4][: row.Fcs], THETA, *([0.6] if row.key else [])]
     ELEMENTS[row.name] = partial(models.class_of(row), *values)
 

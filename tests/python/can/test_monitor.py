@@ -3,8 +3,6 @@
 terminals of any size.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import re
@@ -19,8 +17,6 @@ import pytest
 from bus_frames import ANGLE, ERRORS, frames, new_channel, sending
 from dahl import Node, Plan, codec
 from identify_tools import complaint
-
-pytestmark = pytest.mark.usefixtures("library")
 
 OK = {"State": "OK", "TorqueRatio": 0.5}
 Sent = tuple[str, float, dict[str, Any]]

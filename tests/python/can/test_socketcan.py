@@ -6,8 +6,6 @@ The first runs on this kernel if its vcan0 is up, else in a virtual machine (too
 runs all cases (tests/socketcan/run.sh and controllers.sh). Each test reads the files of one case.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

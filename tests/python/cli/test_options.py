@@ -3,8 +3,6 @@
 options, and completion in a shell.
 """
 
-from __future__ import annotations
-
 import ast
 import math
 import re

@@ -6,8 +6,6 @@ One line of a table is `words => facts`: the facts must occur in the message in 
 capitals stand for several words (MACROS). dahl-loop has its own table: sim/test_run_file.py.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -23,8 +21,6 @@ from demo_tools import write_log
 from identify_tools import FC, complaint, dahl_torque, noise_of, sine, write_csv
 from loop_tools import SCENES
 from programs import call
-
-pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
 BREAKAWAY = models.with_key("breakaway").name  # the model with this parameter
 COLUMNS = "--angle 'shaft [deg]' --torque 'sensor [mNm]'"

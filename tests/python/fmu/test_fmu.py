@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """`dahl fmu`: torques of each model against its Python class, split steps, states, errors."""
 
-from __future__ import annotations
-
 import math
 import re
 import struct
@@ -20,8 +18,6 @@ from dahl.simulators import fmu
 from fmu_instance import CO_SIMULATION, ERROR, OK, Instance
 from identify_tools import complaint
 from model_examples import THETA, made, numbers, whole
-
-pytestmark = pytest.mark.usefixtures("library")
 
 MODELS = list(models.table().values())
 DAHL = MODELS[0]

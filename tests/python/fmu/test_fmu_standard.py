@@ -3,8 +3,6 @@
 standard, which it contains.
 """
 
-from __future__ import annotations
-
 import re
 import zipfile
 from functools import partial
@@ -20,7 +18,7 @@ from fmu_instance import Instance
 from programs import run
 from test_fmu import DAHL, EVERY, walk
 
-pytestmark = [pytest.mark.checks, pytest.mark.usefixtures("library")]
+pytestmark = pytest.mark.checks
 
 WITHOUT = "unproven: FMUs in fmpy: fmpy is not here; tools/setup.sh checks installs it"
 ONLY_MODEL_EXCHANGE = {  # of FMI 2.0

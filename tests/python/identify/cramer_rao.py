@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """How well a fit of the true law can know its parameters: the bound of Cramer and Rao."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

@@ -3,8 +3,6 @@
 hostile_logs.py. The truth is always SIGMA0 (slope at rest) and FC (full slip at speed).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 with no code of the package in it; the encoder rounds a motion that is smooth.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

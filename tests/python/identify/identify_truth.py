@@ -6,8 +6,6 @@ Each maker takes a seed and gives a log; the truth is always SIGMA0 and FC: the 
 the friction at full slip, of all elements together, without what a kind adds to them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -6,8 +6,6 @@ The motion is that of `dahl excite`, for guesses that are wrong by up to 3. The 
 SIGMA0 and FC: the slope at rest, and the torque in sliding at speed.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

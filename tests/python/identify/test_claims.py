@@ -3,8 +3,6 @@
 predictions.
 """
 
-from __future__ import annotations
-
 import itertools
 import json
 from collections.abc import Callable
@@ -32,8 +30,6 @@ from identify_tools import (
     synthetic,
 )
 from scipy.signal import lfilter
-
-pytestmark = pytest.mark.usefixtures("library")
 
 TRUTH = {"sigma0": SIGMA0, "Fc": FC}
 MAX_HALF_WIDTH, MIN_CYCLES = 0.3, 6

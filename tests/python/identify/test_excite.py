@@ -3,8 +3,6 @@
 table and scene have the printed numbers.
 """
 
-from __future__ import annotations
-
 import functools
 import json
 import re
@@ -18,8 +16,6 @@ import pytest
 from dahl.identify import identify
 from identify_tools import COUNT, FC, SIGMA0, complaint, dahl_torque, log_of, replayed, turns_of
 from log_reading import run
-
-pytestmark = pytest.mark.usefixtures("library")
 
 KNOWN = ("--sigma0", SIGMA0, "--fc", FC, "--counts-per-turn", "16384")
 LENGTH = FC / SIGMA0  # rad, of presliding

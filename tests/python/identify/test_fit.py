@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Fits and scores against dense least squares, scipy.optimize and refits without a cycle."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -16,8 +14,6 @@ from dahl.identify.start import coarse_start, pair_starts, slip_start
 from identify_tools import FC, SIGMA0, behind_play, chirp, dahl_torque, log_of, springs
 from scipy.optimize import least_squares, minimize
 from scipy.signal import filtfilt, lfilter
-
-pytestmark = pytest.mark.usefixtures("library")
 
 A, STEP = SIGMA0 / FC, 1e-3
 PATH = chirp(1500, first=5, last=11)

@@ -5,8 +5,6 @@ that of dahl_prepare(), a scene that replays the log, a picture of log and fit.
 Most tests share a linear rig with known offset, spring, viscous friction and inertia.
 """
 
-from __future__ import annotations
-
 import configparser
 import json
 import re
@@ -22,7 +20,7 @@ import numpy as np
 import pytest
 from dahl import Plan, __version__
 from dahl.binding import plan_header
-from dahl.binding.bristles import Asymmetric
+from dahl.binding.state_element import Asymmetric
 from dahl.identify import Log, Options, export, identify, models, plot, report
 from identify_tools import (
     COUNT,
@@ -40,8 +38,6 @@ from identify_tools import (
     write_table,
 )
 from log_reading import drawing, run
-
-pytestmark = pytest.mark.usefixtures("library")
 
 ROWS, NOISE = 3000, 0.02
 TERMS = {"offset": 0.125, "spring": 4.5, "viscous": 0.25, "inertia": 0.0375}  # N, m and s

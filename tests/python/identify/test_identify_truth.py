@@ -7,8 +7,6 @@ A claim is right if its interval holds the truth. --full prints both tables, for
 DAHL_IDENTIFY_SEEDS says (100), and fails beyond the limits.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 import time
@@ -30,8 +28,6 @@ from dahl.identify import Log, identify
 from dahl.identify.result import Parameter
 from identify_tools import FC, SIGMA0
 from scipy.stats import binomtest
-
-pytestmark = pytest.mark.usefixtures("library")
 
 TRUTH = {"sigma0": SIGMA0, "Fc": FC}
 GROUPS: dict[str, dict[str, Callable[[int], Log]]] = {

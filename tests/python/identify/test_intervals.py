@@ -3,8 +3,6 @@
 least squares, made-up fits and effects of known size.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -27,8 +25,6 @@ from identify_tools import (
     noise_of,
     turns_of,
 )
-
-pytestmark = pytest.mark.usefixtures("library")
 
 A = SIGMA0 / FC
 PATH = chirp(2400, first=5, last=11)

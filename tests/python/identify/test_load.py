@@ -3,8 +3,6 @@
 claimed if it is not there, and exported to plan, scene and check.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 from dataclasses import replace
@@ -26,8 +24,6 @@ from identify_tools import (
     write_table,
 )
 from log_reading import drawing, run
-
-pytestmark = pytest.mark.usefixtures("library")
 
 ROWS, CYCLES = 2400, 8
 REST = np.linspace(0, 1, ROWS)

@@ -3,8 +3,6 @@
 machine.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

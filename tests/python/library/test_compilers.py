@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Messages of compilers: an unused result warns, and a core that lacks something does not build."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from pathlib import Path

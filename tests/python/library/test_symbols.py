@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Symbol tables: the library uses no heap and no globals, and libm only in the float form."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

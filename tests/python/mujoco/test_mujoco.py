@@ -3,8 +3,6 @@
 tendons; states that can be copied, reset and rolled back; the hinge under half of Fc.
 """
 
-from __future__ import annotations
-
 import copy
 import os
 import re

@@ -3,8 +3,6 @@
 circle; only lib sees the private headers of lib.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from graphlib import TopologicalSorter

@@ -3,8 +3,6 @@
 environment that reads no file of the tree.
 """
 
-from __future__ import annotations
-
 import importlib.metadata
 import json
 import os

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The picture of `dahl plot`: curves, units, time axes, and panels that only some runs have."""
 
-from __future__ import annotations
-
 import copy
 import json
 import re

@@ -3,8 +3,6 @@
 moved or changed, and records of several buses.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path
@@ -15,8 +13,6 @@ import pytest
 from identify_tools import complaint
 from log_reading import drawing
 from loop_tools import REPLAY
-
-pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
 MEASURED = "[measured]\ntorque = T\n"
 

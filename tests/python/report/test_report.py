@@ -3,8 +3,6 @@
 the fit, and the page. Most tests call dahl.report.traces, since `dahl demo` gets only sound frames.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -3,8 +3,6 @@
 programs that reach a network are stand-ins.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -4,8 +4,6 @@ motions of a scene (test_loop_virtual.py), lengths of frames, and counters and a
 docs/loop.md (can/test_node_sequences.py). It has no shaft and no controller.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Helpers for tests of dahl-loop: run it, read its log, join its bus."""
 
-from __future__ import annotations
-
 import argparse
 import configparser
 import contextlib

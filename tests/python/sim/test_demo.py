@@ -3,8 +3,6 @@
 ends, and the files that it leaves.
 """
 
-from __future__ import annotations
-
 import functools
 import json
 import math
@@ -40,8 +38,6 @@ from demo_tools import (
 from identify_tools import complaint
 from log_reading import drawing
 from loop_tools import SCENES, is_running, run, spawn, wait_for_bytes, wait_until
-
-pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
 
 @pytest.fixture

@@ -3,8 +3,6 @@
 to dahl-loop, and a dahl-loop or firmware that fails, hangs or gives wrong answers.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import re

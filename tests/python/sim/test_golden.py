@@ -5,8 +5,6 @@ tests/sim/golden.txt has for each run its scene and options, and below a SHA-256
 change is intended, replace the lines by those that the failed test shows.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from pathlib import Path

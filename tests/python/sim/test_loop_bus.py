@@ -3,8 +3,6 @@
 and in two. Lockstep, a node that stalls, foreign answers, and a bus that is missing or goes away.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -3,8 +3,6 @@
 can/test_socketcan.py.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import re

@@ -3,8 +3,6 @@
 the benefit of friction compensation.
 """
 
-from __future__ import annotations
-
 import functools
 import re
 from collections.abc import Callable

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """How dahl-loop ends: by each signal, and with its parent."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

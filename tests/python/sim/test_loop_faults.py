@@ -3,8 +3,6 @@
 its form, is counted, and changes no torque (host_sim/faults.h).
 """
 
-from __future__ import annotations
-
 from collections import Counter, defaultdict
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 unread pipe loses are counted.
 """
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os

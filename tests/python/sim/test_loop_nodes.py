@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Many nodes on one bus, in virtual and in real time."""
 
-from __future__ import annotations
-
 import pytest
 from loop_tools import SCENES, read_log, run, setting
 

@@ -4,8 +4,6 @@ silent or gone disturb neither the loop nor other clients. Answers to commands, 
 on simulated sockets: tests/port/test_socketcand.c.
 """
 
-from __future__ import annotations
-
 import contextlib
 import re
 import select

@@ -3,8 +3,6 @@
 a dahl.Node; determinism, memory, absent parts, logs that are replayed.
 """
 
-from __future__ import annotations
-
 import random
 import re
 from pathlib import Path

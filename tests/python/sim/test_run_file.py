@@ -3,8 +3,6 @@
 value and range, exits with 2 and runs nothing. Scenes: test_scene_errors.py.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import re
 from pathlib import Path

@@ -3,8 +3,6 @@
 program starts. Each number is accepted up to its limits. Run files of dahl-loop: test_run_file.py.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

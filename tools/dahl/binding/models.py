@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from dahl.facts import MODELS
 
 if TYPE_CHECKING:
-    from dahl.binding.bristles import Bristle
     from dahl.binding.friction import Friction, Plan
     from dahl.binding.loaded import Loaded
     from dahl.binding.slip import Parallel, Slip
+    from dahl.binding.state_element import StateElement
 
-    AnyPlan: TypeAlias = Plan | Slip | Bristle
+    AnyPlan: TypeAlias = Plan | Slip | StateElement
     AnyModel: TypeAlias = AnyPlan | Parallel | Loaded
 
 

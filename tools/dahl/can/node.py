@@ -26,13 +26,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias, overload
 
 from dahl.binding import checks, models
-from dahl.binding.bristles import Bristle
 from dahl.binding.checks import INT32_MAX, UINT32_MAX
 from dahl.binding.copies import Copied, content
 from dahl.binding.friction import Friction, Plan
 from dahl.binding.library import c
 from dahl.binding.loaded import Loaded
 from dahl.binding.slip import SLIP_MAX, Parallel, Slip
+from dahl.binding.state_element import StateElement
 from dahl.can import codec
 from dahl.can.bus import is_gone, receive
 from dahl.errors import BusError, Error, InputError, RunError, Timeout, hide
@@ -51,7 +51,7 @@ MAX_PARAM_S = 60.0  # the longest time that a parameter on the bus can hold
 MAX_TIME_S = 1e300  # before and after 0; in us it is still a float
 MAX_PAUSE_S = 1000.0  # without a call: longer than any timeout, shorter than 2^31 us
 
-Model: TypeAlias = Plan | Slip | Parallel | Bristle | Loaded
+Model: TypeAlias = Plan | Slip | Parallel | StateElement | Loaded
 
 
 @dataclass(frozen=True)
@@ -280,7 +280,7 @@ def _use_slip(slip: Slip) -> Given:
     return Given("slip", slip.sigma0, slip.Fc, slip.theta_per_count)
 
 
-def _use_bristle(one: Bristle) -> Given:
+def _use_element(one: StateElement) -> Given:
     """Use a model of one sigma0, one Fc or two, theta_per_count, and perhaps its own key."""
     row, values = models.table()[one._kind.removesuffix("_")], list(one._values.values())
     own = one._values[row.key] if row.key else 0.0
@@ -319,7 +319,7 @@ USES: dict[type, Callable[[Any], Given]] = {
     Plan: _use_plan,
     Slip: _use_slip,
     Parallel: _use_parallel,
-    Bristle: _use_bristle,
+    StateElement: _use_element,
     Loaded: _use_loaded,
 }
 

@@ -13,7 +13,7 @@ from dahl.binding.parameters import HasParameters, Parameter
 from dahl.errors import Error, InputError
 
 
-class Bristle(HasParameters, RatioElement):
+class StateElement(HasParameters, RatioElement):
     """An element with parameters, in the order of __init__, and the state of one bristle."""
 
     def _set(self, *values: float) -> None:
@@ -52,7 +52,7 @@ class Bristle(HasParameters, RatioElement):
         return f"{type(self).__name__}({self._shown_values()})"
 
 
-class Asymmetric(Bristle):
+class Asymmetric(StateElement):
     """Friction with one Fc for each direction (dahl_asymmetric_plan_t): dF/dtheta =
     sigma0 (1 - F/Fc_forward) forward, sigma0 (1 + F/Fc_backward) backward.
 
@@ -97,7 +97,7 @@ class Asymmetric(Bristle):
         return f"{self!r} is refused by dahl_asymmetric_prepare"
 
 
-class ElastoPlastic(Bristle):
+class ElastoPlastic(StateElement):
     """Elasto-plastic friction (Dupont 2002; over space as in Hayward 2009;
     dahl_elastoplastic_plan_t): a spring without creep up to F = breakaway*Fc in the direction of
     motion, then Dahl's curve with a continuous slope.
