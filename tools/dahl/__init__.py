@@ -91,7 +91,7 @@ __all__ = [
 SUBMODULES = {"codec": "dahl.can.codec", "node": "dahl.can.node"}
 MODULES = {  # of the public classes and functions
     "binding.adaptation": ("Adaptation",),
-    "binding.bristles": ("Asymmetric", "ElastoPlastic"),
+    "binding.state_element": ("Asymmetric", "ElastoPlastic"),
     "binding.compensator": ("Compensator",),
     "binding.encoder": ("Encoder", "counts_between", "to_units"),
     "binding.friction": ("Friction", "Plan", "State"),

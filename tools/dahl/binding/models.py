@@ -91,7 +91,7 @@ def class_of(model: Model) -> Any:
     """Return the Python class of a model."""
     name = "Plan" if model.name == "dahl" else model.class_name
     modules = {"dahl": "friction", "slip": "slip", "parallel": "slip", "loaded": "loaded"}
-    module = modules.get(model.name, "bristles")
+    module = modules.get(model.name, "state_element")
     return getattr(import_module(f"dahl.binding.{module}"), name)
 
 
