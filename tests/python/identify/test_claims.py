@@ -266,6 +266,14 @@ def test_swapped_columns_are_named_if_they_are(kind):
     assert "swapped" not in right.verdict and right.claimed[1]
 
 
+def test_a_spring_alone_is_not_swapped():
+    time = np.arange(12000) * 1e-3
+    theta = 0.05 * np.sin(6 * time) * np.sin(0.7 * time)
+    torque = 2 * theta + 0.001 * np.random.default_rng(3).normal(size=12000)
+    result = identify([Log("spring", theta, torque, time)])
+    assert not any(result.claimed) and "swapped" not in result.verdict
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_claimed_fit_has_no_negative_inertia(seed):
     """The torque is early, which a negative inertia would describe."""

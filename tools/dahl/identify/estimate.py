@@ -39,6 +39,7 @@ HIDDEN_ROUNDING = 0.3  # of the variance of a torque's rounding: it repeats in e
 COARSE_ERROR = 2.0  # times the variance of rounding, below which a torque sensor is coarse here
 MAX_SWAPPED_COST = 0.8  # of the robust cost, with angle and torque swapped, if they are; half of
 # it if the torque takes energy as given, which a soft loop's does too
+MAX_WHITE_CORRELATION = 0.5  # of neighbouring rows, that a drift of noise may have
 MAX_WITHOUT_LAG = 1.2  # times the best cost, that Dahl's law leaves without a lag
 MORE_ELEMENTS, OTHER_LAW, MAX_OTHER_COST = 1.4, 0.5, 2.0  # see _beyond_one_element()
 
@@ -100,6 +101,8 @@ def _with_one_sign(pieces: Sequence[Log]) -> list[Log]:
 
 def _are_swapped(pieces: Sequence[Log]) -> bool:
     """Whether the torque explains the angle as friction much better than the other way round."""
+    if all(map(_is_spring, pieces)):
+        return False
     swapped = [
         replace(one, theta=one.torque, torque=one.theta, resolution=resolution_of(one.torque))
         for one in pieces
@@ -111,6 +114,13 @@ def _are_swapped(pieces: Sequence[Log]) -> bool:
     drives = sign_by_work(given.samples, slice(None)) < 0  # swapped friction seems to drive
     most = MAX_SWAPPED_COST if drives else MAX_SWAPPED_COST / 2
     return coarse_start(other).cost < most * coarse_start(given).cost
+
+
+def _is_spring(piece: Log) -> bool:
+    """Whether the torque follows the angle but for white noise: neither is the friction."""
+    curve = np.polynomial.Polynomial.fit(piece.theta, piece.torque, 3)
+    off = piece.torque - curve(piece.theta)
+    return bool(off[1:] @ off[:-1] < MAX_WHITE_CORRELATION * (off @ off))
 
 
 def _turned_round(piece: Log) -> Log:
