@@ -23,7 +23,8 @@ import pytest
 from dahl import Plan, __version__
 from dahl.binding import plan_header
 from dahl.binding.asymmetric import Asymmetric
-from dahl.identify import Log, Options, export, identify, models, plot, report
+from dahl.identify import Log, Options, export, identify, plot, report
+from dahl.identify.laws import LAWS
 from identify_tools import (
     COUNT,
     FC,
@@ -581,7 +582,7 @@ def test_the_bounds_cover_all_plausible_limits():
 def test_the_nearest_runnable_model_is_named_with_what_it_loses():
     """The library has no general exponent."""
     moves = np.diff(MOTION, prepend=MOTION[0])
-    w = models.tabulated(moves, [slice(0, len(moves))], SIGMA0 / FC, "exponent", 2.2)
+    w = LAWS["exponent"].along(moves, [slice(0, len(moves))], [SIGMA0 / FC], [2.2])[0]
     log = log_of(MOTION, FC * w + 4 * MOTION, 0.002, 0.0)
     kept = seen(log, terms=("offset", "spring"), delay=False)
     assert kept["model"] != kept["exported_model"] and kept["r2_plan"] > 0.998

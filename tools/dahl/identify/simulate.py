@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from dahl.identify import models
-from dahl.identify.fit import Fit, Fitter, Hypothesis, jackknife, solve
+from dahl.identify.fit import Fit, Fitter, Hypothesis
+from dahl.identify.least_squares import jackknife, solve
 from dahl.identify.samples import MIN_TURN_LENGTHS, Samples, samples_of
 from dahl.io.log import Log, resolution_of
 
