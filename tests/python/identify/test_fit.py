@@ -31,7 +31,7 @@ def fitter_of(*torques: np.ndarray, noise: float = 0.02) -> Fitter:
     """Return a fitter of one log for each torque along PATH."""
     logs = [replace(log_of(PATH, x, noise), name=str(k)) for k, x in enumerate(torques)]
     samples = samples_of(logs)
-    samples.prepare(A, np.zeros(samples.rows))
+    samples = samples.prepared(A, np.zeros(samples.rows))
     return Fitter(samples)
 
 
@@ -265,7 +265,7 @@ def tried(space: select.SearchSpace, theta: np.ndarray = PATH, **more: object) -
     """Return the laws, lags, angles and terms of all fits, and the pairs of lag and angle."""
     log = replace(log_of(theta, dahl_torque(theta)), **more)
     samples = samples_of([log])
-    samples.prepare(A, np.zeros(samples.rows))
+    samples = samples.prepared(A, np.zeros(samples.rows))
     found = [fit.hypothesis for fit in select.fit_all(Fitter(samples), A, 0.0, space)]
     own = {name: {getattr(h, name).name for h in found} for name in ("law", "lag")}
     own |= {"angle": {h.angle for h in found}}

@@ -601,9 +601,10 @@ def test_the_plan_is_for_the_encoder_of_the_target(fitted, counts, linear, turn)
     logs = [replace(log, linear=linear) for log in fitted.logs]
     result = replace(fitted, logs=logs, options=Options(target_counts=counts, model="dahl"))
     kept, model = report.numbers(result), export.runnable_model(result)
+    friction = model.friction
     assert kept["plan"]["theta_per_count"] == pytest.approx(turn / counts)
     assert kept["plan"]["of_target"] and kept["resolution"] == COUNT
-    assert plan_text(*model.sigma0, *model.Fc, turn / counts) in export.header(model, "x", "")
+    assert plan_text(*friction.sigma0, *friction.Fc, turn / counts) in export.header(model, "x", "")
 
 
 def test_each_reason_alone_is_against_a_plan(fitted):

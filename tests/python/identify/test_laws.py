@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from dahl import Error
 from dahl.identify import Options, Result, identify, models, report
-from dahl.identify.laws import LAWS, OPTIONS
+from dahl.identify.laws import LAWS, OPTIONS, Limits
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -228,3 +228,27 @@ def test_a_law_that_is_asked_for_is_exported():
         report.numbers(identify([shaft()], Options(model="mixed-4")))
     for name, law in OPTIONS.items():
         assert name == "coulomb" or law.in_library
+
+
+class ByAngle(Limits):
+    """A law of this test: Fc grows over the range of the angle."""
+
+    name = label = "by angle"
+    shape = ((0.05, -0.9, 0.9),)
+
+    def change(self, samples, a, shape):
+        return samples.terms["spring"]  # -1 .. 1
+
+
+def test_a_new_law_is_one_class(monkeypatch):
+    monkeypatch.setitem(LAWS, ByAngle.name, ByAngle())
+    result = identify([log_of(MOTION, dahl_torque(MOTION, Fc=FC * (1 + 4 * MOTION)), 0.01)])
+    facts = report.numbers(result)
+    (own,) = (one for one in facts["models"] if one["chosen"])
+    assert facts["model"] == own["name"] == "by angle" and not own["in_library"]
+    assert own["parts"][0]["shape_1"] == pytest.approx(0.2, abs=0.01)  # of 50 mrad
+    assert facts["exported_model"] != "by angle" and result.r2 > 0.995
+    for name, truth in (("sigma0", SIGMA0), ("Fc", FC)):
+        assert facts[name] == pytest.approx(truth, rel=0.02)
+    Fc_low, length_long, _ = result.compensator_bounds  # noqa: N806
+    assert Fc_low <= 0.8 * FC and length_long >= 1.2 * FC / SIGMA0

@@ -123,18 +123,16 @@ def _turned_round(piece: Log) -> Log:
 
 def _start(pieces: Sequence[Log]) -> tuple[Fitter, float, float, float]:
     """Return samples with cycles and weights, and rough start values: a, delay in samples, sign."""
-    fitter = Fitter(samples_of(pieces))
-    found = coarse_start(fitter)
-    a, delay, sign = found.a, found.delay, found.sign
-    rows = fitter.samples.block
+    samples = samples_of(pieces)
+    found = coarse_start(Fitter(samples))
+    a, delay, sign, rows = found.a, found.delay, found.sign, samples.block
     block = block_for(pieces, int(rows), a) if rows > 1 else 1
     if block < rows:
         delay *= rows / block
-        fitter = Fitter(samples_of(pieces, block))
+        samples = samples_of(pieces, block)
     if sign < 0:
-        fitter.samples.torque = -fitter.samples.torque
-    _prepare(fitter, a, delay)
-    return fitter, a, delay, sign
+        samples = replace(samples, torque=-samples.torque)
+    return Fitter(_weighted(samples, a, delay)), a, delay, sign
 
 
 def _check_times(pieces: Sequence[Log], options: Options) -> None:
@@ -150,16 +148,17 @@ def _space(options: Options) -> SearchSpace:
     return SearchSpace(options.terms, lags, wanted=OPTIONS.get(options.model))
 
 
-def _prepare(fitter: Fitter, a: float, delay: float) -> None:
-    """Set cycles and weights from a first fit."""
-    samples = fitter.samples
-    samples.prepare(a, np.zeros(samples.rows))
+def _weighted(samples: Samples, a: float, delay: float) -> Samples:
+    """Return samples with cycles and weights from a first fit."""
+    samples = samples.prepared(a, np.zeros(samples.rows))
+    fitter = Fitter(samples)
     h = Hypothesis(DAHL, DELAY if delay else DAMPING, terms=TERMS)
     at = fitter.optimum(h, fitter.start(h, a, delay))
-    if at is not None:
-        table, _ = fitter.columns(h, at.p, at.limits, h.terms)
-        c = solve(at.grams.sum(axis=0), range(table.shape[1]))
-        samples.prepare(float(np.exp(at.p[0])), samples.torque - table @ c)
+    if at is None:
+        return samples
+    table, _ = fitter.columns(h, at.p, at.limits, h.terms)
+    c = solve(at.grams.sum(axis=0), range(table.shape[1]))
+    return samples.prepared(float(np.exp(at.p[0])), samples.torque - table @ c)
 
 
 def _correct_encoder(

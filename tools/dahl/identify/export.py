@@ -170,7 +170,7 @@ def runnable_model(result: Result) -> RunnableModel:
         raise InputError(f"--model {result.options.model}: this law does not fit the log")
     is_chosen = wanted is result.hypothesis.law and result.hypothesis.law.in_library
     fit = result.chosen if is_chosen else _alone(result, best_of(same or library))
-    friction = fit.hypothesis.law.runnable(result.samples, fit.p, fit.slopes, fit.limits)
+    friction = fit.hypothesis.law.runnable(fit, result.samples)
     return RunnableModel(result, fit, friction)
 
 

@@ -283,7 +283,8 @@ class Fitter:
         is_positive = (fit.limits > 0).all() and (fit.value > 0).all()
         is_too_large = fit.limits @ peaks > self.max_friction
         is_too_stiff = m > 1 and np.exp(fit.p[:m].max()) * self.samples.count > MAX_ELEMENT
-        is_physical = law.is_physical((fit.p + c[m : m + len(fit.p)])[m : law.parameters])
+        shape = (fit.p + c[m : m + len(fit.p)])[m : law.parameters]
+        is_physical = (shape[:1] > law.least).all()
         resists = self.timed(fit).get("viscous", 0.0) > MIN_TIMED * self.max_friction
         delays = [fit.p[k] + c[m + k] for k in self._row_parameters(fit.hypothesis, fit.p)]
         is_too_late = max(map(abs, delays), default=0.0) > self.max_delay

@@ -32,8 +32,9 @@ class Lag:
     is_delay = False  # whether the parameter is a delay
     is_common = True  # to all logs
     smooths_counts = False
-    suits_few_cycles = True
-    suits_load = True  # whether it is tried with friction that follows a load
+
+    def __repr__(self) -> str:
+        return self.name
 
     @property
     def size(self) -> int:
@@ -46,7 +47,7 @@ class Lag:
 
     def guess(self, a: float, delay: float) -> float:
         """Start value, from rough values of a [1/rad (1/m)] and delay [samples]."""
-        return 0.0
+        return delay
 
     def moves(self, samples: Samples, moves: np.ndarray, angle: str, p: np.ndarray) -> np.ndarray:
         """The moves of the bearing if those of the encoder are `moves`."""
@@ -68,10 +69,6 @@ class Lag:
         """Width of the play between encoder and bearing, rad (m)."""
         return 0.0
 
-    def words(self, has_play: bool) -> str:
-        """Name in reports; a play may be no more than the travel that a count hides."""
-        return self.name
-
 
 def _damping(samples: Samples, friction: np.ndarray) -> np.ndarray:
     damping: np.ndarray = samples.rate(friction) / samples.reference.fast
@@ -81,7 +78,6 @@ def _damping(samples: Samples, friction: np.ndarray) -> np.ndarray:
 class Damping(Lag):
     name = "damping"
     columns = 1
-    suits_load = False
 
     def derivatives(self, samples: Samples, friction: np.ndarray) -> list[np.ndarray]:
         return [_damping(samples, friction)]
@@ -95,7 +91,6 @@ class Play(Lag):
 
     name = "play"
     parameters = 1
-    suits_few_cycles = suits_load = False
 
     def guess(self, a: float, delay: float) -> float:
         return float(np.log(PLAY_LENGTHS / a))
@@ -107,9 +102,6 @@ class Play(Lag):
     def play(self, p: np.ndarray) -> float:
         return float(np.exp(p[-1]))
 
-    def words(self, has_play: bool) -> str:
-        return self.name if has_play else "travel that a count hides"
-
 
 class Delay(Lag):
     """A torque that is late by the same samples in all logs."""
@@ -117,7 +109,6 @@ class Delay(Lag):
     name = "delay"
     parameters = 1
     is_late = is_delay = True
-    suits_few_cycles = False
 
     def guess(self, a: float, delay: float) -> float:
         return delay or 1.0
@@ -139,7 +130,6 @@ class DelayAndFilter(Delay):
     special_cases = (DELAY,)
     columns = 2
     smooths_counts = True
-    suits_load = False
 
     def guess(self, a: float, delay: float) -> float:
         return delay
@@ -157,13 +147,9 @@ class Delays(Lag):
     parameters = 2
     is_late = is_delay = True
     is_common = False
-    suits_few_cycles = suits_load = False
 
     def count(self, samples: Samples) -> int:
         return samples.logs
-
-    def guess(self, a: float, delay: float) -> float:
-        return delay
 
     def apply(self, samples: Samples, x: np.ndarray, p: np.ndarray) -> np.ndarray:
         each = p[len(p) - samples.logs :]
@@ -178,7 +164,6 @@ class LowPass(Lag):
     parameters = 1
     least = MIN_LOW_PASS
     is_late = smooths_counts = True
-    suits_few_cycles = suits_load = False
     run: Callable[..., np.ndarray] = staticmethod(lfilter)
 
     def guess(self, a: float, delay: float) -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Protocol
 
 import numpy as np
 
@@ -25,13 +26,25 @@ MIN_LOG_SPEED = 0.01  # of fast motion; at a reversal a logarithm would have no 
 MIN_LIMIT = 0.05  # of Fc: friction must not vanish or push at any speed
 MIN_SHARE = 0.02  # of sigma0 and Fc, under the least load of a log
 MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller shapes still more
-# Instructions of a Q30 tick on Cortex-M3 (docs/microcontroller.md): of a sum, and of each element.
-SLIP_TICKS, DAHL_TICKS, MIXED_TICKS, ONE_DAHL_TICKS = (20, 18), (21, 21), (49, 21), 20
+# Instructions of a Q30 tick on Cortex-M3 (docs/microcontroller.md): of Dahl's law and of the
+# asymmetric one, of a sum and of each of its elements.
+DAHL_TICKS, ASYMMETRIC_TICKS = 20, 33
+TICKS = {"slip": (20, 18), "dahl": (21, 21), "mixed": (49, 21)}
 
 
 Values = Sequence[float]
 Ratios = list[np.ndarray]  # F/Fc of each element: (n,)
 Parts = list[dict[str, float | str]]
+
+
+class Fitted(Protocol):
+    """What a law reads of a fit (fit.py)."""
+
+    p: np.ndarray
+    limits: np.ndarray  # N m (N), Fc of each element
+
+    @property
+    def slopes(self) -> np.ndarray: ...
 
 
 class Law:
@@ -44,6 +57,7 @@ class Law:
     stiffness: tuple[float, ...] = (0.0,)  # start of ln(a / a of Dahl's law) for each element
     shape: tuple[tuple[float, float, float], ...] = ()  # (start, low, high) of each parameter
     shape_names: tuple[str, ...] = ("shape_1", "shape_2")  # in JSON
+    least = -np.inf  # of the first shape parameter, if it is friction
     special_cases: tuple[Law, ...] = ()  # laws that this one contains
     in_library = False  # whether a firmware can run it
     instructions: int | None = None  # of a Q30 tick on Cortex-M3
@@ -54,6 +68,9 @@ class Law:
     follows_load = False
     has_slip = False  # elements that lose no energy in presliding
     suits_few_cycles = False
+
+    def __repr__(self) -> str:
+        return self.name
 
     @property
     def elements(self) -> int:
@@ -94,9 +111,9 @@ class Law:
         ends = zip(p[self.elements :], self.shape, strict=False)
         return a, [float(np.clip(x, low, high)) for x, (_, low, high) in ends]
 
-    def is_physical(self, shape: np.ndarray) -> bool:
-        """Whether a fit of this shape is friction."""
-        return True
+    def _shape_of(self, p: np.ndarray) -> list[float]:
+        shape: list[float] = p[self.elements : self.parameters].tolist()
+        return shape
 
     # --- meaning ---
 
@@ -107,13 +124,13 @@ class Law:
         """
         return 1.0, 1.0
 
-    def rise_lengths(self, p: np.ndarray, limits: np.ndarray) -> float:
+    def rise_lengths(self, fit: Fitted) -> float:
         """Return the length of Dahl's law that rises as slowly from rest, up to 95 % of Fc, in
-        parts of Fc/sigma0; at least 1. `limits` has the Fc of each element.
+        parts of Fc/sigma0; at least 1.
         """
         return 1.0
 
-    def mean_torque(self, p: np.ndarray, limits: np.ndarray) -> float | None:
+    def mean_torque(self, fit: Fitted) -> float | None:
         """Return the mean of both directions, N m (N), which a fit puts into the offset."""
         return None
 
@@ -123,17 +140,13 @@ class Law:
 
     # --- export ---
 
-    def parts(self, p: np.ndarray, slopes: np.ndarray, limits: np.ndarray) -> Parts:
+    def parts(self, fit: Fitted) -> Parts:
         """Return the elements, each with its kind and parameters, by JSON keys."""
-        own = {"sigma0": float(slopes[0]), "Fc": float(limits[0])}
-        shapes = dict(
-            zip(self.shape_names, p[self.elements : self.parameters].tolist(), strict=False)
-        )
+        own = {"sigma0": float(fit.slopes[0]), "Fc": float(fit.limits[0])}
+        shapes = dict(zip(self.shape_names, self._shape_of(fit.p), strict=False))
         return [{"kind": self.kind or self.label, **own, **shapes}]
 
-    def runnable(
-        self, samples: Samples, p: np.ndarray, slopes: np.ndarray, limits: np.ndarray
-    ) -> Runnable:
+    def runnable(self, fit: Fitted, samples: Samples) -> Runnable:
         """Return the friction as a firmware runs it, of a law that is in the library."""
         raise NotImplementedError
 
@@ -148,12 +161,12 @@ class PathLaw(Law):
     def evaluate(self, samples: Samples, moves: np.ndarray, a: Values, shape: Values) -> Ratios:
         return self.along(moves, samples.pieces, a, shape)
 
-    def rise_lengths(self, p: np.ndarray, limits: np.ndarray) -> float:
-        share, a = limits / limits.sum(), np.exp(p[: self.elements])
+    def rise_lengths(self, fit: Fitted) -> float:
+        share, a = fit.limits / fit.limits.sum(), np.exp(fit.p[: self.elements])
         u = np.geomspace(1e-3, 1e3, 2000)  # travel from rest in parts of Fc/sigma0
         moves, whole = np.diff(u, prepend=0.0) / float(share @ a), [slice(0, len(u))]
-        shape = p[self.elements : self.parameters].tolist()
-        w = np.tensordot(share, self.along(moves, whole, a.tolist(), shape), axes=1)
+        each = self.along(moves, whole, a.tolist(), self._shape_of(fit.p))
+        w = np.tensordot(share, each, axes=1)
         rising = (0 < w) & (w < 0.95)
         lengths = u[rising] / -np.log1p(-w[rising])
         return max(1.0, float(lengths.max(initial=1.0)))
@@ -167,20 +180,19 @@ class Sum(PathLaw):
     def __init__(
         self,
         name: str,
-        option: str,
         kinds: Sequence[Element],
-        stiffness: tuple[float, ...] = (0.0,),
+        stiffness: Sequence[float] = (0.0,),
         special_cases: tuple[Law, ...] = (),
     ) -> None:
-        self.name, self.option, self.kinds = name, option, tuple(kinds)
-        self.stiffness, self.special_cases = stiffness, special_cases
-        self.is_one_element, self.has_slip = len(kinds) == 1, SLIP_ELEMENT in kinds
-        word, (base, each) = "mixed", MIXED_TICKS
-        if DAHL_ELEMENT not in kinds:
-            word, (base, each) = "slip", SLIP_TICKS
-        elif SLIP_ELEMENT not in kinds:
-            word, (base, each) = "Dahl", DAHL_TICKS
-        self.label, self.instructions = f"{word} K={len(kinds)}", base + each * len(kinds)
+        self.name, self.kinds, self.special_cases = name, tuple(kinds), special_cases
+        self.stiffness, count, slips = tuple(stiffness), len(kinds), kinds.count(SLIP_ELEMENT)
+        self.is_one_element, self.has_slip = count == 1, slips > 0
+        kind = "slip" if slips == count else "mixed" if slips else "dahl"
+        base, each = TICKS[kind]
+        self.label = f"{'Dahl' if slips == 0 else kind} K={count}"
+        self.option, self.instructions = f"{kind}-{count}", base + each * count
+        if self.kinds == (DAHL_ELEMENT,):
+            self.label, self.option, self.instructions = "Dahl", "dahl", DAHL_TICKS
 
     def starts_from_dahl(self, samples: Samples, moves: np.ndarray) -> bool:
         return self.is_one_element  # start.py finds the start of several
@@ -188,27 +200,32 @@ class Sum(PathLaw):
     def along(self, moves: np.ndarray, pieces: Pieces, a: Values, shape: Values) -> Ratios:
         return [kind.run(moves, pieces, x) for kind, x in zip(self.kinds, a, strict=True)]
 
-    def parts(self, p: np.ndarray, slopes: np.ndarray, limits: np.ndarray) -> Parts:
-        every = zip(self.kinds, slopes.tolist(), limits.tolist(), strict=True)
+    def parts(self, fit: Fitted) -> Parts:
+        every = zip(self.kinds, fit.slopes.tolist(), fit.limits.tolist(), strict=True)
         return [{"kind": kind.name, "sigma0": slope, "Fc": Fc} for kind, slope, Fc in every]
 
-    def runnable(
-        self, samples: Samples, p: np.ndarray, slopes: np.ndarray, limits: np.ndarray
-    ) -> Runnable:
+    def runnable(self, fit: Fitted, samples: Samples) -> Runnable:
         is_mixed = DAHL_ELEMENT in self.kinds and self.elements > 1
         model = "parallel" if is_mixed else self.kinds[0].name
-        return Runnable(model, self.kinds, tuple(slopes.tolist()), tuple(limits.tolist()))
+        sigma0, Fc = (tuple(x.tolist()) for x in (fit.slopes, fit.limits))  # noqa: N806
+        return Runnable(model, self.kinds, sigma0, Fc)
 
 
-class Dahl(Sum):
-    def __init__(self) -> None:
-        super().__init__("dahl", "dahl", [DAHL_ELEMENT])
-        self.label, self.instructions = "Dahl", ONE_DAHL_TICKS
+def _spread(elements: int) -> list[float]:
+    spread: list[float] = np.linspace(0.5, -0.5, elements).tolist()
+    return spread
 
 
-DAHL = Dahl()
-SLIP = Sum("slip", "slip-1", [SLIP_ELEMENT])
-MIXED = Sum("mixed", "mixed-2", [DAHL_ELEMENT, SLIP_ELEMENT], (0.0, 0.0), (DAHL, SLIP))
+DAHL = Sum("dahl", [DAHL_ELEMENT])
+SLIP = Sum("slip", [SLIP_ELEMENT])
+SLIPS = {k: Sum(f"{k} slip", [SLIP_ELEMENT] * k, _spread(k), (SLIP,)) for k in (2, 3, 4)}
+MIXED = Sum("mixed", [DAHL_ELEMENT, SLIP_ELEMENT], (0.0, 0.0), (DAHL, SLIP))
+
+
+def _mixed(elements: int) -> Sum:
+    """A Dahl element and several slip elements, fitted if a user asks for it."""
+    kinds = [DAHL_ELEMENT, *[SLIP_ELEMENT] * (elements - 1)]
+    return Sum(f"mixed {elements}", kinds, [0.0, *_spread(elements - 1)], (MIXED,))
 
 
 class AsymmetricLaw(Law):
@@ -218,7 +235,7 @@ class AsymmetricLaw(Law):
     special_cases = (DAHL,)
     shape = ((0.05, -0.9, 0.9),)
     in_library = turns_as_dahl = True
-    instructions = 33
+    instructions = ASYMMETRIC_TICKS
 
     def evaluate(self, samples: Samples, moves: np.ndarray, a: Values, shape: Values) -> Ratios:
         return [models.asymmetric(moves, samples.pieces, a[0], shape[0])]
@@ -227,29 +244,25 @@ class AsymmetricLaw(Law):
         _, (skew,) = self._values(p)
         return 1 - abs(skew), 1 + abs(skew)
 
-    def mean_torque(self, p: np.ndarray, limits: np.ndarray) -> float | None:
-        return float(limits[0] * p[1])
+    def mean_torque(self, fit: Fitted) -> float | None:
+        return float(fit.limits[0] * fit.p[1])
 
-    def parts(self, p: np.ndarray, slopes: np.ndarray, limits: np.ndarray) -> Parts:
-        forward, backward = _both_ways(p, limits)
-        ways = {"Fc_forward": forward, "Fc_backward": backward}
-        return [{"kind": self.name, "sigma0": float(slopes[0]), **ways}]
+    def parts(self, fit: Fitted) -> Parts:
+        ways = dict(zip(("Fc_forward", "Fc_backward"), self._limits(fit), strict=True))
+        return [{"kind": self.name, "sigma0": float(fit.slopes[0]), **ways}]
 
-    def runnable(
-        self, samples: Samples, p: np.ndarray, slopes: np.ndarray, limits: np.ndarray
-    ) -> Runnable:
-        return Asymmetric(self.name, (), tuple(slopes.tolist()), _both_ways(p, limits))
+    def runnable(self, fit: Fitted, samples: Samples) -> Runnable:
+        return Asymmetric(self.name, (), tuple(fit.slopes.tolist()), self._limits(fit))
 
-
-def _both_ways(p: np.ndarray, limits: np.ndarray) -> tuple[float, float]:
-    """Fc forward and backward, N m (N)."""
-    return float(limits[0] * (1 + p[1])), float(limits[0] * (1 - p[1]))
+    def _limits(self, fit: Fitted) -> tuple[float, float]:
+        """Fc forward and backward, N m (N)."""
+        return float(fit.limits[0] * (1 + fit.p[1])), float(fit.limits[0] * (1 - fit.p[1]))
 
 
 class LoadedLaw(Law):
     """Dahl's law with sigma0 and Fc times 1 + slope (load / reference - 1)."""
 
-    name = label = kind = "loaded"
+    name = label = "loaded"
     special_cases = (DAHL,)
     shape = ((0.5, -20.0, 20.0),)
     in_library = is_one_element = follows_load = suits_few_cycles = True
@@ -267,14 +280,12 @@ class LoadedLaw(Law):
         shares: np.ndarray = 1 + slope * (samples.load / samples.reference.load - 1)
         return shares
 
-    def runnable(
-        self, samples: Samples, p: np.ndarray, slopes: np.ndarray, limits: np.ndarray
-    ) -> Runnable:
+    def runnable(self, fit: Fitted, samples: Samples) -> Runnable:
         """The plan is for the largest load."""
-        slope = float(p[1])
+        slope = float(fit.p[1])
         most = float(self._shares(samples, slope).max())
         load = (1 - slope) / most, slope / samples.reference.load / most
-        sigma0, Fc = (tuple((x * most).tolist()) for x in (slopes, limits))  # noqa: N806
+        sigma0, Fc = (tuple((x * most).tolist()) for x in (fit.slopes, fit.limits))  # noqa: N806
         return Runnable(self.name, (DAHL_ELEMENT,), sigma0, Fc, load)
 
 
@@ -373,15 +384,13 @@ class Stribeck(Limits):
 
     name, label = "stribeck", "Stribeck"
     shape = ((0.2, -0.9, 10.0), (float(np.log(0.15)), -6.0, 3.0))
+    least = MIN_PEAK
     is_by_speed = True
 
     def change(self, samples: Samples, a: float, shape: Values) -> np.ndarray:
         slow = samples.reference.fast * np.exp(shape[1])
         change: np.ndarray = np.exp(-((samples.speed / slow) ** 2))
         return change
-
-    def is_physical(self, shape: np.ndarray) -> bool:
-        return bool(shape[0] > MIN_PEAK)
 
 
 class LogSpeed(Limits):
@@ -403,6 +412,7 @@ class Breakaway(Limits):
 
     name = label = "breakaway"
     shape = ((0.1, -0.5, 5.0), (float(np.log(2.0)), -1.0, 2.0))
+    least = MIN_PEAK
     peaks_after_rest = True
 
     def starts_from_dahl(self, samples: Samples, moves: np.ndarray) -> bool:
@@ -412,45 +422,27 @@ class Breakaway(Limits):
         change: np.ndarray = np.exp(-a * samples.travel_since_rest() / np.exp(shape[1]))
         return change
 
-    def is_physical(self, shape: np.ndarray) -> bool:
-        return bool(shape[0] > MIN_PEAK)
-
 
 # --- all laws -------------------------------------------------------------------------------------
 
 
-def _slips(elements: int) -> Sum:
-    """Maxwell slip: `elements` springs in parallel that slip."""
-    stiffness = tuple(np.linspace(0.5, -0.5, elements).tolist())
-    kinds = [SLIP_ELEMENT] * elements
-    return Sum(f"{elements} slip", f"slip-{elements}", kinds, stiffness, (SLIP,))
-
-
-def _mixed(elements: int) -> Sum:
-    """A Dahl element and slip elements. With more than two it is fitted if a user asks for it."""
-    stiffness = (0.0, *np.linspace(0.5, -0.5, elements - 1).tolist())
-    kinds = [DAHL_ELEMENT, *[SLIP_ELEMENT] * (elements - 1)]
-    return Sum(f"mixed {elements}", f"mixed-{elements}", kinds, stiffness, (MIXED,))
-
-
-SLIPS = {elements: _slips(elements) for elements in (2, 3, 4)}  # by the number of elements
 LAWS: dict[str, Law] = {
     law.name: law
     for law in (
         DAHL,
         SLIP,
-        Stribeck(),
-        LogSpeed(),
+        *SLIPS.values(),
+        Sum("2 dahl", [DAHL_ELEMENT, DAHL_ELEMENT], (0.7, -0.5), (DAHL,)),
+        MIXED,
+        *map(_mixed, (3, 4)),
         AsymmetricLaw(),
-        Breakaway(),
+        LoadedLaw(),
         Exponent(),
         BoucWen(),
         SoftShaft(),
-        Sum("2 dahl", "dahl-2", [DAHL_ELEMENT, DAHL_ELEMENT], (0.7, -0.5), (DAHL,)),
-        MIXED,
-        *SLIPS.values(),
-        *map(_mixed, (3, 4)),
-        LoadedLaw(),
+        Stribeck(),
+        LogSpeed(),
+        Breakaway(),
     )
 }
 # laws by the names of --model; Coulomb's is no law of a fit, so that it exports the nearest one

@@ -250,7 +250,7 @@ def _law_numbers(result: Result, fit: Fit) -> dict[str, Any]:
     return {
         "name": law.label,
         "chosen": law is result.hypothesis.law,
-        "parts": law.parts(fit.p, fit.slopes, fit.limits),
+        "parts": law.parts(fit),
         "r2": result.r2_of(fit),
         "delay_rows": result.delay_of(fit),
         "extra": terms_of(fit, result.samples),
@@ -316,8 +316,9 @@ def _rows(result: Result, kept: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield name, f"{p.value:.5g} {unit}, 95 %: {p.low:.5g} to {high}"
     yield "compensator", _bounds(result)
     late = _delay(result) if kept["delay_rows"] else ""
-    lag = "" if h.lag is NONE else f", with {h.lag.words(result.play > 0)}"
-    yield "law", kept["model"] + (late or lag)
+    is_hidden = h.lag.play(result.chosen.p) > 0 and not result.play
+    lag = "travel that a count hides" if is_hidden else h.lag.name
+    yield "law", kept["model"] + (late or f", with {lag}" * (h.lag is not NONE))
     if load := kept["load"]:
         least, most = load["shares"]
         yield (

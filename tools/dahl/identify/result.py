@@ -157,7 +157,7 @@ class Result:
         ranges = [law.limit_range(self.samples, p) for p in (fit.p, *alike)]
         least, most = zip(*ranges, strict=True)
         lengths = max(most) * (SLIP_LENGTHS if law.has_slip else 1)
-        lengths *= law.rise_lengths(fit.p, fit.limits)
+        lengths *= law.rise_lengths(fit)
         margin = 1.0 if all(self.claimed) else BOUND_MARGIN
         is_asked = any("angle" in log.questions for log in self.raw)
         Fc_low = min(least) * self.Fc.low / margin  # noqa: N806
@@ -312,7 +312,7 @@ class Result:
     def predict(self, pieces: Sequence[Log]) -> tuple[Samples, np.ndarray]:
         """Samples of preprocessed logs that were not fitted, and their torque by this result."""
         samples = samples_of(pieces, reference=self.samples.reference)
-        samples.torque = self.sign * samples.torque
+        samples = replace(samples, torque=self.sign * samples.torque)
         fit = self.chosen
         if self.hypothesis.angle not in samples.angles:
             samples = samples.with_angle(self.hypothesis.angle, samples.angles["between counts"])
@@ -321,7 +321,7 @@ class Result:
             lags = p[self.hypothesis.law.parameters :]  # of each log, or one of all logs
             lags[:] = lags.mean() * self.samples.block / samples.block
             fit = replace(fit, p=p)
-        samples.prepare(self.a.value, np.zeros(samples.rows))
+        samples = samples.prepared(self.a.value, np.zeros(samples.rows))
         return samples, Fitter(samples).predicted(fit)
 
     # --- the verdict ---
@@ -352,7 +352,7 @@ def term_coefficients(fit: Fit, samples: Samples) -> dict[str, np.ndarray]:
         width = samples.waves.shape[1] if name == "waves" else 1
         found[name] = fit.coefficients[k : k + width]
         k += width
-    mean = h.law.mean_torque(fit.p, fit.limits)
+    mean = h.law.mean_torque(fit)
     if mean is not None:  # it is friction, not offset
         found["offset"] = found.get("offset", np.zeros(1)) - mean
     return found

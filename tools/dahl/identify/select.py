@@ -46,7 +46,7 @@ class SearchSpace:
 
 def few_cycles(space: SearchSpace) -> SearchSpace:
     """The hypotheses that a few cycles can distinguish; more would predict other logs worse."""
-    lags = tuple(lag for lag in space.lags if lag.suits_few_cycles)
+    lags = tuple(lag for lag in space.lags if lag in (NONE, DAMPING))
     laws = tuple(law for law in space.laws if law.suits_few_cycles)
     return replace(space, lags=lags, laws=laws, shapes=False)
 
@@ -91,7 +91,7 @@ def _with_all_choices(fitter: Fitter, a: float, delay: float, space: SearchSpace
         choices.append((DAHL, DELAYS))
     if fitter.samples.load is not None:
         loaded = [law for law in space.laws if law.follows_load]
-        choices += [(law, lag) for law in loaded for lag in space.lags if lag.suits_load]
+        choices += [(law, lag) for law in loaded for lag in space.lags if lag in (NONE, DELAY)]
     fits: list[Fit] = []
     for angle, (law, lag) in product(fitter.samples.angles, choices):
         h = Hypothesis(law, lag, angle)

@@ -133,7 +133,7 @@ def pair_starts(fitter: Fitter, h: Hypothesis, a: float) -> dict[Law, np.ndarray
     gram = fitter.samples.grams(table).sum(axis=0)
     columns = table.shape[1]
     found: dict[Law, np.ndarray] = {}
-    for law in (one for one in LAWS.values() if isinstance(one, Sum) and one.elements == 2):
+    for law in (law for law in LAWS.values() if isinstance(law, Sum) and law.elements == 2):
         one, other = (first[kind] for kind in law.kinds)
         both = [(one + i, other + j) for i in range(n) for j in range(i if one == other else n)]
         chosen = np.array([[*pair, *range(2 * n, columns), columns] for pair in both])
