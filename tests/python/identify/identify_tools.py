@@ -162,10 +162,10 @@ def seen(*logs: Log, **options: object) -> dict[str, Any]:
 def described(law: str = "dahl", lag: str = "none", *more: object, **others: object) -> Hypothesis:
     """A hypothesis by the names of its law and lag."""
     from dahl.identify.fit import Hypothesis
-    from dahl.identify.lags import DELAYS, LAGS
-    from dahl.identify.laws import LAWS
+    from dahl.identify.lags import lag_of
+    from dahl.identify.laws import law_of
 
-    return Hypothesis(LAWS[law], (LAGS | {DELAYS.name: DELAYS})[lag], *more, **others)
+    return Hypothesis(law_of(law), lag_of(lag), *more, **others)
 
 
 def replayed(dahl_loop: Path, scene: Path, folder: Path, *words: object) -> Figure:

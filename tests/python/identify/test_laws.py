@@ -6,6 +6,7 @@ slope at rest and Fc the friction at full slip.
 from __future__ import annotations
 
 import json
+import pickle
 from collections.abc import Callable
 from functools import cache
 
@@ -250,5 +251,7 @@ def test_a_new_law_is_one_class(monkeypatch):
     assert facts["exported_model"] != "by angle" and result.r2 > 0.995
     for name, truth in (("sigma0", SIGMA0), ("Fc", FC)):
         assert facts[name] == pytest.approx(truth, rel=0.02)
+    copied = pickle.loads(pickle.dumps(result))  # as from another process
+    assert report.numbers(copied) == facts and copied.hypothesis == result.hypothesis
     Fc_low, length_long, _ = result.compensator_bounds  # noqa: N806
     assert Fc_low <= 0.8 * FC and length_long >= 1.2 * FC / SIGMA0

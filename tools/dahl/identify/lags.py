@@ -36,6 +36,9 @@ class Lag:
     def __repr__(self) -> str:
         return self.name
 
+    def __reduce__(self) -> tuple[Callable[[str], Lag], tuple[str]]:
+        return lag_of, (self.name,)  # a copy and another process have the same object
+
     @property
     def size(self) -> int:
         """Parameters in all."""
@@ -213,3 +216,7 @@ LAGS = {
         DelayAndFilter(),
     )
 }
+
+
+def lag_of(name: str) -> Lag:
+    return (LAGS | {DELAYS.name: DELAYS})[name]

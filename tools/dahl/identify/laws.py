@@ -8,7 +8,7 @@ element and the shape as numbers within their limits.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Protocol
 
@@ -30,7 +30,6 @@ MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller 
 # asymmetric one, of a sum and of each of its elements.
 DAHL_TICKS, ASYMMETRIC_TICKS = 20, 33
 TICKS = {"slip": (20, 18), "dahl": (21, 21), "mixed": (49, 21)}
-
 
 Values = Sequence[float]
 Ratios = list[np.ndarray]  # F/Fc of each element: (n,)
@@ -71,6 +70,9 @@ class Law:
 
     def __repr__(self) -> str:
         return self.name
+
+    def __reduce__(self) -> tuple[Callable[[str], Law], tuple[str]]:
+        return law_of, (self.name,)  # a copy and another process have the same object
 
     @property
     def elements(self) -> int:
@@ -425,7 +427,6 @@ class Breakaway(Limits):
 
 # --- all laws -------------------------------------------------------------------------------------
 
-
 LAWS: dict[str, Law] = {
     law.name: law
     for law in (
@@ -445,6 +446,12 @@ LAWS: dict[str, Law] = {
         Breakaway(),
     )
 }
+
+
+def law_of(name: str) -> Law:
+    return LAWS[name]
+
+
 # laws by the names of --model; Coulomb's is no law of a fit, so that it exports the nearest one
 OPTIONS: dict[str, Law | None] = {law.option: law for law in LAWS.values() if law.option}
 OPTIONS["coulomb"] = None

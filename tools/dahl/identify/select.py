@@ -38,7 +38,7 @@ class SearchSpace:
     """The hypotheses to fit."""
 
     terms: tuple[str, ...] | None = None  # exactly these; None: those that improve the score
-    lags: tuple[Lag, ...] = tuple(LAGS.values())
+    lags: tuple[Lag, ...] = field(default_factory=lambda: tuple(LAGS.values()))
     laws: tuple[Law, ...] = field(default_factory=lambda: tuple(LAWS.values()))
     wanted: Law | None = None  # a law that is fitted in any case
     shapes: bool = True  # whether a torque may depend on the angle by more than a spring
