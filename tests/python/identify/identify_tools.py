@@ -157,7 +157,9 @@ def seen(*logs: Log, **options: object) -> dict[str, Any]:
     return json.loads(report.as_json(identify(logs, Options(**options))))
 
 
-def described(law: str = "dahl", lag: str = "none", *more: object, **others: object) -> "Hypothesis":
+def described(
+    law: str = "dahl", lag: str = "none", *more: object, **others: object
+) -> "Hypothesis":
     """A hypothesis by the names of its law and lag."""
     from dahl.identify.fit import Hypothesis
     from dahl.identify.lags import lag_of
