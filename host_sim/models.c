@@ -15,7 +15,7 @@ dahl_err_t models_use(dahl_node_t *node, model_memory_t *memory, const run_frict
 {
     dahl_model_params_t params = {.each = {.elements = f->Fc.count, .theta_per_count = (float)f->theta_per_count},
                                   .slips = f->slips,
-                                  .own = (float)f->breakaway};
+                                  .own = (float)f->own};
     if (f->number == MODEL_DAHL) {
         return DAHL_OK; /* as after dahl_node_init() */
     }

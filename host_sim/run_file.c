@@ -30,6 +30,7 @@ typedef struct {
 
 #define RUN_KEY(section, name, type, low, high, need, usual, kinds) \
     {#section, #section "." #name, offsetof(run_t, section.name), type, low, high, need, usual, kinds},
+#define RUN_OWN(name, low, high) {"friction", "friction." #name, offsetof(run_t, friction.own), NUMBER, low, high, OWN, 0, ANY},
 #define RUN_FAULT(NAME, name) \
     {"faults", "faults." #name, offsetof(run_t, faults[FAULT_##NAME]), NUMBER, 0, 1, OPTIONAL, 0, ANY},
 static const run_key_t keys[] = {
@@ -294,19 +295,18 @@ static bool check_inertia(const reader_t *r)
 typedef struct {
     const char *name;
     uint32_t sigma0, Fc; /* count of numbers; 0: one for each element */
+    const char *own;     /* its own key; "friction." if it has none */
 } model_row_t;
 
-#define MODEL_ROW(name, NAME, Class, number, sigma0s, Fcs, ...) {#name, sigma0s, Fcs},
+#define MODEL_ROW(name, NAME, Class, number, sigma0s, Fcs, plan, key, ...) {#name, sigma0s, Fcs, "friction." key},
 static const model_row_t models[] = {DAHL_MODELS(MODEL_ROW)};
 #define MODEL_NAME(name, ...) ", " #name
 static const char model_names[] = DAHL_MODELS(MODEL_NAME);
 
-enum { MODELS = sizeof models / sizeof models[0] };
-
 static bool find_model(const reader_t *r)
 {
     run_friction_t *f = &r->run->friction;
-    for (int i = 0; i < MODELS; i++) {
+    for (int i = 0; i < RUN_MODELS; i++) {
         if (strcmp(f->model[0] == '\0' ? "dahl" : f->model, models[i].name) == 0) {
             f->number = (run_model_t)i;
             return true;
@@ -328,6 +328,24 @@ static bool check_numbers_of_elements(const reader_t *r)
     return is_good;
 }
 
+/* The model's own key must be there, and no key of another model. */
+static bool check_own_keys(const reader_t *r)
+{
+    const model_row_t *model = &models[r->run->friction.number];
+    for (const model_row_t *owner = models; owner < models + RUN_MODELS; owner++) {
+        int i = find_key(owner->own);
+        if (i < KEYS && owner == model && r->key_line[i] == 0) {
+            log_error("%s: %s is missing: friction.model = %s needs it", r->path, owner->own, owner->name);
+            return false;
+        }
+        if (i < KEYS && owner != model && r->key_line[i] != 0) {
+            log_error("%s:%d: %s has no meaning for friction.model = %s", r->path, r->key_line[i], owner->own, model->name);
+            return false;
+        }
+    }
+    return true;
+}
+
 /* Read dahl or slip for each element of parallel. */
 static bool read_kinds(const reader_t *r)
 {
@@ -340,13 +358,12 @@ static bool read_kinds(const reader_t *r)
         is_good = is_good && (strcmp(word, "slip") == 0 || strcmp(word, "dahl") == 0);
         f->slips |= count < DAHL_SLIP_MAX && word[0] == 's' ? 1u << count : 0u;
     }
-    if (count == 0) {
-        log_error("%s: friction.kinds is missing", r->path);
-    } else if (!is_good || count != f->Fc.count) {
+    is_good = is_good && count == f->Fc.count;
+    if (!is_good) {
         log_error("%s:%d: friction.kinds = %s: not dahl or slip for each of %u elements", r->path, line_of(r, "friction.kinds"),
                   f->kinds, f->Fc.count);
     }
-    return is_good && count == f->Fc.count;
+    return is_good;
 }
 
 /* Compute the sigma0 and Fc that the ratio on the bus refers to. */
@@ -363,7 +380,7 @@ static void sum_elements(run_friction_t *f)
 static bool read_model(const reader_t *r)
 {
     run_friction_t *f = &r->run->friction;
-    if (!find_model(r) || !check_numbers_of_elements(r) || (f->number == MODEL_PARALLEL && !read_kinds(r))) {
+    if (!find_model(r) || !check_numbers_of_elements(r) || !check_own_keys(r) || (f->number == MODEL_PARALLEL && !read_kinds(r))) {
         return false;
     }
     sum_elements(f);

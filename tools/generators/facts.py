@@ -28,7 +28,7 @@ from pycparser import c_ast, c_generator, c_parser
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("lib/include", "lib/node", "host_sim")
 LINE = 100  # characters
-COLUMNS = "name NAME Class number sigma0s Fcs plan key meaning".split()  # DAHL_FRAMES_MODELS
+COLUMNS = "name NAME Class number sigma0s Fcs plan key meaning low high".split()  # DAHL_MODELS
 
 
 def preprocess(source: str, *words: str) -> str:
@@ -61,7 +61,7 @@ BOARDS = {{  # of each emulated core: the machine of QEMU, the address of its pa
 {boards}
 }}
 
-MODELS = (  # dahl_frames.h: name, class, number, numbers of sigma0 and Fc, has a plan, key, meaning
+MODELS = (  # the rows of DAHL_MODELS (dahl_parts.h) without NAME; plan is True or False
 {models}
 )
 '''
@@ -77,11 +77,11 @@ def module() -> str:
 
 
 def models() -> list[dict[str, Any]]:
-    """Return the rows of DAHL_FRAMES_MODELS by their columns."""
-    rows = rows_of("dahl_frames.h", "DAHL_FRAMES_MODELS", len(COLUMNS))
+    """Return the rows of DAHL_MODELS by their columns."""
+    rows = rows_of("dahl_parts.h", "DAHL_MODELS", len(COLUMNS))
     found = [dict(zip(COLUMNS, row, strict=True)) for row in rows]
-    numbers = ("number", "sigma0s", "Fcs", "plan")
-    return [row | {name: int(row[name]) for name in numbers} for row in found]
+    numbers = ("number", "sigma0s", "Fcs", "plan", "low", "high")
+    return [row | {name: ast.literal_eval(row[name]) for name in numbers} for row in found]
 
 
 def _python_row(model: dict[str, Any]) -> str:
@@ -170,6 +170,7 @@ def _between(text: str, mark: str, head: tuple[str, ...], rows: list[Any]) -> st
 def _model_row(model: dict[str, Any]) -> tuple[str, ...]:
     key, meaning = model["key"], model["meaning"]
     own = f"`{key}`, {meaning}" if key else meaning
+    own += f", {model['low']:g} to {model['high']:g}" if model["high"] else ""
     keys = MODEL_KEYS[model["sigma0s"], model["Fcs"]] + (f"; {own}" if own else "")
     number = str(model["number"])
     if model["sigma0s"] == 0:

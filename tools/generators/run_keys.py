@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Write the table of keys of scenes and run files in C and in Python, from host_sim/keys.csv.
+"""Write the table of keys of scenes and run files in C and in Python, from host_sim/keys.csv and,
+for the numbers that one friction model has as its own key, from DAHL_MODELS.
 
-Usage: run_keys.py     (a test compares its output with the committed files)
+Usage: run_keys.py     (in build/venv; a test compares its output with the committed files)
 
     host_sim/run_keys.def      rows for dahl-loop: sections, keys and faults of a run file
     tools/dahl/sim/keys.py     the tables SECTIONS and KEYS, between two marks
@@ -20,6 +21,9 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
+from typing import Any
+
+from facts import models
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = ROOT / "host_sim" / "keys.csv"
@@ -33,21 +37,33 @@ HEAD = """/* SPDX-License-Identifier: MIT */
  *
  *   RUN_SECTION(name, needs)     needs: names of other sections, separated by blanks
  *   RUN_KEY(section, name, type, low, high, need, default, kinds)
+ *   RUN_OWN(name, low, high)     a key of section friction, a number that one model has
  *   RUN_FAULT(NAME, name)        a key of section faults, a number from 0 to 1
  */
 """
-NAMES = ("RUN_SECTION", "RUN_KEY", "RUN_FAULT")
+NAMES = ("RUN_SECTION", "RUN_KEY", "RUN_OWN", "RUN_FAULT")
 
 
 def rows() -> list[dict[str, str]]:
     with TABLE.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+        found = list(csv.DictReader(file))
+    after = next(i for i, row in enumerate(found) if row["need"] == "OWN") + 1
+    return found[:after] + [own_row(model) for model in models() if model["high"]] + found[after:]
+
+
+def own_row(model: dict[str, Any]) -> dict[str, str]:
+    """Return the row of a key that DAHL_MODELS has."""
+    same = {name: str(model[name]) for name in ("key", "low", "high")}
+    common = {"section": "friction", "type": "NUMBER", "need": "OWN", "default": "0"}
+    return common | same | {"of": "", "in": "both"}
 
 
 def c_row(row: dict[str, str]) -> str:
     section, key = row["section"], row["key"]
     if not key:
         return f'RUN_SECTION({section}, "{row["of"]}")'
+    if row["need"] == "OWN" and row["type"] == "NUMBER":
+        return f"RUN_OWN({key}, {row['low']}, {row['high']})"
     if section == "faults":
         return f"RUN_FAULT({key.upper()}, {key})"
     low, high = row["low"] or "0", row["high"] or "0"

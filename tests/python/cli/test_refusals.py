@@ -119,7 +119,7 @@ WRONG_INPUT = {  # exit code 2
         ASYMMETRIC --fc=1,2 --breakaway=0.5 => --breakaway ... --model {BREAKAWAY}
         BREAKAWAY => --breakaway ... --model {BREAKAWAY}
         BREAKAWAY --breakaway=1 => breakaway = 1
-        BREAKAWAY --breakaway=b => --breakaway b ... 0 < breakaway < 1
+        BREAKAWAY --breakaway=b => --breakaway b ... 1e-45 <= breakaway <= 1
         PLAN --breakaway=0 => --breakaway ... --model {BREAKAWAY}
         PLAN --sigma0=1e30 => sigma0 = 1e+30 ... 2^-64 <= sigma0 < 2^64
         PLAN --sigma0=soft => --sigma0 soft ... 2^-64 <= sigma0 < 2^64

@@ -65,8 +65,7 @@ class Scene:
     seconds: float = 0.0  # length of the motion; 0 if the scene does not give it
     measured: Measured = field(default_factory=Measured)
     parts: tuple[str, ...] = ()  # sections in the file
-    kinds: tuple[str, ...] = ()  # dahl or slip for each element
-    breakaway: float = 0.0  # fraction of Fc
+    own: Any = None  # of the model's own key: a number, or the words of `kinds`
     compensates: bool = False  # gain, limit or ramp_ms is set: a part of the torque is answered
     friction: dict[str, float] = field(default_factory=dict)  # NODE_KEYS in the file
     status_ms: float = 0.0  # period of Status; 0: only after an event
@@ -110,10 +109,9 @@ def element(scene: Scene) -> models.AnyModel:
         raise InputError(f"{scene.path}: has no [friction]")
     model = models.table()[scene.model]
     sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
-    own = getattr(scene, model.key) if model.key else None
     try:
         return models.make(
-            model, sigma0[: model.sigma0s or None], torques, scene.theta_per_count, own
+            model, sigma0[: model.sigma0s or None], torques, scene.theta_per_count, scene.own
         )
     except InputError as error:
         raise InputError(f"{scene.file.place('friction')}: [friction] {error}") from None
@@ -150,8 +148,9 @@ def read(path: Path, sets: Sequence[str] = ()) -> Scene:
     if scene.has_directions:
         sigma0 = sigma0 * len(torques)
     scene.elements = tuple(zip(sigma0, torques, strict=False))
-    scene.kinds = tuple(file.text("friction", "kinds").split())
-    scene.breakaway = file.number("friction", "breakaway")
+    if key := models.table()[scene.model].key:
+        own = file.get("friction", key)
+        scene.own = tuple(own.split()) if isinstance(own, str) else own
     scene.theta_per_count = file.number("friction", "theta_per_count")
     scene.seconds = max(file.number(section, "seconds") for section in ("motion", "motor"))
     scene.measured = _measured(file)
