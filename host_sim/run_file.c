@@ -366,25 +366,10 @@ static bool read_kinds(const reader_t *r)
     return is_good;
 }
 
-/* Compute the sigma0 and Fc that the ratio on the bus refers to. */
-static void sum_elements(run_friction_t *f)
-{
-    for (uint32_t k = 0; k < f->sigma0.count; k++) {
-        f->total_sigma0 += f->sigma0.value[k];
-    }
-    for (uint32_t k = 0; k < f->Fc.count; k++) {
-        f->total_Fc = models[f->number].Fc == 2 ? fmax(f->total_Fc, f->Fc.value[k]) : f->total_Fc + f->Fc.value[k];
-    }
-}
-
 static bool read_model(const reader_t *r)
 {
-    run_friction_t *f = &r->run->friction;
-    if (!find_model(r) || !check_numbers_of_elements(r) || !check_own_keys(r) || (f->number == MODEL_PARALLEL && !read_kinds(r))) {
-        return false;
-    }
-    sum_elements(f);
-    return true;
+    return find_model(r) && check_numbers_of_elements(r) && check_own_keys(r) &&
+           (r->run->friction.number != MODEL_PARALLEL || read_kinds(r));
 }
 
 static bool check(const reader_t *r)

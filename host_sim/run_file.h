@@ -35,8 +35,7 @@ typedef struct {
     double gain, limit, ramp_ms, max_step;
     /* derived from the keys */
     run_model_t number;
-    uint32_t slips;                 /* of parallel: bit k is set if element k slips */
-    double total_sigma0, total_Fc;  /* of the ratio on the bus: the sums, or the larger Fc of two directions */
+    uint32_t slips; /* of parallel: bit k is set if element k slips */
 } run_friction_t;
 
 typedef struct {

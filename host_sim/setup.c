@@ -26,15 +26,8 @@ static void configure_node(const setup_t *s, dahl_node_t *node)
 
 static int create_node(setup_t *s, dahl_node_t *node, uint8_t number)
 {
-    const run_friction_t *f = &s->run->friction;
-    dahl_params_t params = {(float)f->total_sigma0, (float)f->total_Fc, (float)f->theta_per_count};
-    dahl_err_t result = dahl_node_init(node, &params, number);
-    if (result == DAHL_OK) {
-        result = models_use(node, &s->models[number], f);
-    }
-    if (result != DAHL_OK) {
-        return log_error("%s: friction.sigma0 = %.9g, Fc = %.9g, theta_per_count = %.9g: the model refuses (dahl_err_t %d)",
-                         s->options->run_file, f->total_sigma0, f->total_Fc, f->theta_per_count, (int)result);
+    if (models_start(node, &s->models[number], &s->run->friction, number, s->options->run_file) != 0) {
+        return -1;
     }
     configure_node(s, node);
     return 0;
@@ -47,7 +40,6 @@ uint8_t setup_number(const setup_t *s, uint32_t i)
 
 static int create_nodes(setup_t *s)
 {
-    s->node_count = s->options->nodes;
     for (uint32_t i = 0; i < s->options->nodes; i++) {
         if (create_node(s, &s->nodes[i], setup_number(s, i)) != 0) {
             return -1;
@@ -59,7 +51,7 @@ static int create_nodes(setup_t *s)
 static int create_plant(setup_t *s)
 {
     motion_t *reference = s->run->has_control ? &s->motions[0] : NULL;
-    if (!plant_open(&s->plant, s->run, reference, &s->encoders[0])) {
+    if (!plant_open(&s->plant, s->run, reference, &s->encoders[0], s->nodes[0].params.Fc)) {
         return -1;
     }
     s->encoders[0].motion = &s->plant.motion;
@@ -133,9 +125,10 @@ int setup_create(setup_t *s)
     bool has_node = s->options->run_node && s->run->has_friction;
     bool has_encoder = s->options->run_encoder && (s->run->has_motion || s->run->has_motor);
     int result = check_roles(s, has_node, has_encoder);
-    if (result == 0 && has_node) {
+    if (result == 0 && s->run->has_friction) { /* an encoder of a shaft needs their Fc */
         result = create_nodes(s);
     }
+    s->node_count = has_node ? s->options->nodes : 0;
     if (result == 0 && has_encoder) {
         result = create_encoders(s);
     }

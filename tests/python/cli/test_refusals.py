@@ -423,7 +423,7 @@ def test_a_demo_that_recorded_no_tick_is_one_line(dahl, monkeypatch):
         (setup.folder / "run.log").touch()
         return {"interrupted": False}
 
-    monkeypatch.setattr("dahl.sim.loop.run", record_no_frame)
+    monkeypatch.setattr("dahl.sim.recorded_run.run", record_no_frame)
     done = dahl("demo", "--scene", "segments", "-o", "out")
     check(done, 1, "not compared: out/run.log: no frames")
 

@@ -17,7 +17,8 @@ from dahl.binding import models
 from dahl.codec import EncoderState, FrictionTorque, Param, ParamWrite, Reset, What
 from dahl.report import traces
 from dahl.sim import scene
-from dahl.sim.scene import Measured, Recorded, Scene
+from dahl.sim.replay import Recorded
+from dahl.sim.scene import Measured, Scene
 from hypothesis import given
 from hypothesis import strategies as st
 from log_reading import run as command

@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
 
     if args.with_parent:
         _end_with_parent(args.with_parent)
-    program = paths.loop_program()
+    paths.loop_program()  # raises if it is not built
     scene = scenes.read(scenes.find(args.scene), args.set)
     log = args.log_file
     if scene.log and not log and args.role != "node":
@@ -96,27 +96,25 @@ def run(args: argparse.Namespace) -> int:
     _check_outputs(args, scene, log)
     _note_units(scene)
     run_file = RunFile(scene, log, args.role or "both")
-    code = _run_program([str(program), *_options(args, run_file)], run_file)
+    code = _run_program(run_file, *_options(args))
     if args.summary and code != 2:
         _write_summary(args, run_file)
     return code
 
 
-def _options(args: argparse.Namespace, run_file: RunFile) -> Iterator[str]:
-    yield run_file.path
+def _options(args: argparse.Namespace) -> Iterator[str]:
     for name in PASSED:
         value = getattr(args, name[2:].replace("-", "_"))
         if value is not None:
             yield from (name, value)
     yield from (name for name in FLAGS if getattr(args, name[2:].replace("-", "_")))
-    yield from ("--counters", run_file.counters, "--with-parent", str(os.getpid()))
 
 
-def _run_program(command: list[str], run_file: RunFile) -> int:
+def _run_program(run_file: RunFile, *options: str) -> int:
     """Run dahl-loop, pass signals to it and its messages to stderr. Return its exit code."""
-    process = subprocess.Popen(
-        command, stderr=subprocess.PIPE, text=True, errors="replace", pass_fds=run_file.fds
-    )
+    from dahl.sim import program
+
+    process = program.start(run_file, *options, stderr=subprocess.PIPE, errors="replace")
     with _forward_signals(process):
         assert process.stderr is not None
         for line in process.stderr:

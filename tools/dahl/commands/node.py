@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     import can
 
     from dahl.interrupt import Stop
-    from dahl.sim.loop import Program
+    from dahl.sim.recorded_run import Program
     from dahl.sim.scene import Scene
 
 HELP = "run a node on any bus, or on a served one"
@@ -124,14 +124,14 @@ def _check_bus(args: argparse.Namespace) -> None:
 
 
 def _scene(args: argparse.Namespace, folder: Path) -> Scene:
-    from dahl.sim import scene
+    from dahl.sim import scene, scene_writer
 
     if args.sigma0 is None:
         return scene.read(scene.find(args.scene or SCENE))
-    lines = f"sigma0 = {args.sigma0}\nFc = {args.fc}\ntheta_per_count = {args.theta_per_count}\n"
+    friction = {"sigma0": args.sigma0, "Fc": args.fc, "theta_per_count": args.theta_per_count}
+    sections = {"scene": {"title": "parameters of your own"}, "friction": friction}
     path = folder / "own.ini"
-    head = "[scene]\ntitle = parameters of your own\n[status]\nperiod_ms = 100\n"
-    path.write_text(f"{head}[friction]\n{lines}", encoding="ascii")
+    path.write_text(scene_writer.text_of(sections | scene_writer.STATUS), encoding="ascii")
     return scene.read(path)
 
 
@@ -281,7 +281,7 @@ def _start_hub(
     args: argparse.Namespace, scene: Path, folder: Path, number: int
 ) -> Iterator[tuple[Program, int]]:
     """Start the node of dahl-loop as the server of a bus. Return it and its port."""
-    from dahl.sim.loop import Program, Setup
+    from dahl.sim.recorded_run import Program, Setup
     from dahl.sim.scene import read
 
     setup = Setup(read(scene, [f"friction.node={number}"]), "socketcand", folder)

@@ -20,7 +20,8 @@ from dahl.can.counters import Sequence
 from dahl.can.missing import Missing
 from dahl.errors import InputError, RunError
 from dahl.sim import reference
-from dahl.sim.scene import Measured, Recorded, Scene
+from dahl.sim.replay import Recorded
+from dahl.sim.scene import Measured, Scene
 
 if TYPE_CHECKING:
     import can

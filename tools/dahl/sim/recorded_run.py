@@ -8,7 +8,6 @@ recorded frames.
 from __future__ import annotations
 
 import dataclasses
-import os
 import re
 import signal
 import subprocess
@@ -19,13 +18,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from dahl import paths
 from dahl.can.bus import VCAN, Reception, open_bus
 from dahl.errors import Error, RunError, Timeout
 from dahl.interrupt import Stop
 from dahl.io import files
 from dahl.io.candump import candump_line
-from dahl.sim import scene
+from dahl.sim import program, scene
 from dahl.sim.run_file import RunFile
 from dahl.sim.scene import Scene
 
@@ -68,17 +66,9 @@ class Program:
         self._facts = (bus, 1 if setup.seed is None else setup.seed, setup.alone)
         self._run = RunFile(setup.scene, setup.log, role)
         self.errors = (setup.folder / f"{role}.err").open("w", encoding="utf-8")
-        command = [paths.loop_program(), self._run.path, "--role", role, "--bus", bus]
-        command += ["--counters", self._run.counters, "--with-parent", os.getpid()]
-        command += [*_options(setup, role), *extra]
-        self.process = subprocess.Popen(
-            [str(word) for word in command],
-            stdin=subprocess.DEVNULL,
-            stdout=self.errors,
-            stderr=self.errors,
-            start_new_session=True,
-            pass_fds=self._run.fds,
-        )
+        options = ["--role", role, "--bus", bus, *_options(setup, role), *extra]
+        streams = {"stdin": subprocess.DEVNULL, "stdout": self.errors, "stderr": self.errors}
+        self.process = program.start(self._run, *options, **streams, start_new_session=True)
 
     def has_ended(self) -> bool:
         return self.process.poll() is not None
@@ -198,11 +188,11 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
         if encoder is None or not (encoder.wait() or _has_dropped(node, encoder)):
             raise  # else its end closes the bus, and what was recorded is reported
     finally:
-        programs = [program for program in (node, encoder) if program]
-        for program in reversed(programs):
-            program.end()
-        for program in programs:  # their own words are better than that the bus has gone
-            program.check()
+        started = [one for one in (node, encoder) if one]
+        for one in reversed(started):
+            one.end()
+        for one in started:  # their own words are better than that the bus has gone
+            one.check()
     return {
         **node.numbers(),
         **encoder.numbers(),
@@ -216,27 +206,27 @@ def _run_alone(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dic
     """Do run() with one process that waits for the recorder."""
     extra = ["--virtual", "--wait-clients", "1"]
     extra += ["--trace", str(setup.folder / "trace.csv")] if setup.trace else []
-    program = Program(setup, "both", "socketcand:0", *extra)
+    both = Program(setup, "both", "socketcand:0", *extra)
     try:
         with (
-            open_bus(PROGRAM_TIMEOUT_S, **_bus_names("socketcand:0", program)[1]) as bus,
+            open_bus(PROGRAM_TIMEOUT_S, **_bus_names("socketcand:0", both)[1]) as bus,
             _open_log(setup.folder) as log,
         ):
-            _record(bus, log, program, program, stop, progress)
+            _record(bus, log, both, both, stop, progress)
     except RunError:
-        if not (program.wait() or _has_dropped(program)):
+        if not (both.wait() or _has_dropped(both)):
             raise  # else its end closes the bus: that is no failure
     finally:
-        program.end()
-        program.check()
-    dropped = _has_dropped(program)
-    return {**program.numbers(), "interrupted": stop.asked, "recorder_dropped": dropped}
+        both.end()
+        both.check()
+    dropped = _has_dropped(both)
+    return {**both.numbers(), "interrupted": stop.asked, "recorder_dropped": dropped}
 
 
 def _has_dropped(server: Program, *clients: Program) -> bool:
     """End the programs. Return whether the server closed the connection of a slow recorder."""
-    for program in (*clients, server):
-        program.end()
+    for one in (*clients, server):
+        one.end()
     return bool(server.numbers().get("bus_counts", {}).get("dropped"))
 
 
@@ -250,18 +240,12 @@ def _open_log(folder: Path) -> Iterator[IO[str]]:
 def run_uncompensated(setup: Setup, trace: Path) -> None:
     """Run the scene again with gain 0, in virtual time and without a bus; leave its trace."""
     run = RunFile(scene.read(setup.scene.path, ["friction.gain=0"]), setup.log)
-    command = [paths.loop_program(), run.path, "--virtual", "--trace", trace]
-    command += _options(setup, "both")
-    done = subprocess.run(
-        list(map(str, command)),
-        capture_output=True,
-        text=True,
-        check=False,
-        errors="replace",
-        pass_fds=run.fds,
-    )
-    if done.returncode:
-        last = done.stderr.strip().splitlines()[-1:] or [f"code {done.returncode}"]
+    options = ["--virtual", "--trace", trace, *_options(setup, "both")]
+    streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "errors": "replace"}
+    with program.start(run, *options, **streams) as process:
+        _, said = process.communicate()
+    if process.returncode:
+        last = said.strip().splitlines()[-1:] or [f"code {process.returncode}"]
         raise RunError(f"dahl-loop without compensation: {last[0].removeprefix('error: ')}")
 
 
