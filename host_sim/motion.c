@@ -145,7 +145,7 @@ bool motion_open(motion_t *self, const run_motion_t *run, const char *path, uint
         return true;
     default:
         self->next = next_row;
-        return counts_open(&self->counts, path);
+        return lines_open(&self->counts, path);
     }
 }
 
@@ -162,6 +162,6 @@ int motion_next(motion_t *self, int32_t *count)
 void motion_close(motion_t *self)
 {
     if (self->run != NULL && self->run->number == MOTION_COUNTS) {
-        counts_close(&self->counts);
+        lines_close(&self->counts);
     }
 }

@@ -36,7 +36,7 @@ struct motion {
     double bump;                      /* amplitude of the present tremor, counts */
     uint64_t bump_tick, bump_ticks;   /* if bump_ticks is 0: bump_tick counts down to the next tremor */
     double load;                      /* of this tick, x in the file of counts, or N m of a motor */
-    counts_t counts;
+    lines_t counts; /* of kind counts */
 };
 
 /* path: of the file of kind counts. False: one error line was printed. */

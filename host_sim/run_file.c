@@ -3,13 +3,13 @@
 #define _POSIX_C_SOURCE 200809L
 #include "run_file.h"
 
-#include <errno.h>
 #include <math.h>
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "lines.h"
 #include "stderr_messages.h"
 
 enum { SEGMENTS = MOTION_SEGMENTS, STEERING = MOTION_STEERING, COUNTS = MOTION_COUNTS, ANY = SEGMENTS | STEERING | COUNTS };
@@ -52,7 +52,7 @@ enum { KEYS = sizeof keys / sizeof keys[0], SECTIONS = sizeof sections / sizeof 
 typedef struct {
     run_t *run;
     const char *path;
-    int line;
+    int line;           /* present one */
     int key_line[KEYS]; /* 0: absent */
 } reader_t;
 
@@ -86,14 +86,15 @@ static bool read_number(const reader_t *r, const run_key_t *key, const char *val
 {
     char *end;
     double number = strtod(value, &end);
-    const char *why = end == value || *end != '\0' || !isfinite(number) ? "not a finite number"
+    bool is_decimal = value[strspn(value, "0123456789+-.eE")] == '\0';
+    const char *why = end == value || *end != '\0' || !is_decimal || !isfinite(number) ? "not a finite decimal number"
                       : key->type == WHOLE && fabs(number - trunc(number)) > 0 ? "not a whole number" : NULL;
     if (why != NULL) {
-        log_error("%s:%d: %s = %s: %s", r->path, r->line, key->name, value, why);
+        log_error("%s:%d: %s = %.80s: %s", r->path, r->line, key->name, value, why);
         return false;
     }
     if (number < key->low || number > key->high) {
-        log_error("%s:%d: %s = %s: outside %.10g to %.10g", r->path, r->line, key->name, value, key->low, key->high);
+        log_error("%s:%d: %s = %.80s: outside %.10g to %.10g", r->path, r->line, key->name, value, key->low, key->high);
         return false;
     }
     *to = number;
@@ -103,7 +104,7 @@ static bool read_number(const reader_t *r, const run_key_t *key, const char *val
 static bool read_text(const reader_t *r, const run_key_t *key, const char *value, char *to)
 {
     if (value[0] == '\0' || strlen(value) >= RUN_TEXT) {
-        log_error("%s:%d: %s: %s", r->path, r->line, key->name, value[0] != '\0' ? "too long" : "empty");
+        log_error("%s:%d: %s: %s", r->path, r->line, key->name, value[0] != '\0' ? "longer than 1023 bytes" : "empty");
         return false;
     }
     strcpy(to, value);
@@ -119,7 +120,7 @@ static bool read_list(const reader_t *r, const run_key_t *key, const char *value
     }
     for (char *word = strtok_r(copy, " \t", &rest); word != NULL; word = strtok_r(NULL, " \t", &rest)) {
         if (to->count == DAHL_SLIP_MAX) {
-            log_error("%s:%d: %s = %s: more than %d numbers", r->path, r->line, key->name, value, DAHL_SLIP_MAX);
+            log_error("%s:%d: %s = %.80s: more than %d numbers", r->path, r->line, key->name, value, DAHL_SLIP_MAX);
             return false;
         }
         if (!read_number(r, key, word, &to->value[to->count])) {
@@ -149,7 +150,7 @@ static bool read_value(reader_t *r, int i, const char *value)
 
 /* --- lines ---------------------------------------------------------------------------------------------------------------- */
 
-static const char BLANKS[] = " \t\r\n";
+static const char BLANKS[] = " \t\r";
 
 /* Remove blanks at both ends. */
 static char *trim(char *text)
@@ -195,20 +196,17 @@ static bool read_line(reader_t *r, char *line)
     return read_value(r, i, trim(equals + 1));
 }
 
-static bool read_lines(reader_t *r, FILE *file)
+static bool read_lines(reader_t *r, lines_t *lines)
 {
-    char *line = NULL;
-    size_t room = 0;
-    bool is_good = true;
-    for (r->line = 1; is_good && getline(&line, &room, file) >= 0; r->line++) {
-        is_good = read_line(r, line);
+    int result = 1;
+    while (result == 1) {
+        result = lines_next(lines);
+        r->line = (int)lines->line;
+        if (result == 1 && !read_line(r, lines->text)) {
+            return false;
+        }
     }
-    free(line);
-    if (is_good && ferror(file) != 0) {
-        log_error("%s: cannot be read: %s", r->path, strerror(errno));
-        is_good = false;
-    }
-    return is_good;
+    return result == 0;
 }
 
 /* --- the whole ------------------------------------------------------------------------------------------------------------ */
@@ -223,7 +221,7 @@ static bool find_kind(const reader_t *r)
             return true;
         }
     }
-    log_error("%s:%d: motion.kind = %s: not one of segments, steering, counts", r->path, line_of(r, "motion.kind"), motion->kind);
+    log_error("%s:%d: motion.kind = %.80s: not one of segments, steering, counts", r->path, line_of(r, "motion.kind"), motion->kind);
     return false;
 }
 
@@ -234,6 +232,10 @@ static bool check_keys(const reader_t *r)
         bool is_for_kind = key->kinds == ANY || (key->kinds & r->run->motion.number) != 0;
         if (*has_section(r->run, key->section) && key->need == REQUIRED && is_for_kind && r->key_line[i] == 0) {
             log_error("%s: %s is missing", r->path, key->name);
+            return false;
+        }
+        if (!is_for_kind && r->key_line[i] != 0) {
+            log_error("%s:%d: %s has no meaning for motion.kind = %s", r->path, r->key_line[i], key->name, r->run->motion.kind);
             return false;
         }
     }
@@ -312,7 +314,7 @@ static bool find_model(const reader_t *r)
             return true;
         }
     }
-    log_error("%s:%d: friction.model = %s: not one of %s", r->path, line_of(r, "friction.model"), f->model, model_names + 2);
+    log_error("%s:%d: friction.model = %.80s: not one of %s", r->path, line_of(r, "friction.model"), f->model, model_names + 2);
     return false;
 }
 
@@ -360,7 +362,7 @@ static bool read_kinds(const reader_t *r)
     }
     is_good = is_good && count == f->Fc.count;
     if (!is_good) {
-        log_error("%s:%d: friction.kinds = %s: not dahl or slip for each of %u elements", r->path, line_of(r, "friction.kinds"),
+        log_error("%s:%d: friction.kinds = %.80s: not dahl or slip for each of %u elements", r->path, line_of(r, "friction.kinds"),
                   f->kinds, f->Fc.count);
     }
     return is_good;
@@ -392,13 +394,12 @@ static void set_defaults(run_t *run)
 bool run_file_read(run_t *run, const char *path)
 {
     reader_t reader = {.run = run, .path = path};
+    lines_t lines;
     set_defaults(run);
-    FILE *file = fopen(path, "r");
-    if (file == NULL) {
-        log_error("%s: %s", path, strerror(errno));
+    if (!lines_open(&lines, path)) {
         return false;
     }
-    bool is_good = read_lines(&reader, file) && check(&reader);
-    fclose(file);
+    bool is_good = read_lines(&reader, &lines) && check(&reader);
+    lines_close(&lines);
     return is_good;
 }
