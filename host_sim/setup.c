@@ -12,24 +12,19 @@ static uint32_t to_us(double ms)
     return (uint32_t)lround(ms * US_PER_MS);
 }
 
-static void configure_node(const setup_t *s, dahl_node_t *node)
+static int create_node(setup_t *s, dahl_node_t *node, uint8_t number)
 {
     const run_friction_t *f = &s->run->friction;
+    if (models_start(node, &s->models[number], f, number, s->options->run_file) != 0) {
+        return -1;
+    }
     node->status_us = s->run->has_status ? to_us(s->run->status.period_ms) : 0;
-    node->timeout_us = to_us(s->run->friction.timeout_ms);
+    node->timeout_us = to_us(f->timeout_ms);
     node->gain = (uint32_t)lround(f->gain * DAHL_NODE_ONE);
     node->limit = (uint32_t)lround(f->limit * DAHL_NODE_ONE);
     node->ramp_us = to_us(f->ramp_ms);
     node->max_step = (uint32_t)lround(f->max_step);
     node->gain_now = node->ramp_us == 0 ? node->gain : 0;
-}
-
-static int create_node(setup_t *s, dahl_node_t *node, uint8_t number)
-{
-    if (models_start(node, &s->models[number], &s->run->friction, number, s->options->run_file) != 0) {
-        return -1;
-    }
-    configure_node(s, node);
     return 0;
 }
 
@@ -80,8 +75,8 @@ static int create_encoder(setup_t *s, uint32_t i)
 
 static int create_encoders(setup_t *s)
 {
-    s->encoder_count = s->options->nodes;
-    for (uint32_t i = 0; i < s->options->nodes; i++) {
+    s->encoder_count = (uint32_t)s->options->nodes;
+    for (uint32_t i = 0; i < s->encoder_count; i++) {
         if (create_encoder(s, i) != 0) {
             return -1;
         }
@@ -91,7 +86,7 @@ static int create_encoders(setup_t *s)
 
 static int check_numbers(const setup_t *s)
 {
-    unsigned nodes = s->options->nodes;
+    unsigned nodes = (unsigned)s->options->nodes;
     if (setup_number(s, nodes - 1) >= DAHL_FRAMES_NODES) {
         return log_error("--nodes %u: with friction.node = %u, numbers would pass %u", nodes,
                          (unsigned)s->run->friction.node, (unsigned)DAHL_FRAMES_NODES - 1);
@@ -128,7 +123,7 @@ int setup_create(setup_t *s)
     if (result == 0 && s->run->has_friction) { /* an encoder of a shaft needs their Fc */
         result = create_nodes(s);
     }
-    s->node_count = has_node ? s->options->nodes : 0;
+    s->node_count = has_node ? (uint32_t)s->options->nodes : 0;
     if (result == 0 && has_encoder) {
         result = create_encoders(s);
     }
