@@ -4,7 +4,6 @@
 #include <errno.h>
 #include <math.h>
 
-#include "load.h"
 #include "stderr_messages.h"
 #include "timing.h"
 
@@ -111,7 +110,7 @@ static void set_load(plant_t *p, double torque)
     const run_load_t *load = &p->run->load;
     p->motion.load = torque;
     if (p->run->has_load) {
-        p->rotor.load_q30 = load_of(load, torque, load->rotor_limit) << 14;
+        p->rotor.load_q30 = encoder_load_of(load, torque, load->rotor_limit) << 14;
     }
 }
 

@@ -61,9 +61,11 @@ BOARDS = {{  # of each emulated core: the machine of QEMU, the address of its pa
 {boards}
 }}
 
+# fmt: off
 MODELS = (  # the rows of DAHL_MODELS (dahl_parts.h) without NAME; plan is True or False
 {models}
 )
+# fmt: on
 '''
 
 
@@ -91,7 +93,8 @@ def _python_row(model: dict[str, Any]) -> str:
     row = f"    ({', '.join(cells)}),"
     if len(row) <= LINE:
         return row
-    return "\n".join(["    (", *(f"        {cell}," for cell in cells), "    ),"])
+    lines = (", ".join(cells[:7]), ", ".join(cells[7:]))
+    return "\n".join(["    (", *(f"        {line}," for line in lines), "    ),"])
 
 
 def boards_of() -> list[tuple[str, str, int]]:

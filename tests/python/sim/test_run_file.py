@@ -66,7 +66,7 @@ BAD = [  # run file, line if the message has one, words of the error
     (f"{FRICTION}friction.model = {BREAKAWAY}\n", "", f"breakaway missing {BREAKAWAY}"),
     (f"{FRICTION}friction.breakaway = 0.5\n", ":4", "breakaway meaning dahl"),
     (f"{FRICTION}friction.kinds = slip\n", ":4", "kinds meaning dahl"),
-    (FRICTION.replace("1e-4", "1e-30"), ":3", "theta_per_count 1e-30 5.421010862e-20"),
+    (FRICTION.replace("1e-4", "1e-30"), ":3", "theta_per_count 1e-30 5.43e-20"),
     (FRICTION.replace("1e-4", "1e-12"), "", "theta_per_count 1e-12 1e-10 2^-30"),
     ("motion.seconds = 1\n", "", "motion.kind missing"),
     ("motion.kind = log\n", ":1", "log segments steering counts"),

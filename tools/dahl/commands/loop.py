@@ -23,7 +23,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from dahl import paths
-from dahl.errors import Error, InputError, RunError
+from dahl.errors import InputError, RunError
 
 if TYPE_CHECKING:
     from dahl.sim.run_file import RunFile
@@ -82,6 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from dahl.commands.model_arguments import note_units_of
     from dahl.io import data
     from dahl.sim import scene as scenes
     from dahl.sim.run_file import RunFile
@@ -94,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
     if scene.log and not log and args.role != "node":
         log = data.find_log(scene.log, args.data or scene.path.parent)
     _check_outputs(args, scene, log)
-    _note_units(scene)
+    note_units_of(scene)
     run_file = RunFile(scene, log, args.role or "both")
     code = _run_program(run_file, *_options(args))
     if args.summary and code != 2:
@@ -174,14 +175,6 @@ def _is_same_file(path: Path, other: Path) -> bool:
     if path.exists() and other.exists():
         return path.is_file() and path.samefile(other)
     return path.resolve() == other.resolve()
-
-
-def _note_units(scene: Scene) -> None:
-    from dahl.commands.model_arguments import note_units
-
-    sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
-    with contextlib.suppress(Error):  # of numbers that the library refuses, with their place
-        note_units(sigma0, torques, scene.theta_per_count)
 
 
 def _write_summary(args: argparse.Namespace, run_file: RunFile) -> None:

@@ -4,15 +4,17 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 from collections.abc import Iterable, Sequence
 
 from dahl.commands.arguments import comma_hint
-from dahl.errors import InputError
+from dahl.errors import Error, InputError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from dahl.binding.models import Model
+    from dahl.sim.scene import Scene
 
 
 def add_model(parser: argparse.ArgumentParser, names: Iterable[str]) -> None:
@@ -110,6 +112,13 @@ def note_units(sigma0: Iterable[float], fc: Iterable[float], theta_per_count: fl
     remarks = (implausible(*one, theta_per_count) for one in elements)
     if remark := next(filter(None, remarks), ""):
         print(f"note: {remark}", file=sys.stderr)
+
+
+def note_units_of(scene: Scene) -> None:
+    """Do note_units() for a scene. Numbers that the library refuses get an error later."""
+    sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
+    with contextlib.suppress(Error):
+        note_units(sigma0, torques, scene.theta_per_count)
 
 
 def _numbers(option: str, text: str, limit: str) -> list[float]:

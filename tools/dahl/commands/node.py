@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 from dahl.can.bus import keywords, named, tuned_for, words
 from dahl.commands.arguments import number, seconds, whole
 from dahl.commands.bus_arguments import add_bus_arguments
-from dahl.commands.model_arguments import note_units
+from dahl.commands.model_arguments import note_units_of
 from dahl.errors import Error, InputError, RunError
 from dahl.facts import BOARDS
 
@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> None:
     _check(args)
     with tempfile.TemporaryDirectory(prefix="dahl-node-") as folder, Stop(is_its_end=True) as stop:
         scene = _scene(args, Path(folder))
-        _note_units(scene)
+        note_units_of(scene)
         args.node = scene.node if args.node is None else args.node
         begin = time.monotonic()
         served = _run_on_target if args.target else _run_served
@@ -133,12 +133,6 @@ def _scene(args: argparse.Namespace, folder: Path) -> Scene:
     path = folder / "own.ini"
     path.write_text(scene_writer.text_of(sections | scene_writer.STATUS), encoding="ascii")
     return scene.read(path)
-
-
-def _note_units(scene: Scene) -> None:
-    sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
-    with contextlib.suppress(Error):  # of numbers that the node refuses, with their line
-        note_units(sigma0, torques, scene.theta_per_count)
 
 
 def _print_access(

@@ -52,7 +52,7 @@ _ROWS = (
     Key("friction", "breakaway", "NUMBER", "OWN", 1e-45, 0.9999999403953552, 0),
     Key("friction", "sigma0", "LIST", "REQUIRED", 5.421010862427522e-20, 1.8446742974197924e+19),
     Key("friction", "Fc", "LIST", "REQUIRED", 5.421010862427522e-20, 1.8446742974197924e+19),
-    Key("friction", "theta_per_count", "NUMBER", "REQUIRED", 5.421010862427522e-20, 1.8446742974197924e+19, 0),
+    Key("friction", "theta_per_count", "NUMBER", "REQUIRED", 5.43e-20, 1.84e19, 0),
     Key("friction", "node", "WHOLE", "OPTIONAL", 0, 15, 0),
     Key("friction", "timeout_ms", "NUMBER", "OPTIONAL", 1, 60000, 100),
     Key("friction", "gain", "NUMBER", "OPTIONAL", 0, 1, 1),

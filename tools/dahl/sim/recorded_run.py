@@ -47,9 +47,8 @@ class Setup:
     seconds: float | None = None
     seed: int | None = None
     node_scene: Scene | None = None  # of the node that serves the bus, if another node answers
-    attach: Callable[[int], AbstractContextManager[object]] | None = (
-        None  # starts that other node on a port
-    )
+    # starts that other node on a port
+    attach: Callable[[int], AbstractContextManager[object]] | None = None
     alone: bool = False  # one process in virtual time, with the same result on each machine
     trace: bool = False  # write angle, velocity and torques of a rotor to folder/trace.csv
     lockstep: bool = False  # each count waits for the previous answer
@@ -125,10 +124,7 @@ class Program:
         """Return the TCP port that the program serves."""
         until = time.monotonic() + PROGRAM_TIMEOUT_S
         while time.monotonic() < until and not self.has_ended():
-            served = SERVED.search(
-                Path(self.errors.name).read_text(encoding="utf-8", errors="replace")
-            )
-            if served:
+            if served := SERVED.search(self.output()):
                 return int(served[1])
             time.sleep(0.02)
         self.end()
@@ -162,19 +158,27 @@ def _bus_names(bus: str, node: Program) -> tuple[str, dict[str, Any]]:
     }
 
 
+def _start_server(setup: Setup) -> Program:
+    """Start the program with the node, which serves the bus. If it runs alone, it waits for the
+    recorder.
+    """
+    if setup.alone:
+        trace = ["--trace", str(setup.folder / "trace.csv")] * setup.trace
+        return Program(setup, "both", "socketcand:0", "--virtual", "--wait-clients", "1", *trace)
+    until_idle = ["--until-idle"] * setup.bus.startswith("socketcand")
+    bus = "socketcand:0" if setup.bus == "socketcand" else setup.bus
+    served = dataclasses.replace(setup, scene=setup.node_scene or setup.scene)
+    return Program(served, "node", bus, "--lockstep", *until_idle)
+
+
 def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, Any]:
-    """Run the scene, record it in folder/run.log, return the numbers of both programs; `stop` ends
+    """Run the scene, record it in folder/run.log, return the numbers of all programs; `stop` ends
     it early, in order.
 
     progress is called about ten times a second with the number of frames recorded so far.
     """
-    if setup.alone:
-        return _run_alone(setup, stop, progress)
-    serves = setup.bus.startswith("socketcand")
-    node_bus = "socketcand:0" if setup.bus == "socketcand" else setup.bus
-    served = dataclasses.replace(setup, scene=setup.node_scene or setup.scene)
-    node = Program(served, "node", node_bus, "--lockstep", *["--until-idle"] * serves)
-    encoder = None
+    node = _start_server(setup)
+    encoder = node if setup.alone else None
     try:
         encoder_bus, here = _bus_names(setup.bus, node)
         with (
@@ -182,7 +186,7 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
             _open_log(setup.folder) as log,
             setup.attach(here["port"]) if setup.attach else nullcontext(),
         ):
-            encoder = Program(setup, "encoder", encoder_bus)
+            encoder = encoder or Program(setup, "encoder", encoder_bus)
             _record(bus, log, encoder, node, stop, progress)
     except RunError:
         if encoder is None or not (encoder.wait() or _has_dropped(node, encoder)):
@@ -200,27 +204,6 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
         "interrupted": stop.asked,
         "recorder_dropped": _has_dropped(node),
     }
-
-
-def _run_alone(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, Any]:
-    """Do run() with one process that waits for the recorder."""
-    extra = ["--virtual", "--wait-clients", "1"]
-    extra += ["--trace", str(setup.folder / "trace.csv")] if setup.trace else []
-    both = Program(setup, "both", "socketcand:0", *extra)
-    try:
-        with (
-            open_bus(PROGRAM_TIMEOUT_S, **_bus_names("socketcand:0", both)[1]) as bus,
-            _open_log(setup.folder) as log,
-        ):
-            _record(bus, log, both, both, stop, progress)
-    except RunError:
-        if not (both.wait() or _has_dropped(both)):
-            raise  # else its end closes the bus: that is no failure
-    finally:
-        both.end()
-        both.check()
-    dropped = _has_dropped(both)
-    return {**both.numbers(), "interrupted": stop.asked, "recorder_dropped": dropped}
 
 
 def _has_dropped(server: Program, *clients: Program) -> bool:
