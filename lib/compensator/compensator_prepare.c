@@ -15,19 +15,6 @@
 #define LIMIT_MAX INT32_MAX
 #define ELASTIC_LENGTHS_LOG2 2 /* 4 length_long */
 
-/** Return a code of dahl_err_t. The OR of several is the most severe one. */
-static DAHL_COLD int32_t check_value(float value, int may_be_zero)
-{
-    const uint32_t bits = dahl_bits_of(value);
-    if (dahl_is_zero(value)) {
-        return may_be_zero ? DAHL_OK : DAHL_ERR_PARAM;
-    }
-    if (bits >= DAHL_BITS_INF) { /* infinite, NaN, or negative */
-        return DAHL_ERR_PARAM;
-    }
-    return dahl_bits_of(DAHL_TORQUE_MIN) <= bits && bits < dahl_bits_of(DAHL_TORQUE_MAX) ? DAHL_OK : DAHL_ERR_RANGE;
-}
-
 static int is_measured(const dahl_compensator_params_t *params)
 {
     return params->law == DAHL_COMPENSATOR_MEASURED;
@@ -36,8 +23,8 @@ static int is_measured(const dahl_compensator_params_t *params)
 /** Only the measured law needs the axis. */
 static DAHL_COLD int32_t check_axis(const dahl_compensator_params_t *params)
 {
-    return check_value(params->sigma0_high, 0) | check_value(params->load, 1) | check_value(params->inertia, 0)
-        | check_value(params->delay, 0);
+    return dahl_check_value(params->sigma0_high, 0) | dahl_check_value(params->load, 1) | dahl_check_value(params->inertia, 0)
+        | dahl_check_value(params->delay, 0);
 }
 
 static DAHL_COLD dahl_compensator_err_t check_values(const dahl_compensator_params_t *params)
@@ -45,11 +32,11 @@ static DAHL_COLD dahl_compensator_err_t check_values(const dahl_compensator_para
     const int is_reference = params->law == DAHL_COMPENSATOR_REFERENCE;
     int32_t err = dahl_check_params_by_counts(&params->friction);
     err |= is_reference || is_measured(params) ? DAHL_OK : DAHL_ERR_PARAM;
-    err |= check_value(params->Fc_low, is_reference) | check_value(params->length_long, is_reference);
+    err |= dahl_check_value(params->Fc_low, is_reference) | dahl_check_value(params->length_long, is_reference);
     err |= is_measured(params) ? check_axis(params) : DAHL_OK;
-    err |= check_value(params->gain, 1) | check_value(params->limit, 0) | check_value(params->slew, 0);
-    err |= check_value(params->period, 0) | check_value(params->rise, 1) | check_value(params->fall, 1);
-    err |= check_value(params->fade_speed, 1) | check_value(params->pull, 1);
+    err |= dahl_check_value(params->gain, 1) | dahl_check_value(params->limit, 0) | dahl_check_value(params->slew, 0);
+    err |= dahl_check_value(params->period, 0) | dahl_check_value(params->rise, 1) | dahl_check_value(params->fall, 1);
+    err |= dahl_check_value(params->fade_speed, 1) | dahl_check_value(params->pull, 1);
     err |= params->jump > 0 ? DAHL_OK : DAHL_ERR_PARAM;
     return dahl_compensator_code_of(err);
 }

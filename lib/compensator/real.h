@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT */
-/** For prepare functions: codes, and sums, products and quotients of parameters as mantissa 2^exponent of 32 bits. */
+/** For prepare functions: checks, codes, and sums, products and quotients of parameters as mantissa 2^exponent of 32 bits. */
 #ifndef DAHL_REAL_H
 #define DAHL_REAL_H
 
 #include "../arith/fixed.h"
+#include "../model/check_params.h"
 #include "dahl_compensator.h"
 
 /** Return the code of a dahl_err_t. */
@@ -30,6 +31,19 @@ static inline dahl_real_t dahl_real_round_down(uint64_t mantissa, int32_t expone
     dahl_wide_t wide = dahl_normalise(mantissa, exponent);
     dahl_real_t real = {(uint32_t)(wide.mantissa >> 32), wide.exponent + 32};
     return real;
+}
+
+/** Return a code of dahl_err_t. The OR of several is the most severe one. */
+static inline DAHL_COLD int32_t dahl_check_value(float value, int may_be_zero)
+{
+    const uint32_t bits = dahl_bits_of(value);
+    if (dahl_is_zero(value)) {
+        return may_be_zero ? DAHL_OK : DAHL_ERR_PARAM;
+    }
+    if (bits >= DAHL_BITS_INF) { /* infinite, NaN, or negative */
+        return DAHL_ERR_PARAM;
+    }
+    return dahl_bits_of(DAHL_TORQUE_MIN) <= bits && bits < dahl_bits_of(DAHL_TORQUE_MAX) ? DAHL_OK : DAHL_ERR_RANGE;
 }
 
 static inline DAHL_COLD dahl_real_t dahl_real_multiply(dahl_real_t a, dahl_real_t b)

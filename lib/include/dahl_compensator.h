@@ -129,8 +129,8 @@ extern "C" {
 /** [1] Rounding of gain and fades, as a part of the torque of the element. */
 #define DAHL_COMPENSATOR_ERROR 1.0682e-4
 
-/** Result of dahl_compensator_prepare() and dahl_adaptation_prepare(). Except 0, the codes differ
- * from those of dahl_err_t. */
+/** Result of dahl_compensator_prepare(), dahl_adaptation_prepare() and dahl_residual_prepare().
+ * Except 0, the codes differ from those of dahl_err_t. */
 typedef enum {
     DAHL_COMPENSATOR_OK = 0,         /**< success */
     DAHL_COMPENSATOR_PARAM = -17,     /**< a parameter is NaN, infinite, negative, or zero but must
@@ -143,6 +143,8 @@ typedef enum {
     DAHL_COMPENSATOR_PLAY = -21,      /**< the play is below twice the noise, or below 1 count */
     DAHL_COMPENSATOR_WRONG_LAW = -22, /**< dahl_adaptation_prepare(): not the reference law */
     DAHL_COMPENSATOR_INERTIA = -23,   /**< 3 inertia is below sigma0_high (delay + period/2)^2 */
+    DAHL_COMPENSATOR_CORNER = -24,    /**< dahl_residual_prepare(): the corner is too high for the
+                                           loop, or for the resonance */
 } dahl_compensator_err_t;
 
 /** Move that steps the element. */
@@ -419,6 +421,123 @@ int32_t dahl_adaptation_apply(dahl_adaptation_t *adaptation, int32_t ratio_q30);
  */
 void dahl_adaptation_step(const dahl_adaptation_plan_t *plan, dahl_adaptation_t *adaptation,
                           const dahl_compensator_t *compensator, int32_t motor_q24);
+/** @} */
+
+/**
+ * @name Residual observer
+ * Optional, for the reference law only: add the torque that the friction model lacks. It follows an
+ * Fc that is wrong or drifts, unequal directions, viscous friction and a constant load, and it
+ * draws a shaft that rests to its target. A program that does not call it does not link it.
+ * @verbatim
+ *   each tick, after dahl_compensator_torque() has returned y:
+ *     int32_t r = dahl_residual_torque(&residual_plan, &residual, &compensator, dcounts);
+ *     float known = Fc * DAHL_Q30 * (float)y + gravity;      // feed-forwards, except inertia and r
+ *     float command = loop + known + inertia * acceleration + Fc * DAHL_Q30 * (float)r;
+ *     command = clamp(command, drive_limit);                 // N m, as the drive gets it
+ *     dahl_residual_note(&residual, dahl_residual_q24(&residual_plan, command - known));
+ *   with integers, note a torque in Q24 of Fc: (command_mNm - known_mNm) * (16777216 / Fc_mNm)
+ * @endverbatim
+ *
+ * r = low-pass of (motor torque - known feed-forwards - inertia times acceleration). The motor
+ * torque is the one that acted, so a limit of the drive winds nothing up.
+ *
+ * The observer is a feedback of the speed, 2 pi corner inertia in N m s/rad. It is stable if it has
+ * at most half of the speed feedback of the loop. The prepare function checks one of two rules:
+ * - 4 pi corner inertia <= speed_gain, also if inertia is up to twice the true one,
+ * - corner <= resonance/10, if speed_gain is 0. The inertia must then be a lower bound.
+ *
+ * The rules were tested on rigid axes and on axes with a resonance of 30 to 200 Hz, with loops that
+ * are stable if the inertia is 0.6 to 1.7 times the expected one, and delays of 0 to 3 ticks.
+ *
+ * Rules of use:
+ * - limit must be gain Fc or more, plus the load that no feed-forward cancels. A smaller one cannot
+ *   cancel the push of the reference law at rest.
+ * - The torque of the compensator is y + r: its limit is the sum of both limits. The slew of the
+ *   compensator does not hold for r.
+ * - r fades in and out with the compensator. After a bad reading it goes on without a step.
+ * - Set the state to zeros if the plan or the compensator changes, or if the motor was off.
+ * - With 12 bits or fewer it adds noise. A loop with its own integral needs it least.
+ */
+/** @{ */
+
+/** [tick] A delay must be below. */
+#define DAHL_RESIDUAL_TICKS 4
+
+/** Parameters. Every float is 2^-64 <= x < 2^64, or 0 if its comment gives 0 a meaning. */
+typedef struct {
+    float inertia;    /**< [kg m2] lower bound of all that moves: rotor and load */
+    float corner;     /**< [Hz] corner of the low-pass, at most 0.05/period; 15 suits most axes */
+    float limit;      /**< [N m] largest r; above 2 Fc counts as 2 Fc */
+    float speed_gain; /**< [N m s/rad] torque per speed of the loop: D gain of PD and PID, P gain of
+                           the speed loop of a cascade; 0: unknown, resonance decides */
+    float resonance;  /**< [Hz] lowest resonance of the axis; unused with a speed_gain */
+    uint32_t delay;   /**< [tick] from the command to its torque: 0 if it acts until the next
+                           reading; below #DAHL_RESIDUAL_TICKS */
+} dahl_residual_params_t;
+
+/** Prepared observer; may be `const` in flash. All zeros: no torque. */
+typedef struct {
+    int32_t step_q32;             /**< [Q32] 2 pi corner period */
+    int32_t share_q32;            /**< [Q32] share of a gap that the second low-pass closes */
+    int32_t momentum_q24;         /**< [Q24 of Fc] 2 pi corner inertia times 1 count per tick */
+    int32_t limit_q24;            /**< [Q24 of Fc] limit */
+    uint32_t delay;               /**< [tick] delay */
+    uint32_t per_torque_mantissa; /**< 1/Fc = per_torque_mantissa 2^per_torque_exponent [1/(N m)] */
+    int32_t per_torque_exponent;  /**< exponent of per_torque_mantissa */
+} dahl_residual_plan_t;
+
+/** State of the observer. All zeros: no residual. */
+typedef struct {
+    int64_t raw_q56;      /**< [Q56 of Fc] residual before the second low-pass */
+    int64_t filtered_q56; /**< [Q56 of Fc] residual before limit and fade */
+    int32_t dcounts;      /**< [counts] last move */
+    uint32_t is_running;  /**< 0: the next good reading sets the last move only */
+    int32_t unexplained_q24[DAHL_RESIDUAL_TICKS]; /**< [Q24 of Fc] noted torques, newest first */
+} dahl_residual_t;
+
+/**
+ * Prepare an observer. Call it at start-up.
+ * @param[out] plan     plan to write; unchanged if the call fails
+ * @param      params   parameters of the compensator, accepted by dahl_compensator_prepare()
+ * @param      residual parameters of the observer
+ * @return #DAHL_COMPENSATOR_OK; #DAHL_COMPENSATOR_WRONG_LAW for the measured law;
+ *   #DAHL_COMPENSATOR_PARAM if a parameter is NaN, infinite, negative, or zero but must not be, or
+ *   if speed_gain and resonance are both 0; #DAHL_COMPENSATOR_RANGE if one is out of range, or if
+ *   2 pi corner inertia is 64 Fc or more at 1 count per tick; #DAHL_COMPENSATOR_CORNER if the rule
+ *   of the corner fails: lower the corner.
+ * @note The first rule is rounded to the safe side by 2^-30 of it, the second one is exact.
+ */
+DAHL_NODISCARD dahl_compensator_err_t dahl_residual_prepare(dahl_residual_plan_t *plan,
+                                                            const dahl_compensator_params_t *params,
+                                                            const dahl_residual_params_t *residual);
+
+/**
+ * Return the residual torque. Call it once in a tick, after dahl_compensator_move().
+ * @param plan        prepared plan
+ * @param residual    state
+ * @param compensator compensator of the same axis: its bad_ticks and fade are read
+ * @param dcounts     [counts] the move that dahl_compensator_move() got, any int32_t
+ * @return [Q30 of Fc] torque to add to the command, within the limit for any bits of the states
+ */
+int32_t dahl_residual_torque(const dahl_residual_plan_t *plan, dahl_residual_t *residual,
+                             const dahl_compensator_t *compensator, int32_t dcounts);
+
+/**
+ * Note the torques of a tick. Call it once in a tick, at the end.
+ * @param residual        state
+ * @param unexplained_q24 [Q24 of Fc] motor torque as commanded, after the limit of the drive, less
+ *   the feed-forwards of friction, gravity and viscous friction. Those of the inertia and of the
+ *   observer stay in it. More than 64 Fc counts as 64 Fc.
+ */
+void dahl_residual_note(dahl_residual_t *residual, int32_t unexplained_q24);
+
+/**
+ * Convert a torque, without a float operation.
+ * @param plan   prepared plan
+ * @param torque [N m] any float
+ * @return [Q24 of Fc] the torque, rounded towards 0, within +-64 Fc; 0 for NaN
+ */
+int32_t dahl_residual_q24(const dahl_residual_plan_t *plan, float torque);
 /** @} */
 
 #ifdef __cplusplus
