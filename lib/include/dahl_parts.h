@@ -344,8 +344,10 @@ int32_t dahl_velocity_torque_q30(const dahl_velocity_plan_t *plan, int32_t dcoun
  * Choose sigma1 = 2 zeta sqrt(inertia sigma0) in N m s/rad, zeta 0.2 to 0.3; inertia: all that the
  * motor turns. A free shaft then rests within 2 counts if
  * - sqrt(sigma0/inertia) (delay + period) <= 0.4, delay from reading to torque: lower sigma0,
- * - a count of the encoder is at most Fc/(5 sigma0): lower sigma0, or use a finer encoder,
- * - the counts at rest are free of noise: put them behind a play.
+ * - a count of the encoder is at most Fc/(5 sigma0): lower sigma0, or use a finer encoder.
+ *
+ * With noise of +-1 count it rests within 5 counts if a count is at most Fc/(20 sigma0). Do not put
+ * the counts behind a play: it delays the torque, and the shaft buzzes again.
  */
 /** @{ */
 
