@@ -19,6 +19,7 @@ before any move. Public names:
     VelocityTable(torque, segment_bits)   friction that depends on speed; add it to another
     Compensator(sigma0, Fc, theta_per_count, ...)   torque that cancels friction, within bounds
     Adaptation(sigma0, Fc, theta_per_count, ...)   for a Compensator: follow an Fc that drifts
+    Residual(sigma0, Fc, theta_per_count, ...)     for a Compensator: add what the model lacks
     Encoder(modulus, sign, largest_step).move(reading)   counts of each tick, for any wrap
     counts_between(before, now, modulus)   shortest way from one encoder reading to the next
     implausible(sigma0, Fc, theta_per_count)   a probable mistake with units, or ""
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     from dahl.binding.friction import Friction, Plan, State
     from dahl.binding.loaded import Loaded
     from dahl.binding.plausible import implausible
+    from dahl.binding.residual import Residual
     from dahl.binding.slip import Parallel, Slip
     from dahl.binding.throughput import Throughput
     from dahl.binding.velocity import VelocityTable
@@ -76,6 +78,7 @@ __all__ = [
     "Node",
     "Parallel",
     "Plan",
+    "Residual",
     "RunError",
     "Slip",
     "State",
@@ -99,6 +102,7 @@ MODULES = {  # of the public classes and functions
     "binding.friction": ("Friction", "Plan", "State"),
     "binding.loaded": ("Loaded",),
     "binding.plausible": ("implausible",),
+    "binding.residual": ("Residual",),
     "binding.slip": ("Parallel", "Slip"),
     "binding.throughput": ("Throughput",),
     "binding.velocity": ("VelocityTable",),

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""dahl.Compensator and dahl.Adaptation: the bits of the C calls on a log, units of their terms,
-refusals with their limits, and changes of parameters in exact numbers.
+"""dahl.Compensator, dahl.Adaptation and dahl.Residual: the bits of the C calls on a log, units of
+their terms, refusals with their limits, and changes of parameters in exact numbers.
 """
 
 from __future__ import annotations
@@ -40,6 +40,13 @@ def compensator(**changed: Any) -> dahl.Compensator:
 
 def adaptation(**changed: Any) -> dahl.Adaptation:
     return dahl.Adaptation(**(FRICTION | {"inertia": INERTIA, "period": 1e-3} | changed))
+
+
+OBSERVER = {"inertia": INERTIA, "corner": 15.0, "limit": 0.4, "speed_gain": 0.4, "resonance": 0.0}
+
+
+def residual(**changed: Any) -> dahl.Residual:
+    return dahl.Residual(**(FRICTION | OBSERVER | {"period": 1e-3, "delay": 2} | changed))
 
 
 def params_of_c(reference: bool) -> Any:
@@ -102,6 +109,30 @@ def test_draw_has_the_bits_of_c_and_needs_elements_with_a_state() -> None:
     for name, pair in wrong.items():
         with pytest.raises(TypeError, match=f"^{name} = .* has no State"):
             one.draw(*pair)
+
+
+def test_the_residual_has_the_bits_of_the_c_calls() -> None:
+    """The axis moves, some readings are bad, and some torques are beyond 64 Fc."""
+    plan, state = c.new("dahl_residual_plan_t *"), c.new("dahl_residual_t *")
+    params = c.new("dahl_residual_params_t *", OBSERVER | {"delay": 2})
+    assert c.dahl_residual_prepare(plan, params_of_c(True), params) == c.DAHL_COMPENSATOR_OK
+    one, axis = residual(), compensator(reference=True)
+    axis_plan, axis_state = compensator_of_c(True)
+    random = np.random.default_rng(6)
+    for tick in range(3000):
+        move, is_good = round(20 * math.sin(tick / 200)), bool(random.random() > 0.01)
+        torque = float(random.choice([1e30, random.normal(0.1, 0.3)], p=[0.01, 0.99]))
+        axis.move(move, is_good)
+        c.dahl_compensator_move(axis_plan, axis_state, move, is_good)
+        wanted = c.dahl_residual_torque(plan, state, axis_state, move)
+        assert one.torque(axis, move) == wanted / 2**30 * 0.5
+        one.note(torque)
+        c.dahl_residual_note(state, c.dahl_residual_q24(plan, torque))
+        terms = {"raw": state.raw_q56 / 2**56 * 0.5, "filtered": state.filtered_q56 / 2**56 * 0.5}
+        assert one.terms == terms
+    for changed in ({"period": 2e-3}, {"reference": False, "load": 0.0}):
+        with pytest.raises(dahl.InputError, match="period|reference"):
+            one.torque(compensator(**changed), 1)
 
 
 def test_the_adaptation_has_the_bits_of_the_c_calls() -> None:
@@ -327,6 +358,16 @@ REFUSED: list[tuple[Callable[..., Any], dict[str, Any], tuple[str, ...]]] = [
     (compensator, {"length_long": -1.0, "reference": True}, ("= -1 is outside 0, or 2^-64",)),
     (compensator, {"slew": 0.0}, ("slew = 0 ", "N m/s")),
     (compensator, {"period": -1.0}, ("period = -1 ", "(s)")),
+    (residual, {"corner": 16.0}, ("corner = 16 Hz ", "speed_gain/(4*pi*inertia) = 15.91549")),
+    (residual, {"speed_gain": 0.0}, ("speed_gain = resonance = 0",)),
+    (residual, {"speed_gain": 0.0, "resonance": 149.0}, ("corner = 15 Hz ", "resonance/10")),
+    (residual, {"resonance": -1.0}, ("resonance = -1 ", "0, or 2^-64")),
+    (residual, {"corner": 51.0}, ("corner = 51 Hz ", "0.05/period")),
+    (residual, {"inertia": 10.0}, ("inertia = 10: ", "64 Fc")),
+    (residual, {"inertia": 0.0}, ("inertia = 0 ", "kg m2")),
+    (residual, {"delay": 4}, ("delay = 4 ", "3")),
+    (residual, {"theta_per_count": 0.0}, ("theta_per_count = 0 ",)),
+    (residual, {"Fc": math.inf}, ("Fc = inf ",)),
     (adaptation, {"inertia": 0.0}, ("inertia = 0 ", "kg m2")),
     (adaptation, {"inertia": -1.0}, ("inertia = -1 ", "2^-64")),
     (adaptation, {"period": 0.021}, ("period = 0.021 ", "0.02 (s)")),

@@ -77,6 +77,8 @@ COMPENSATED = PLAN | {"period": 1e-3, "limit": 0.3, "slew": 50.0, "gain": 0.5, "
 COMPENSATED |= {"length_long": 1e-3, "reference": False, "rise": 0.2, "fall": 0.1, "pull": 0.2}
 COMPENSATED |= {"fade_speed": 3.0, "noise": 1, "play": 5, "jump": 90, "elastic": False}
 COMPENSATED |= {"sigma0_high": 120.0, "load": 0.01, "inertia": 2e-3, "delay": 2e-3}
+OBSERVED = {"inertia": 1e-3, "corner": 4.0, "limit": 0.3, "speed_gain": 0.5, "resonance": 90.0}
+OBSERVED |= {"delay": 2}
 NODE = {"gain": 0.5, "limit": 0.25, "ramp": 0.3, "timeout": 0.02, "max_step": 7}
 NODE |= {"status_period": 0.07}
 TABLE = [0.5, 0.3, 0.25, -0.125, *(0.0625 * k for k in range(1, 13))]
@@ -106,6 +108,11 @@ KINDS = {
         ),
         Kind(dahl.Parallel, {"parts": MIX}, step),
         Kind(dahl.Plan, PLAN),
+        Kind(
+            dahl.Residual,
+            PLAN | OBSERVED | {"period": 1e-3},
+            lambda one: one.note_q24(-7),
+        ),
         Kind(dahl.Slip, TWO, step),
         Kind(dahl.State, {"w": 5}, lambda one: setattr(one, "w", -5)),
         Kind(dahl.Throughput, PLAN),

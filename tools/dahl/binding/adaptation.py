@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dahl.binding import checks, parameters
 from dahl.binding.checks import INT32_MAX, INT32_MIN
-from dahl.binding.compensator import FRICTION, Compensator
+from dahl.binding.compensator import FRICTION, Compensator, need_reference
 from dahl.binding.copies import Copied, content
 from dahl.binding.library import c
 from dahl.binding.parameters import HasParameters, Parameter
@@ -122,16 +122,8 @@ class Adaptation(HasParameters, Copied):
 
     def step_q24(self, compensator: Compensator, motor_q24: int) -> None:
         """Do the same as step(). motor_q24 is motor over Fc in Q24, a whole number within int32."""
-        checks.instance("compensator", compensator, Compensator)
+        need_reference(compensator, self._values)
         motor_q24 = checks.whole("motor_q24", motor_q24, INT32_MIN, INT32_MAX)
-        if not compensator.reference:
-            raise InputError(
-                "compensator.reference = False: the adaptation would see its own output"
-            )
-        for name in ("Fc", "theta_per_count", "period"):
-            if (other := getattr(compensator, name)) != self._values[name]:
-                wanted = parameters.digits(self._values[name])
-                raise InputError(f"compensator.{name} = {parameters.digits(other)} is not {wanted}")
         c.dahl_adaptation_step(self._prepared, self._state, compensator._state, motor_q24)
 
     def __eq__(self, other: object) -> bool:

@@ -344,6 +344,17 @@ class Compensator(HasParameters, Copied):
         return f"Compensator({self._shown_values()}{more})"
 
 
+def need_reference(compensator: Compensator, values: dict[str, float]) -> None:
+    """Raise dahl.Error unless the compensator has the law of the reference and these parameters."""
+    checks.instance("compensator", compensator, Compensator)
+    if not compensator.reference:
+        raise InputError("compensator.reference = False: the estimate would see its own output")
+    for name in ("Fc", "theta_per_count", "period"):
+        if (other := getattr(compensator, name)) != values[name]:
+            wanted = parameters.digits(values[name])
+            raise InputError(f"compensator.{name} = {parameters.digits(other)} is not {wanted}")
+
+
 def _is_in_range(name: str, value: float, reference: bool) -> bool:
     may_be_zero = name in ("load", "gain", "rise", "fall", "fade_speed", "pull")
     may_be_zero |= reference and name in BOUNDS

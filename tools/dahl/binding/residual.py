@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: MIT
+"""Residual observer. Same names, units and bits as dahl_compensator.h."""
+
+from __future__ import annotations
+
+import math
+
+from dahl.binding import checks, parameters
+from dahl.binding.checks import INT32_MAX, INT32_MIN, ONE_Q30
+from dahl.binding.compensator import FRICTION, OPTIONAL, POSITIVE, Compensator, need_reference
+from dahl.binding.copies import Copied, content
+from dahl.binding.library import c
+from dahl.binding.parameters import HasParameters, Parameter
+from dahl.errors import InputError
+
+
+class Residual(HasParameters, Copied):
+    """Add the torque that the friction model lacks (dahl_residual_t), for a Compensator with
+    reference=True: a low-pass of the motor torque that neither a feed-forward nor the inertia
+    explains. It follows a wrong or drifting Fc, viscous friction and a constant load.
+
+    sigma0, Fc, theta_per_count, period  those of the compensator
+    inertia     kg m2      lower bound of all that moves: rotor and load
+    corner      Hz         of the low-pass, at most 0.05/period
+    limit       N m        largest torque: gain*Fc or more, plus the load; above 2 Fc: 2 Fc
+    speed_gain  N m s/rad  torque per speed of the loop, at least 4*pi*corner*inertia; 0: unknown
+    resonance   Hz         of the axis, at least 10*corner; unused with a speed_gain
+    delay       ticks      from the command to its torque, 0 .. 3
+
+    Objects are equal if parameters and state are. They can be pickled; a copy has a separate state.
+    A tick costs about 2 us. Raises dahl.Error with the parameter, its value and its limit.
+
+    >>> friction = (100.0, 0.5, 3.8e-4)
+    >>> compensator = dahl.Compensator(*friction, reference=True, limit=1.0, slew=50, period=1e-3)
+    >>> residual = dahl.Residual(
+    ...     *friction, inertia=0.002, corner=15.0, limit=0.5, speed_gain=0.4, period=1e-3)
+    >>> for tick in range(100):  # at rest against 0.1 N m that no feed-forward explains
+    ...     _ = compensator.move(0)
+    ...     torque = residual.torque(compensator, 0)  # N m, to add to the command
+    ...     residual.note(0.1)
+    >>> round(torque, 4)
+    0.1
+    """
+
+    sigma0 = Parameter(parameters.SIGMA0)
+    Fc = Parameter(parameters.FC)
+    theta_per_count = Parameter(parameters.COUNTED)
+    inertia = Parameter(POSITIVE.format("inertia", "kg m2"))
+    corner = Parameter(POSITIVE.format("corner", "Hz"))
+    limit = Parameter(POSITIVE.format("limit", "N m"))
+    speed_gain = Parameter(OPTIONAL.format("speed_gain", "N m s/rad"))
+    resonance = Parameter(OPTIONAL.format("resonance", "Hz"))
+    period = Parameter(POSITIVE.format("period", "s"))
+
+    def __init__(
+        self,
+        sigma0: float,
+        Fc: float,  # noqa: N803 (the field's name)
+        theta_per_count: float,
+        *,
+        inertia: float,
+        corner: float,
+        limit: float,
+        period: float,
+        speed_gain: float = 0.0,
+        resonance: float = 0.0,
+        delay: int = 1,
+    ) -> None:
+        given = {"sigma0": sigma0, "Fc": Fc, "theta_per_count": theta_per_count}
+        given |= {"inertia": inertia, "corner": corner, "limit": limit}
+        given |= {"speed_gain": speed_gain, "resonance": resonance, "period": period}
+        self._set_values(given)
+        self._delay = checks.whole("delay", delay, 0, c.DAHL_RESIDUAL_TICKS - 1)
+        self._state = c.new("dahl_residual_t *")
+        self._prepare()
+
+    def _prepare(self) -> None:
+        self._prepared = c.new("dahl_residual_plan_t *")
+        own = dict(self._values)
+        friction = {name: own.pop(name) for name in FRICTION}
+        given = {"friction": friction, "period": own.pop("period")}
+        given["law"] = c.DAHL_COMPENSATOR_REFERENCE
+        params = c.new("dahl_compensator_params_t *", given)
+        residual = c.new("dahl_residual_params_t *", {**own, "delay": self._delay})
+        code = c.dahl_residual_prepare(self._prepared, params, residual)
+        if code != c.DAHL_COMPENSATOR_OK:
+            raise InputError(self._refusal(code))
+
+    def _refusal(self, code: int) -> str:
+        """Return the value and the limit that the library refused."""
+        v = self._values
+        if code == c.DAHL_COMPENSATOR_CORNER:
+            if v["speed_gain"] == 0:
+                return f"corner = {v['corner']:g} Hz is above resonance/10"
+            most = v["speed_gain"] / (4 * math.pi * v["inertia"])
+            return f"corner = {v['corner']:.9g} Hz is above speed_gain/(4*pi*inertia) = {most:.9g}"
+        for name, value in v.items():
+            is_optional = name in ("speed_gain", "resonance") and value == 0
+            if name not in FRICTION and not is_optional:
+                if not parameters.TORQUE_MIN <= value < parameters.TORQUE_MAX:
+                    return f"{name} = {value:g} is outside {self._limits[name]}"
+        if v["speed_gain"] == v["resonance"] == 0:
+            return "speed_gain = resonance = 0: one of them must be known"
+        parameters.need_counted(v["theta_per_count"])
+        friction = [v[name] for name in FRICTION]
+        if not all(parameters.TORQUE_MIN <= value < parameters.TORQUE_MAX for value in friction):
+            return parameters.refusal(*friction)
+        if 20 * v["corner"] * v["period"] > 1:
+            return f"corner = {v['corner']:g} Hz is above 0.05/period"
+        speed = v["theta_per_count"] / v["period"]
+        if 2 * math.pi * v["corner"] * v["inertia"] * speed > 63.9999 * v["Fc"]:
+            return f"inertia = {v['inertia']:g}: 2*pi*corner*inertia of a count is 64 Fc or more"
+        return parameters.refusal(*friction)
+
+    @property
+    def delay(self) -> int:
+        """Ticks from the command to its torque."""
+        return self._delay
+
+    @property
+    def terms(self) -> dict[str, float]:
+        """The state after the last tick in N m: `raw` before the second low-pass, `filtered` before
+        limit and fade.
+        """
+        unit = self.Fc * 2.0**-56
+        return {"raw": self._state.raw_q56 * unit, "filtered": self._state.filtered_q56 * unit}
+
+    def torque_q30(self, compensator: Compensator, dcounts: int) -> int:
+        """Return the torque to add to the command over Fc, in Q30. Call it after
+        compensator.move(dcounts). Raises dahl.Error for a compensator of another law, Fc, count or
+        period, and for counts beyond int32.
+        """
+        need_reference(compensator, self._values)
+        moved, axis = checks.counts(dcounts), compensator._state
+        return int(c.dahl_residual_torque(self._prepared, self._state, axis, moved))
+
+    def torque(self, compensator: Compensator, dcounts: int) -> float:
+        """Return that torque in N m."""
+        return self.torque_q30(compensator, dcounts) / ONE_Q30 * self.Fc
+
+    def note(self, unexplained: float) -> None:
+        """Note the torque of a tick; call it once in a tick, at the end. unexplained is the motor
+        torque in N m, as the drive gets it, less the feed-forwards of friction and gravity. That of
+        the inertia and the result of torque() stay in it.
+        """
+        torque = checks.finite("unexplained", unexplained, "N m")
+        most = parameters.TORQUE_MAX / 2  # far beyond 64 Fc, and a finite float
+        self.note_q24(int(c.dahl_residual_q24(self._prepared, min(max(torque, -most), most))))
+
+    def note_q24(self, unexplained_q24: int) -> None:
+        """Do the same as note(). unexplained_q24 is over Fc in Q24, a whole number within int32."""
+        unexplained_q24 = checks.whole("unexplained_q24", unexplained_q24, INT32_MIN, INT32_MAX)
+        c.dahl_residual_note(self._state, unexplained_q24)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Residual):
+            return NotImplemented
+        same = self._values == other._values and self._delay == other._delay
+        return same and content(self._state) == content(other._state)
+
+    __hash__ = None  # type: ignore[assignment]  # it changes with each tick
+
+    def __repr__(self) -> str:
+        return f"Residual({self._shown_values()}, delay={self._delay})"
