@@ -253,6 +253,46 @@ static inline void bits_compensator(bits_of_part_t *run)
     }
 }
 
+static inline uint64_t bits_fold_residual_plan(uint64_t hash, const dahl_residual_plan_t *plan)
+{
+    hash = bits_fold(hash, (uint64_t)(uint32_t)plan->step_q32 << 32 | (uint32_t)plan->share_q32);
+    hash = bits_fold(hash, (uint64_t)(uint32_t)plan->momentum_q24 << 32 | (uint32_t)plan->limit_q24);
+    return bits_fold(hash, (uint64_t)plan->per_torque_mantissa << 32 | (uint32_t)plan->per_torque_exponent);
+}
+
+/* The residual observer with bad readings, and presliding damping. Torques in N m are rounded once, like a float. */
+static inline void bits_residual(bits_of_part_t *run)
+{
+    const dahl_compensator_params_t params = bits_compensator_params(run->params);
+    const dahl_residual_params_t observer = {.inertia = 0x1p-9f * run->params->Fc, .corner = 15.0f,
+                                             .limit = 0.5f * run->params->Fc, .resonance = 150.0f, .delay = 2};
+    dahl_compensator_plan_t plan;
+    dahl_residual_plan_t residual_plan;
+    dahl_damping_plan_t damping_plan;
+    dahl_plan_t element;
+    dahl_compensator_t compensator = {0};
+    dahl_residual_t residual = {0};
+    dahl_damping_t damping = {0};
+    dahl_state_t bristle = {0};
+    motion_t motion = MOTION_START, faults = MOTION_START;
+    if (dahl_prepare(&element, run->params) != DAHL_OK || dahl_compensator_prepare(&plan, &params) != DAHL_COMPENSATOR_OK
+        || dahl_damping_prepare(&damping_plan, run->params, 0x1p-8f * run->params->sigma0, 0x1p-10f) != DAHL_OK
+        || dahl_residual_prepare(&residual_plan, &params, &observer) != DAHL_COMPENSATOR_OK) {
+        return;
+    }
+    run->hash = bits_fold(bits_fold_residual_plan(run->hash, &residual_plan), (uint32_t)damping_plan.gain_q16);
+    for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {
+        int32_t d = run->next(&motion);
+        (void)dahl_compensator_move(&plan, &compensator, d, motion_random(&faults) % 64u > 4u);
+        int32_t damped = dahl_damping_apply(&damping_plan, &damping, dahl_step_counts_q30(&element, &bristle, d));
+        volatile float torque = (float)(damped >> 8) * 0x1p-20f * run->params->Fc;
+        run->hash = bits_fold(run->hash, (uint32_t)dahl_residual_torque(&residual_plan, &residual, &compensator, d));
+        dahl_residual_note(&residual, dahl_residual_q24(&residual_plan, torque));
+        run->hash = bits_fold(run->hash, (uint64_t)residual.raw_q56);
+        run->hash = bits_fold(run->hash, (uint64_t)(uint32_t)damped << 32 | (uint32_t)residual.unexplained_q24[0]);
+    }
+}
+
 typedef void (*bits_fold_part_t)(bits_of_part_t *run);
 
 #define BITS_ROW(name, ...) {#name, bits_##name},
@@ -268,6 +308,7 @@ static const struct {
     {"elastoplastic", bits_elastoplastic},
     {"clamped", bits_clamped},
     {"compensator", bits_compensator},
+    {"residual", bits_residual},
 };
 
 #define BITS_PARTS_RUNS (BITS_PARAMS * (sizeof bits_parts / sizeof bits_parts[0]))
