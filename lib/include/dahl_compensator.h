@@ -450,8 +450,9 @@ void dahl_adaptation_step(const dahl_adaptation_plan_t *plan, dahl_adaptation_t 
  * are stable if the inertia is 0.6 to 1.7 times the expected one, and delays of 0 to 3 ticks.
  *
  * Rules of use:
- * - limit must be gain Fc or more, plus the load that no feed-forward cancels. A smaller one cannot
- *   cancel the push of the reference law at rest.
+ * - limit must be gain Fc or more: less cannot cancel the push of the reference law at rest. If the
+ *   loop has an integral, it must be at most Fc: with 2 Fc, delay 3 and a resonance, 4 of 2000 axes
+ *   hunted at rest. Without an integral, add the load that no feed-forward cancels.
  * - The torque of the compensator is y + r: its limit is the sum of both limits. The slew of the
  *   compensator does not hold for r.
  * - r fades in and out with the compensator. After a bad reading it goes on without a step.
@@ -467,7 +468,7 @@ void dahl_adaptation_step(const dahl_adaptation_plan_t *plan, dahl_adaptation_t 
 typedef struct {
     float inertia;    /**< [kg m2] lower bound of all that moves: rotor and load */
     float corner;     /**< [Hz] corner of the low-pass, at most 0.05/period; 15 suits most axes */
-    float limit;      /**< [N m] largest r; above 2 Fc counts as 2 Fc */
+    float limit;      /**< [N m] largest r: gain Fc; above 2 Fc counts as 2 Fc */
     float speed_gain; /**< [N m s/rad] torque per speed of the loop: D gain of PD and PID, P gain of
                            the speed loop of a cascade; 0: unknown, resonance decides */
     float resonance;  /**< [Hz] lowest resonance of the axis; unused with a speed_gain */

@@ -322,12 +322,13 @@ static case_t elastic_case(uint64_t *random)
     c.hold_s = 3;
     const double te = (c.delay + 0.5) * PERIOD + 1 / (TWO_PI * 150);
     const double bandwidth = fmin(TWO_PI * c.shaft_hz / uniform(random, 2, 6), 0.35 / te);
+    c.shaft_hz *= random_u32(random) % 4 != 0; /* a quarter is rigid */
     c.kd = INERTIA * bandwidth;
     c.kp = c.kd * bandwidth / 4;
     c.J_guess = random_u32(random) % 2 == 0 ? 2 : uniform(random, 0.3, 1);
-    const double part = exp(uniform(random, log(0.2), log(3))); /* of the speed gain: the rule allows 0.5 */
+    const double part = exp(uniform(random, log(0.1), log(6))); /* of the speed gain: the rule allows 0.5 */
     c.observer.corner = (float)fmin(part * c.kd / (TWO_PI * c.J_guess * INERTIA), 0.049 / PERIOD);
-    c.observer.limit = 1.0f;
+    c.observer.limit = (float)(c.loop == PD ? 2 * TRUE_FC : TRUE_FC);
     return c;
 }
 
@@ -360,7 +361,7 @@ static void test_an_elastic_axis_is_refused_or_stable(void)
             continue;
         }
         const int is_unsafe = swings(&c, OBSERVER);
-        const int is_by_loop = c.J_guess > 1 || k % 2 == 0;
+        const int is_by_loop = c.shaft_hz == 0 || k % 2 == 0;
         c.observer.speed_gain = is_by_loop ? (float)c.kd : 0.0f;
         c.observer.resonance = (float)c.shaft_hz;
         const int is_accepted = prepare(&c, &laws) == DAHL_COMPENSATOR_OK;
@@ -369,7 +370,7 @@ static void test_an_elastic_axis_is_refused_or_stable(void)
         unsafe += is_unsafe;
         TEST_ASSERT_FALSE(is_accepted && is_unsafe);
     }
-    TEST_ASSERT_TRUE(accepted > 80 && refused > 80 && unsafe > 10);
+    TEST_ASSERT_TRUE(accepted > 80 && refused > 80 && unsafe > 0);
 }
 
 /* --- calls ----------------------------------------------------------------------------------------------------------- */

@@ -17,7 +17,8 @@ CALLED_BY_CALLS = {"dahl_encoder_rare_move", "dahl_part_move", "dahl_slip_part_m
 
 IN_A_TICK = re.compile(
     r"dahl_((\w+_)?step(_counts)?(_q30)?|torque|velocity_torque(_q30)?|to_units|counts_between"
-    r"|encoder_move|compensator_(move|torque|pull)|adaptation_apply)"
+    r"|encoder_move|compensator_(move|torque|pull)|adaptation_apply|residual_(torque|note|q24)"
+    r"|damping_apply)"
 )
 
 # Rows of dahl_node_receive(), by case: what it receives
@@ -51,6 +52,8 @@ TYPES = {
     "encoder": (None, "dahl_encoder_t"),
     "compensator": ("dahl_compensator_plan_t", "dahl_compensator_t"),
     "adaptation": ("dahl_adaptation_plan_t", "dahl_adaptation_t"),
+    "residual observer": ("dahl_residual_plan_t", "dahl_residual_t"),
+    "presliding damping": ("dahl_damping_plan_t", "dahl_damping_t"),
     "node, model Dahl": (None, "dahl_node_t"),
     "node, storage of slip": (None, "dahl_node_slip_t"),
     "node, storage of parallel": (None, "dahl_node_parallel_t"),

@@ -362,6 +362,7 @@ PARTS = (
     *(f"{name}_" for name in models.table() if name != "dahl"),
     *("mixed_", "clamped_", "elastic_", "plastic_", "crossing_"),
     *("work_", "counts_to_torque", "tip_torque", "velocity_", "compensator_", "adaptation_"),
+    *("residual_", "damping_"),
     "coulomb",
 )
 
