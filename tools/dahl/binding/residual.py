@@ -89,28 +89,31 @@ class Residual(HasParameters, Copied):
     def _refusal(self, code: int) -> str:
         """Return the value and the limit that the library refused."""
         v = self._values
+        if code == c.DAHL_COMPENSATOR_CORNER and v["speed_gain"] == 0:
+            return f"corner = {v['corner']:g} Hz is above resonance/10"
         if code == c.DAHL_COMPENSATOR_CORNER:
-            if v["speed_gain"] == 0:
-                return f"corner = {v['corner']:g} Hz is above resonance/10"
             most = v["speed_gain"] / (4 * math.pi * v["inertia"])
             return f"corner = {v['corner']:.9g} Hz is above speed_gain/(4*pi*inertia) = {most:.9g}"
         for name, value in v.items():
-            is_optional = name in ("speed_gain", "resonance") and value == 0
-            if name not in FRICTION and not is_optional:
-                if not parameters.TORQUE_MIN <= value < parameters.TORQUE_MAX:
-                    return f"{name} = {value:g} is outside {self._limits[name]}"
+            if name not in FRICTION and not _is_in_range(name, value):
+                return f"{name} = {value:g} is outside {self._limits[name]}"
         if v["speed_gain"] == v["resonance"] == 0:
             return "speed_gain = resonance = 0: one of them must be known"
         parameters.need_counted(v["theta_per_count"])
-        friction = [v[name] for name in FRICTION]
-        if not all(parameters.TORQUE_MIN <= value < parameters.TORQUE_MAX for value in friction):
-            return parameters.refusal(*friction)
+        are_in_range = all(_is_in_range(name, v[name]) for name in FRICTION)
+        return (self._refusal_of_tick() if are_in_range else "") or parameters.refusal(
+            *(v[name] for name in FRICTION)
+        )
+
+    def _refusal_of_tick(self) -> str:
+        """Return the corner or inertia that is refused at this period, or ""."""
+        v = self._values
         if 20 * v["corner"] * v["period"] > 1:
             return f"corner = {v['corner']:g} Hz is above 0.05/period"
         speed = v["theta_per_count"] / v["period"]
         if 2 * math.pi * v["corner"] * v["inertia"] * speed > 63.9999 * v["Fc"]:
             return f"inertia = {v['inertia']:g}: 2*pi*corner*inertia of a count is 64 Fc or more"
-        return parameters.refusal(*friction)
+        return ""
 
     @property
     def delay(self) -> int:
@@ -162,3 +165,9 @@ class Residual(HasParameters, Copied):
 
     def __repr__(self) -> str:
         return f"Residual({self._shown_values()}, delay={self._delay})"
+
+
+def _is_in_range(name: str, value: float) -> bool:
+    if value == 0:
+        return name in ("speed_gain", "resonance")
+    return parameters.TORQUE_MIN <= value < parameters.TORQUE_MAX
