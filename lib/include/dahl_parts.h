@@ -422,6 +422,9 @@ typedef struct {
     dahl_q64_t backward[23]; /**< the same for backward moves */
 } dahl_asymmetric_plan_t;
 
+/** State of asymmetric friction: w = F / larger Fc. */
+typedef dahl_state_t dahl_asymmetric_state_t;
+
 /**
  * Prepare asymmetric friction.
  * @param[out] plan   plan to write; unchanged if the call fails
@@ -471,6 +474,9 @@ typedef struct {
     dahl_state_t bristle; /**< w = F / (load Fc) */
     uint32_t load_q30;    /**< [Q30] load of the last tick */
 } dahl_loaded_state_t;
+
+/** Plan for the load 1, from dahl_prepare(). */
+typedef dahl_plan_t dahl_loaded_plan_t;
 
 /**
  * Move by counts under a load and return the torque.
@@ -545,6 +551,9 @@ typedef struct {
     uint32_t counts_max;    /**< this many counts travel 1 to 2; 0 if one count travels more */
 } dahl_elastoplastic_plan_t;
 
+/** State of an elasto-plastic element: w = F/Fc. */
+typedef dahl_state_t dahl_elastoplastic_state_t;
+
 /**
  * Prepare an elasto-plastic element.
  * @param[out] plan      plan to write; unchanged if the call fails
@@ -576,6 +585,127 @@ float dahl_elastoplastic_step_counts(const dahl_elastoplastic_plan_t *plan, dahl
  */
 int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan,
                                            dahl_state_t *state, int32_t dcounts);
+/** @} */
+
+/**
+ * @name Model chosen at run time
+ * The calls of one model as a constant object, for a program that learns the model from a file or
+ * an option. A firmware that knows its model calls dahl_NAME_step_counts() directly.
+ * @verbatim
+ *   static dahl_any_plan_t plan;
+ *   static dahl_any_state_t state;                                 // all zeros: relaxed
+ *   const dahl_model_t *model = &dahl_model_slip;
+ *   if (model->q30->prepare(&plan, &params) != DAHL_OK) { stop(); }
+ *   each tick:  F = model->step(&plan, &state, dcounts, load_q30);
+ * @endverbatim
+ * Only the models that a program names are linked; dahl_model_NAME_q30 links no float form.
+ */
+/** @{ */
+
+/** The friction models: one row each. Nodes, simulators, log calls, scenes, the Python package,
+ * dahl.dbc and the pages read this table.
+ *
+ *     MODEL(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning)
+ *
+ * - name: in scenes and options. Its types are dahl_name_plan_t and dahl_name_state_t, and its
+ *   objects dahl_model_name and dahl_model_name_q30. Those of the Dahl element are dahl_plan_t,
+ *   dahl_state_t, dahl_model_dahl and dahl_model_dahl_q30.
+ * - NAME: DAHL_FRAMES_MODEL_NAME is its number.
+ * - Class: in dahl.dbc and of the Python package, where the Dahl element is a Plan.
+ * - number: value of parameter Model of a node. If sigma0s is 0, the number of elements is added.
+ * - sigma0s: how many sigma0 [N m/rad]; 0: one for each of 1 .. DAHL_SLIP_MAX elements.
+ * - Fcs: how many Fc [N m]; 0: one for each element; 2: one for each direction. The torque ratio
+ *   refers to their sum, of two directions to the larger Fc.
+ * - plan: 1 if its plan may be constant in flash.
+ * - key: its own key in [friction] of a scene; "" if there is none.
+ * - meaning: of that key, or of other data that the model needs. */
+/* clang-format off */
+#define DAHL_OTHER_MODELS(MODEL) \
+    MODEL(slip, SLIP, Slip, 0, 0, 0, 1, "", "") \
+    MODEL(parallel, PARALLEL, Parallel, 32, 0, 0, 0, "kinds", "`dahl` or `slip` for each element") \
+    MODEL(loaded, LOADED, Loaded, 18, 1, 1, 0, "", \
+          "a section `[load]`; `sigma0` and `Fc` hold at load 1") \
+    DAHL_BRISTLE_MODELS(MODEL)
+
+/** Rows of the models with the state of one bristle, a dahl_state_t, and the calls
+ * dahl_name_step_counts(plan, state, dcounts) and dahl_name_step_counts_q30(). Their log calls,
+ * tests and benchmarks read these rows. */
+#define DAHL_BRISTLE_MODELS(MODEL) \
+    MODEL(elastoplastic, ELASTOPLASTIC, ElastoPlastic, 17, 1, 1, 1, "breakaway", "a fraction of Fc") \
+    MODEL(asymmetric, ASYMMETRIC, Asymmetric, 16, 1, 2, 1, "", "")
+/* clang-format on */
+
+/** All models: the Dahl element and DAHL_OTHER_MODELS. */
+#define DAHL_MODELS(MODEL) \
+    MODEL(dahl, DAHL, Dahl, 0, 1, 1, 1, "", "") \
+    DAHL_OTHER_MODELS(MODEL)
+
+/** Parameters of any model. */
+typedef struct {
+    dahl_slip_params_t each; /**< theta_per_count; sigma0 and Fc of each element or direction. A
+                                  model with one sigma0 reads the first. `elements` is read if the
+                                  number of elements is free */
+    uint32_t slips;          /**< of `parallel`: bit k set: element k slips, otherwise it is a Dahl
+                                  element */
+    float own;               /**< value of its own key, for example breakaway */
+} dahl_model_params_t;
+
+/** Calls of a model, integers only. A state of all zeros is relaxed. */
+typedef struct {
+    /** Prepares a plan, or leaves it unchanged and returns the error of dahl_NAME_prepare(). */
+    dahl_err_t (*prepare)(void *plan, const dahl_model_params_t *params);
+    /** Moves by counts and returns F/Fc in Q30. Only `loaded` reads the load [Q30]. */
+    int32_t (*step_q30)(const void *plan, void *state, int32_t dcounts, uint32_t load_q30);
+    uint16_t plan_bytes;  /**< size of the plan; a state may follow at once */
+    uint16_t state_bytes; /**< size of the state */
+    uint8_t number;       /**< of its row */
+    uint8_t sigma0s;      /**< of its row */
+    uint8_t Fcs;          /**< of its row */
+} dahl_model_q30_t;
+
+/** Calls of a model. */
+typedef struct {
+    const dahl_model_q30_t *q30; /**< its calls in integers */
+    /** Moves by counts and returns F [N m]. */
+    float (*step)(const void *plan, void *state, int32_t dcounts, uint32_t load_q30);
+} dahl_model_t;
+
+/** Declares the objects of one model. */
+#define DAHL_DECLARE_MODEL(name, ...) \
+    extern const dahl_model_q30_t dahl_model_##name##_q30; \
+    extern const dahl_model_t dahl_model_##name;
+DAHL_MODELS(DAHL_DECLARE_MODEL)
+
+/** Plan of the model `parallel`. */
+typedef struct {
+    uint32_t bearings;               /**< number of Dahl elements */
+    dahl_slip_plan_t slip;           /**< plan of the slip elements */
+    uint64_t slip_share;             /**< [Q62] share of the slip elements in the sum of Fc */
+    dahl_plan_t plan[DAHL_SLIP_MAX]; /**< plans of the Dahl elements */
+    uint64_t share[DAHL_SLIP_MAX];   /**< [Q62] shares of the Dahl elements */
+} dahl_parallel_plan_t;
+
+/** State of the model `parallel`. */
+typedef struct {
+    dahl_slip_state_t slip;            /**< state of the slip elements */
+    dahl_state_t state[DAHL_SLIP_MAX]; /**< states of the Dahl elements */
+} dahl_parallel_state_t;
+
+/** Member of dahl_any_plan_t. */
+#define DAHL_ANY_PLAN(name, ...) dahl_##name##_plan_t name;
+/** Plan of any model. */
+typedef union {
+    dahl_plan_t dahl; /**< of the Dahl element */
+    DAHL_OTHER_MODELS(DAHL_ANY_PLAN)
+} dahl_any_plan_t;
+
+/** Member of dahl_any_state_t. */
+#define DAHL_ANY_STATE(name, ...) dahl_##name##_state_t name;
+/** State of any model. Any bits are safe; all zeros are relaxed. */
+typedef union {
+    dahl_state_t dahl; /**< of the Dahl element */
+    DAHL_OTHER_MODELS(DAHL_ANY_STATE)
+} dahl_any_state_t;
 /** @} */
 
 #ifdef __cplusplus

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Fits and scores against dense least squares, scipy.optimize and refits without a cycle."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -10,14 +8,12 @@ from functools import cache
 import numpy as np
 import pytest
 from dahl.identify import select
-from dahl.identify.fit import Fitter, Hypothesis
+from dahl.identify.fit import Fitter, Hypothesis, solve_within
 from dahl.identify.samples import samples_of
 from dahl.identify.start import coarse_start, pair_starts, slip_start
 from identify_tools import FC, SIGMA0, behind_play, chirp, dahl_torque, log_of, springs
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, minimize
 from scipy.signal import filtfilt, lfilter
-
-pytestmark = pytest.mark.usefixtures("library")
 
 A, STEP = SIGMA0 / FC, 1e-3
 PATH = chirp(1500, first=5, last=11)
@@ -295,3 +291,18 @@ def test_fewer_hypotheses_if_cycles_times_or_a_user_allow_no_more():
     assert untimed["terms"] == {"offset", "spring", "cubic", "waves"}
     asked = select.SearchSpace(("spring",), ("none",), ("dahl",), wanted="slip")
     assert tried(asked)["terms"] == {"spring"} and tried(asked)["law"] == {"dahl", "slip"}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_step_within_limits_is_the_best_one(seed):
+    """No point of the box is better; a step that is clipped parameter by parameter is not best."""
+    draw = np.random.default_rng(seed)
+    table = draw.normal(size=(40, 3)) @ draw.normal(size=(3, 3))
+    torque = table @ (3.0, -2.0, 1.0) + draw.normal(size=40)
+    both = np.column_stack((table, torque))
+    low, high = np.array([-np.inf, -0.5, -0.1]), np.array([np.inf, 0.5, 0.3])
+    ends = np.stack((low, high))
+    step = solve_within(both.T @ both, ends)
+    best = minimize(lambda c: np.sum((torque - table @ c) ** 2), np.zeros(3), bounds=ends.T)
+    assert ((low <= step) & (step <= high)).all()
+    assert np.sum((torque - table @ step) ** 2) <= best.fun * (1 + 1e-6)

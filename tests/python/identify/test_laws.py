@@ -3,8 +3,6 @@
 slope at rest and Fc the friction at full slip.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from functools import cache
@@ -21,8 +19,6 @@ from hypothesis.extra.numpy import arrays
 from identify_tools import FC, SIGMA0, behind_play, chirp, dahl_torque, log_of, shaft, springs
 from scipy.integrate import solve_ivp
 from scipy.signal import filtfilt, lfilter
-
-pytestmark = pytest.mark.usefixtures("library")
 
 A = SIGMA0 / FC
 Slope = Callable[[float, float], float]  # dw/du of w = F/Fc and the direction

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Angles between counts, cycles, weights and thinning, against plain loops and known motions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from identify_tools import COUNT, FC, SIGMA0, chirp, dahl_torque, log_of, noise_of, shaft, sine
-
-pytestmark = pytest.mark.usefixtures("library")
 
 A = SIGMA0 / FC
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Columns and units of logs, by the names of the columns or by options."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -11,8 +9,6 @@ import pytest
 from dahl.identify import Source
 from dahl.identify import read as read_log
 from log_reading import read, refused
-
-pytestmark = pytest.mark.usefixtures("library")
 
 ROWS = 40
 UP = np.arange(float(ROWS)) / 64

@@ -3,8 +3,6 @@
 names file, line or row, column and value.
 """
 
-from __future__ import annotations
-
 import json
 
 import log_writers
@@ -20,8 +18,6 @@ from log_reading import read, refused, run
 from log_writers import TABLES
 from property_tools import holds, modes
 from scipy.io import savemat
-
-pytestmark = pytest.mark.usefixtures("library")
 
 ROWS = 40
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """A module of the package imports from its layer and those below, and imports form no circle."""
 
-from __future__ import annotations
-
 import ast
 from graphlib import TopologicalSorter
 from pathlib import Path

@@ -125,9 +125,9 @@ class RunnableModel:
 
         Raises dahl.Error for parameters that the library rejects.
         """
-        from dahl.binding.asymmetric import Asymmetric
         from dahl.binding.friction import Plan
         from dahl.binding.slip import Slip
+        from dahl.binding.state_element import Asymmetric
 
         count = self.theta_per_count
         if self.model == "asymmetric":

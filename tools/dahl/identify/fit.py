@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from scipy.optimize import lsq_linear
 from scipy.signal import filtfilt, lfilter
 
 from dahl.identify import models
@@ -178,6 +179,19 @@ def solve(gram: np.ndarray, columns: Sequence[int]) -> np.ndarray:
     return found
 
 
+def solve_within(gram: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Least squares by a Gram matrix with coefficients between two ends, (2, k)."""
+    wanted = solve(gram, range(len(gram) - 1))
+    if ((ends[0] <= wanted) & (wanted <= ends[1])).all():
+        return wanted
+    scale = np.sqrt(np.maximum(np.diag(gram)[:-1], 1e-300))
+    matrix = gram[:-1, :-1] / scale[:, None] / scale + 1e-10 * np.eye(len(scale))
+    root = np.linalg.cholesky(matrix).T
+    low, high = ends * scale
+    found: np.ndarray = lsq_linear(root, root @ (wanted * scale), (low, high), "bvls").x / scale
+    return found
+
+
 def cost_of(gram: np.ndarray, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
     """Sum of squared residuals that these coefficients leave."""
     c = [*columns, gram.shape[-1] - 1]
@@ -280,6 +294,14 @@ class Fitter:
             change = np.exp(-a * s.travel_since_rest() / np.exp(shape[1]))
         limits: np.ndarray = np.maximum(1 + strength * change, MIN_LIMIT)
         return limits
+
+    def late(self, fit: Fit, x: np.ndarray) -> np.ndarray:
+        """A torque of no friction as the torque sensor of a fit shows it: less its mean."""
+        x = x - x.mean(axis=0)
+        h = fit.hypothesis
+        if h.lag not in (*DELAYED, "delays"):
+            return x
+        return np.column_stack([self._apply_lag(h, fit.p, one) for one in x.T])
 
     def _apply_lag(self, h: Hypothesis, p: np.ndarray, x: np.ndarray) -> np.ndarray:
         """x as a late or slow torque sensor shows it."""
@@ -399,20 +421,23 @@ class Fitter:
             gain, best, p, scale = best - cost, cost, trial, 1.0
             found = Optimum(trial, grams, at, np.abs(table[:, :m]).max(axis=0))
             limits = coefficients[:m] if (coefficients[:m] > 0).all() else None
-            step = self._step(h, p, solve(whole, range(table.shape[1]))[m : m + k])
+            step = self._step(h, p, whole)
             if np.abs(step[:m]).max() < SETTLED_STEP and gain < MIN_GAIN * cost:
                 break
         return found
 
-    def _step(self, h: Hypothesis, p: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-        """A Gauss-Newton step within its limits."""
-        step: np.ndarray = np.clip(wanted, -MAX_STEP, MAX_STEP)
+    def _step(self, h: Hypothesis, p: np.ndarray, gram: np.ndarray) -> np.ndarray:
+        """The Gauss-Newton step that is best within the limits of all parameters."""
+        m, n = h.friction.elements, len(p)
+        low, high = np.full(n, -MAX_STEP), np.full(n, MAX_STEP)
         for k in self._row_parameters(h, p):
-            near = np.clip(wanted[k], -MAX_DELAY_STEP, MAX_DELAY_STEP)
-            step[k] = np.clip(near, -self.max_delay - p[k], self.max_delay - p[k])
+            low[k] = max(-MAX_DELAY_STEP, -self.max_delay - p[k])
+            high[k] = min(MAX_DELAY_STEP, self.max_delay - p[k])
         if h.lag in FILTERS:
-            step[-1] = max(step[-1], MIN_LOW_PASS - p[-1])
-        return step
+            low[-1] = max(low[-1], MIN_LOW_PASS - p[-1])
+        ends = np.full((2, len(gram) - 1), [[-np.inf], [np.inf]])
+        ends[:, m : m + n] = low, high
+        return solve_within(gram, ends)[m : m + n]
 
     def _is_friction(self, fit: Fit, peaks: np.ndarray) -> bool:
         """Whether a fit is physical, and no element is larger than the log can show."""

@@ -86,6 +86,7 @@ def mixed_law(elements: int) -> Law:
 
 
 ONE_ELEMENT = {"dahl", "slip", "loaded"}  # laws without a shape of their own
+BY_SPEED = {"stribeck", "log speed"}  # Dahl's law with an Fc that depends on speed
 
 OPTIONS = {  # law by the name of --model
     "dahl": "dahl",

@@ -344,7 +344,9 @@ def _rows(result: Result, kept: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield name, f"{p.value:.5g} {unit}, 95 %: {p.low:.5g} to {high}"
     yield "compensator", _bounds(result)
     late = _delay(result) if kept["delay_rows"] else ""
-    yield "law", kept["model"] + (late or f", with {h.lag}" * (h.lag != "none"))
+    is_hidden = h.lag == "play" and not result.play
+    lag = "travel that a count hides" if is_hidden else h.lag
+    yield "law", kept["model"] + (late or f", with {lag}" * (lag != "none"))
     if load := kept["load"]:
         least, most = load["shares"]
         yield (

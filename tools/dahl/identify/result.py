@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dahl.identify.fit import DELAYED, Fit, Fitter, Hypothesis, Optimum, parameters_of, solve
-from dahl.identify.models import ONE_ELEMENT, rise_lengths
+from dahl.identify.models import BY_SPEED, ONE_ELEMENT, rise_lengths
 from dahl.identify.refusals import SOURCES as STEPS_OF_SOURCES
 from dahl.identify.refusals import next_step
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, samples_of
@@ -28,7 +28,9 @@ SLIP_LENGTHS = 3  # presliding lengths that a compensator needs if slip elements
 MAX_HALF_WIDTH = 0.3  # of the value; a wider interval is no basis for a firmware
 MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller shapes still more
 MIN_REACHED = 0.8  # of Fc, by the friction in a log; Dahl's law alone may extrapolate further
+MIN_PLAY_COUNTS = 1.5  # of a play that is not the travel hidden by a count
 BOUND_MARGIN = 1.1  # of bounds from intervals that are not claimed
+MUCH_MORE = 3.0  # times the gain of a row of diagnose.py, from which another row is the cause
 MIN_R2 = 0.5  # on cycles left out; below it most of the torque is not friction
 POWERS_OF_REACH = {"spring": 1, "cubic": 3}  # by which samples.py divides the angle of these terms
 SOURCES = {  # of the width of an interval, in the order in which they are added
@@ -209,8 +211,12 @@ class Result:
 
     @property
     def play(self) -> float:
-        """Width of the play between encoder and bearing in the chosen hypothesis, rad (m)."""
-        return float(np.exp(self.chosen.p[-1])) if self.hypothesis.lag == "play" else 0.0
+        """Width of the play between encoder and bearing in the chosen hypothesis, rad (m).
+
+        A play of about a count is the travel that a count hides at a turn: 0.
+        """
+        width = float(np.exp(self.chosen.p[-1])) if self.hypothesis.lag == "play" else 0.0
+        return width if width > MIN_PLAY_COUNTS * self.samples.count else 0.0
 
     @property
     def terms(self) -> dict[str, float]:
@@ -376,7 +382,7 @@ def claims_of(result: Result) -> Result:
     objections = [
         *_against_units(result),
         *_against_log(result),
-        *_against_widths(i),
+        *_against_widths(result, i),
         *_against_lacks(result),
         *_against_sigma0(result, i),
         *_against_short_strokes(result),
@@ -389,13 +395,21 @@ def claims_of(result: Result) -> Result:
         if one is not None
     }
     claimed = (first[0] is None, first[1] is None)
-    reasons = [text for _, _, text in objections if text]
+    reasons = list(dict.fromkeys(text for _, _, text in objections if text))
     return replace(result, intervals=i, claimed=claimed, reasons=reasons, refusals=refusals)
 
 
 def _against_lacks(result: Result) -> Iterator[Objection]:
-    for lack in result.lacks:
-        yield lack.withdraws, lack.name, lack.text
+    """Objections of rows of diagnose.py; if others explain as much, they are named too."""
+    for lack in sorted(result.lacks, key=lambda lack: -lack.gain):
+        rivals = [one for one in result.lacks if one is not lack and 2 * one.gain > lack.gain]
+        named, words = max([lack, *rivals], key=lambda one: one.gain), ""
+        if not any(lack.withdraws) or named.gain < MUCH_MORE * lack.gain:
+            named = lack
+        if any(lack.withdraws) and rivals:
+            others = [one.name.split(" each")[0] for one in [lack, *rivals] if one is not named]
+            words = f" (or {' or '.join(dict.fromkeys(others))} would)"
+        yield lack.withdraws, named.name, named.text + words
 
 
 def _against_short_strokes(result: Result) -> Iterator[Objection]:
@@ -442,28 +456,36 @@ def _against_log(result: Result) -> Iterator[Objection]:
         yield (True, True), "few cycles", text
 
 
-def _against_widths(i: Intervals) -> Iterator[Objection]:
+def _against_widths(result: Result, i: Intervals) -> Iterator[Objection]:
+    is_wrong = any(any(lack.withdraws) for lack in result.lacks)  # so that no width has its cause
     for k, name in enumerate(NAMES):
         half = (i.high[k] - i.low[k]) / 2 / i.value[k]
         if half > MAX_HALF_WIDTH and np.isfinite(half):
-            cause = SOURCES[i.dominant(k)]
-            text = f"{name} is known within {100 * half:.0f} % only, due to {cause}"
-            yield (k == 0, k == 1), STEPS_OF_SOURCES[i.dominant(k)], text
+            source = "lack of fit" if is_wrong else i.dominant(k)
+            text = f"{name} is known within {100 * half:.0f} % only, due to {SOURCES[source]}"
+            yield (k == 0, k == 1), STEPS_OF_SOURCES[source], text
 
 
 def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
     """Objections to the slope at rest, if no log resolves it; an unusual lag hides Fc too."""
-    if i is not result.intervals:
-        text = "presliding is shorter than a count or a move of one row"
-        yield (True, False), "short presliding", text
-    plausible = [fit.hypothesis for fit in result.plausible.fits]
-    if all(h.lag != "none" and h.law not in ONE_ELEMENT for h in plausible):
-        text = "law and lag both round the loop at a reversal, and both are unusual"
-        hides_Fc = result.hypothesis.law != "breakaway"  # noqa: N806  (its peak is at the turns)
-        yield (True, hides_Fc), "law and lag", f"{text}: no log separates them"
-    if result.hypothesis.law == "breakaway":
+    law, plausible = result.hypothesis.law, [fit.hypothesis for fit in result.plausible.fits]
+    is_hidden = i is not result.intervals
+    is_unusual = all(h.lag != "none" and h.law not in ONE_ELEMENT for h in plausible)
+    is_unusual &= law not in (*BY_SPEED, "asymmetric", "breakaway")  # Dahl's laws at a reversal
+    if law == "breakaway":
         text = "the torque has a peak after each rest: its form changes the slope there"
         yield (True, False), "peak after a rest", text
+    if result.samples.has_rests and law not in ONE_ELEMENT and (is_hidden or is_unusual):
+        text = "friction may change in the rests, or law and lag both round the loop at a reversal"
+        yield (True, is_unusual), "peak after a rest", text
+    if is_hidden:
+        what, reason = "presliding is", "short presliding"
+        if law not in ONE_ELEMENT:
+            what, reason = "the steepest part of the fitted law is", "steepest at rest"
+        yield (True, False), reason, f"{what} shorter than a count or a move of one row"
+    if is_unusual:
+        text = "law and lag both round the loop at a reversal, and both are unusual"
+        yield (True, True), "law and lag", f"{text}: no log separates them"
     if any(_is_steepest_at_rest(fit) for fit in result.plausible.fits):
         text = "the loop is steepest at rest, as of small stiff elements: sigma0 is larger"
         yield (True, False), "steepest at rest", text

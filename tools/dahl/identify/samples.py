@@ -49,6 +49,7 @@ MIN_SEGMENT_ROWS, MIN_WINDOW_ROWS = 300, 100  # of a segment, and of one round a
 NO_CLOCK_STEP = 1e-3  # s, of rows without a clock
 FAST_PERCENTILE = 98  # of the speeds: a few wild ones of a jittering clock lie above
 REST_SPEED = 0.02  # of fast motion, below which the shaft rests
+MIN_RESTS = 0.05  # of the samples; a sine is as slow as a rest in 1 %
 KNOTS = 17  # of a torque that depends on the angle
 MIN_STEP = 0.2  # of the usual time step: a shorter one is jitter and would give a wild speed
 
@@ -125,6 +126,11 @@ class Samples:
         """Whether the shaft rests: (n,)."""
         rests: np.ndarray = np.abs(self.speed) < REST_SPEED * self.reference.fast
         return rests
+
+    @property
+    def has_rests(self) -> bool:
+        """Whether the shaft rests for more than the turns of a smooth motion."""
+        return bool(self.is_at_rest.mean() > MIN_RESTS)
 
     def travel_since_rest(self) -> np.ndarray:
         """Travel since the last sample at rest or the start of a piece: (n,) rad (m)."""

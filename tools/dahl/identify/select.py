@@ -25,18 +25,19 @@ from dahl.identify.fit import (
     excess,
 )
 from dahl.identify.models import LAWS
+from dahl.identify.samples import Samples
 from dahl.identify.start import pair_starts, slip_start
 from dahl.io.log import TERMS
 
 PLAUSIBLE_ERRORS = 1.5  # standard errors from the best score; 7 % of the true are further away
 MODEL_ERROR = 0.003  # of Fc, rms, that even the right law is off; a judgement
+SPLINE_ERROR = 0.02  # the same if turns between two rows are those of a spline
 PENALTY = 0.002  # of the best cost, for each parameter: a tie goes to the simpler hypothesis
 SKEW_SAMPLES = 0.5  # torque and angle of one row may be read half a row apart
 MAX_SKEWED = 3  # hypotheses that are fitted with a skew
 MAX_LOGS_WITH_DELAYS = 4  # logs that may each have a delay of their own
 FAR_STEP = 0.1  # of ln a: a plausible subset whose linearisation went further is fitted again
 MAX_REFITS = 8  # until the best one is at its optimum
-MIN_RESTS = 0.05  # of the samples; a sine is as slow as a rest in 1 %
 OTHER_ANGLES = 5  # laws that are fitted again with the other angles
 
 
@@ -153,7 +154,7 @@ def _law_starts(
 ) -> dict[str, np.ndarray]:
     """Start values without a lag, by law; `plain` is Dahl's law without one."""
     laws = ["slip", "stribeck", "log speed", "asymmetric"]
-    if fitter.samples.is_at_rest.mean() > MIN_RESTS:
+    if fitter.samples.has_rests:
         laws.append("breakaway")
     if len(models.strokes(fitter.moves[plain.angle])[0]) < models.MAX_STROKES:
         laws += ["exponent", "bouc-wen", "soft shaft"]
@@ -206,9 +207,8 @@ def plausible(fitter: Fitter, fits: list[Fit], hidden: float) -> Plausible:
     chosen = min(near, key=lambda f: (f.hypothesis.size, f.total))
     chosen = fitter.fit(chosen.hypothesis, chosen.p) or chosen  # without a step of linearisation
     kept = [_converge(fitter, f) for f in near if not _is_dominated(f, near)]
-    kept = [
-        f for f in kept if is_near(penalised_cost(f), limit, free) and (f.error < f.value).all()
-    ]
+    kept = [f for f in kept if f.is_near_optimum and (f.error < f.value).all()]
+    kept = [f for f in kept if is_near(penalised_cost(f), limit, free)]
     kept = kept or [chosen]
     kept += _with_skew(fitter, kept, limit, free)
     if hidden:  # more parameters than the chosen one only fit the rounding
@@ -218,7 +218,13 @@ def plausible(fitter: Fitter, fits: list[Fit], hidden: float) -> Plausible:
 
 def model_error(fitter: Fitter, best: Fit) -> float:
     """Cost of the error that even the right law has."""
-    return float(fitter.samples.used.sum()) * (MODEL_ERROR * float(best.value[1])) ** 2
+    part = relative_error(fitter.samples)
+    return float(fitter.samples.used.sum()) * (part * float(best.value[1])) ** 2
+
+
+def relative_error(samples: Samples) -> float:
+    """Return the part of sigma0, Fc and torque that even the right law is off."""
+    return SPLINE_ERROR if samples.block < 1 else MODEL_ERROR
 
 
 def is_near(cost: np.ndarray, best: np.ndarray, hidden: float = 0.0) -> bool:
