@@ -451,8 +451,8 @@ void dahl_adaptation_step(const dahl_adaptation_plan_t *plan, dahl_adaptation_t 
  *
  * Rules of use:
  * - limit must be gain Fc or more: less cannot cancel the push of the reference law at rest. If the
- *   loop has an integral, it must be at most Fc: with 2 Fc, 4 of 555 random axes hunted at rest, all
- *   with delay 3 and a resonance. Without an integral, add the load that no feed-forward cancels.
+ *   loop has an integral, it must be at most Fc: with 2 Fc, 4 of 555 random axes hunted at rest,
+ *   all with delay 3 and a resonance. Without an integral, add the load that no feed-forward cancels.
  * - The torque of the compensator is y + r: its limit is the sum of both limits. The slew of the
  *   compensator does not hold for r.
  * - r fades in and out with the compensator. After a bad reading it goes on without a step.
