@@ -13,6 +13,6 @@ typedef union {
 } model_memory_t;
 
 /* Call it after dahl_node_init. It returns the error code of the library. */
-dahl_err_t models_use(dahl_node_t *node, model_memory_t *memory, const run_friction_t *friction);
+dahl_err_t models_use(dahl_node_t *node, model_memory_t *memory, const run_friction_t *f);
 
 #endif

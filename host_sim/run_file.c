@@ -297,9 +297,9 @@ typedef struct {
 } model_row_t;
 
 #define MODEL_ROW(name, NAME, Class, number, sigma0s, Fcs, ...) {#name, sigma0s, Fcs},
-static const model_row_t models[] = {DAHL_FRAMES_MODELS(MODEL_ROW)};
+static const model_row_t models[] = {DAHL_MODELS(MODEL_ROW)};
 #define MODEL_NAME(name, ...) ", " #name
-static const char model_names[] = DAHL_FRAMES_MODELS(MODEL_NAME);
+static const char model_names[] = DAHL_MODELS(MODEL_NAME);
 
 enum { MODELS = sizeof models / sizeof models[0] };
 

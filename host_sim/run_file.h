@@ -25,7 +25,7 @@ typedef struct {
 } run_list_t;
 
 #define RUN_MODEL(name, NAME, ...) MODEL_##NAME,
-typedef enum { DAHL_FRAMES_MODELS(RUN_MODEL) } run_model_t;
+typedef enum { DAHL_MODELS(RUN_MODEL) } run_model_t;
 
 typedef struct {
     char model[RUN_TEXT], kinds[RUN_TEXT];

@@ -595,10 +595,12 @@ int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan
  *   static dahl_any_plan_t plan;
  *   static dahl_any_state_t state;                                 // all zeros: relaxed
  *   const dahl_model_t *model = &dahl_model_slip;
+ *   dahl_model_params_t params = {{2, 1e-4f, {100, 300}, {0.5f, 0.2f}}, 0, 0}; // two elements
  *   if (model->q30->prepare(&plan, &params) != DAHL_OK) { stop(); }
- *   each tick:  F = model->step(&plan, &state, dcounts, load_q30);
+ *   each tick:  F = model->step(&plan, &state, dcounts, 1u << 30);    // load 1
  * @endverbatim
- * Only the models that a program names are linked; dahl_model_NAME_q30 links no float form.
+ * Only the models that a program names are linked. Link with --gc-sections, so that
+ * dahl_model_NAME_q30 links no float form.
  */
 /** @{ */
 
@@ -612,13 +614,14 @@ int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan
  *   dahl_state_t, dahl_model_dahl and dahl_model_dahl_q30.
  * - NAME: DAHL_FRAMES_MODEL_NAME is its number.
  * - Class: in dahl.dbc and of the Python package, where the Dahl element is a Plan.
- * - number: value of parameter Model of a node. If sigma0s is 0, the number of elements is added.
+ * - number: value of parameter Model of a node. If sigma0s is 0, the node adds its number of
+ *   elements.
  * - sigma0s: how many sigma0 [N m/rad]; 0: one for each of 1 .. DAHL_SLIP_MAX elements.
  * - Fcs: how many Fc [N m]; 0: one for each element; 2: one for each direction. The torque ratio
- *   refers to their sum, of two directions to the larger Fc.
- * - plan: 1 if its plan may be constant in flash.
+ *   is F divided by the sum of all Fc. For two directions, it is F divided by the larger Fc.
+ * - plan: 1 if `dahl plan --model` can write its plan as a constant for flash.
  * - key: its own key in [friction] of a scene; "" if there is none.
- * - meaning: of that key, or of other data that the model needs. */
+ * - meaning: what that key sets, or other data that the model needs. */
 /* clang-format off */
 #define DAHL_OTHER_MODELS(MODEL) \
     MODEL(slip, SLIP, Slip, 0, 0, 0, 1, "", "") \
@@ -642,31 +645,33 @@ int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan
 
 /** Parameters of any model. */
 typedef struct {
-    dahl_slip_params_t each; /**< theta_per_count; sigma0 and Fc of each element or direction. A
-                                  model with one sigma0 reads the first. `elements` is read if the
-                                  number of elements is free */
-    uint32_t slips;          /**< of `parallel`: bit k set: element k slips, otherwise it is a Dahl
-                                  element */
-    float own;               /**< value of its own key, for example breakaway */
+    dahl_slip_params_t each; /**< theta_per_count, and sigma0 and Fc of each element. With two Fc
+                                  and one sigma0, Fc[0] is forward and Fc[1] is backward. Only
+                                  models whose sigma0s is 0 read `elements` */
+    uint32_t slips;          /**< only `parallel` reads it. Bit k set: element k slips, otherwise it
+                                  is a Dahl element */
+    float own;               /**< value of the model's own key: breakaway of `elastoplastic` */
 } dahl_model_params_t;
 
-/** Calls of a model, integers only. A state of all zeros is relaxed. */
+/** Calls of a model. Ticks use integers only. A state of all zeros is relaxed. */
 typedef struct {
-    /** Prepares a plan, or leaves it unchanged and returns the error of dahl_NAME_prepare(). */
+    /** Prepares a plan. If a parameter is rejected, it returns the reason and leaves the plan
+     * unchanged. The ranges are those of the model's own prepare function. */
     dahl_err_t (*prepare)(void *plan, const dahl_model_params_t *params);
-    /** Moves by counts and returns F/Fc in Q30. Only `loaded` reads the load [Q30]. */
+    /** Moves by counts and returns the torque ratio in Q30. Only `loaded` reads load_q30, the load
+     * as in dahl_loaded_step_counts(); 2^30 is load 1. */
     int32_t (*step_q30)(const void *plan, void *state, int32_t dcounts, uint32_t load_q30);
-    uint16_t plan_bytes;  /**< size of the plan; a state may follow at once */
-    uint16_t state_bytes; /**< size of the state */
-    uint8_t number;       /**< of its row */
-    uint8_t sigma0s;      /**< of its row */
-    uint8_t Fcs;          /**< of its row */
+    uint16_t plan_bytes;  /**< [byte] size of the plan; the state may follow it directly */
+    uint16_t state_bytes; /**< [byte] size of the state */
+    uint8_t number;       /**< number in its row of DAHL_MODELS */
+    uint8_t sigma0s;      /**< sigma0s in its row */
+    uint8_t Fcs;          /**< Fcs in its row */
 } dahl_model_q30_t;
 
 /** Calls of a model. */
 typedef struct {
     const dahl_model_q30_t *q30; /**< its calls in integers */
-    /** Moves by counts and returns F [N m]. */
+    /** Moves by counts and returns F [N m]. load_q30 as in step_q30. */
     float (*step)(const void *plan, void *state, int32_t dcounts, uint32_t load_q30);
 } dahl_model_t;
 

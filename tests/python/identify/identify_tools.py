@@ -8,13 +8,16 @@ import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 import pytest
 from dahl.io.log import Log
 from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from dahl.identify.fit import Hypothesis
 
 SIGMA0, FC = 100.0, 0.5  # N m/rad, N m
 COUNT = 2 * np.pi / 2**14  # rad
@@ -152,6 +155,17 @@ def seen(*logs: Log, **options: object) -> dict[str, Any]:
     from dahl.identify import Options, identify, report
 
     return json.loads(report.as_json(identify(logs, Options(**options))))
+
+
+def described(
+    law: str = "dahl", lag: str = "none", *more: object, **others: object
+) -> "Hypothesis":
+    """A hypothesis by the names of its law and lag."""
+    from dahl.identify.fit import Hypothesis
+    from dahl.identify.lags import lag_of
+    from dahl.identify.laws import law_of
+
+    return Hypothesis(law_of(law), lag_of(lag), *more, **others)
 
 
 def replayed(scene: Path, folder: Path, *words: object) -> Figure:

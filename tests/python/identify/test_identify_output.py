@@ -21,7 +21,8 @@ import pytest
 from dahl import Plan, __version__
 from dahl.binding import plan_header
 from dahl.binding.state_element import Asymmetric
-from dahl.identify import Log, Options, export, identify, models, plot, report
+from dahl.identify import Log, Options, export, identify, plot, report
+from dahl.identify.laws import LAWS
 from identify_tools import (
     COUNT,
     FC,
@@ -577,7 +578,7 @@ def test_the_bounds_cover_all_plausible_limits():
 def test_the_nearest_runnable_model_is_named_with_what_it_loses():
     """The library has no general exponent."""
     moves = np.diff(MOTION, prepend=MOTION[0])
-    w = models.tabulated(moves, [slice(0, len(moves))], SIGMA0 / FC, "exponent", 2.2)
+    w = LAWS["exponent"].along(moves, [slice(0, len(moves))], [SIGMA0 / FC], [2.2])[0]
     log = log_of(MOTION, FC * w + 4 * MOTION, 0.002, 0.0)
     kept = seen(log, terms=("offset", "spring"), delay=False)
     assert kept["model"] != kept["exported_model"] and kept["r2_plan"] > 0.998
@@ -596,9 +597,10 @@ def test_the_plan_is_for_the_encoder_of_the_target(fitted, counts, linear, turn)
     logs = [replace(log, linear=linear) for log in fitted.logs]
     result = replace(fitted, logs=logs, options=Options(target_counts=counts, model="dahl"))
     kept, model = report.numbers(result), export.runnable_model(result)
+    friction = model.friction
     assert kept["plan"]["theta_per_count"] == pytest.approx(turn / counts)
     assert kept["plan"]["of_target"] and kept["resolution"] == COUNT
-    assert plan_text(*model.sigma0, *model.Fc, turn / counts) in export.header(model, "x", "")
+    assert plan_text(*friction.sigma0, *friction.Fc, turn / counts) in export.header(model, "x", "")
 
 
 def test_each_reason_alone_is_against_a_plan(fitted):

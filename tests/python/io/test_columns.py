@@ -284,6 +284,7 @@ def test_a_clock_that_may_be_in_milliseconds_is_noted(step, is_doubted, tmp_path
         ("time", "__time /joint_states/j1/position /joint_states/j1/effort", 0),
         ("angle", "__time /joint_states/j1/velocity /joint_states/j1/position effort", 2),
         ("torque", "stamp position velocity effort", 3),
+        ("angle", "timestamp q_current position torque", 2),
         ("angle", "t q_rad dq_rad tau", 1),
         ("torque", "t q dq tau_est", 3),
         ("torque", "joint.0.pos-fb joint.0.pos-cmd torque-fb", 2),

@@ -50,6 +50,15 @@ def test_a_table_of_each_kind_comes_back_as_it_was_written(kind, tmp_path):
                 np.testing.assert_allclose(found, wrote, rtol=1e-14)
 
 
+def test_an_archive_may_hold_columns_and_objects(tmp_path):
+    table = table_of(4)
+    columns = {name: values[:, None] for name, values in table.items()}
+    about = np.array({"rig": "left"}, dtype=object)
+    np.savez(tmp_path / "log.npz", allow_pickle=True, about=about, **columns)
+    log = read(tmp_path / "log.npz")
+    assert np.array_equal(log.torque, table["force_N"])
+
+
 def test_a_mat_file_with_vectors_of_other_lengths_is_read_by_those_that_two_share(tmp_path):
     table = {"t": np.arange(60) / 8, "pos_m": np.arange(60.0), "force_N": np.sin(np.arange(60))}
     others = {"raw": {"adc": np.arange(900.0)}, "gains": np.ones(7), "rig": table, "Kp": 3.0}

@@ -14,7 +14,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dahl.identify import models
-from dahl.identify.fit import Fit, Fitter, Optimum, excess, jackknife, score, solve
+from dahl.identify.fit import Fit, Fitter, Optimum, score
+from dahl.identify.least_squares import excess, jackknife, solve
 from dahl.identify.samples import Samples
 
 SURE = 2.0  # standard errors of the gain on cycles left out
@@ -72,7 +73,7 @@ class Context:
         self.by_a = self.base[:, m : 2 * m].sum(axis=1)  # change with ln a of all elements
         self.a = float(np.sum(np.exp(fit.p[:m]) * fit.limits) / self.Fc)
         self.moves, self.angle = fitter.moves[h.angle], fitter.samples.angles[h.angle]
-        self.delay = float(fit.p[-1]) if h.lag in ("delay", "delay+filter") else 0.0
+        self.delay = h.lag.delay(fit.p)
 
 
 def lack_of_fit(
