@@ -302,7 +302,7 @@ static void test_an_exact_model_is_not_spoilt(void)
 }
 
 /* With a tachometer, the hold is within 1 mrad. With a speed from the noisy counts, the loop alone moves the axis by more than that
- * from a delay of 1 on. The observer adds up to 30 % with 15 Hz, and up to 8 % with 5 Hz. */
+ * from a delay of 1 on. The observer adds up to 30 % with 15 Hz, and up to 15 % with 5 Hz. */
 static void test_an_axis_holds_with_14_noisy_bits(void)
 {
     for (int k = 0; k < 8; k++) {
@@ -319,7 +319,7 @@ static void test_an_axis_holds_with_14_noisy_bits(void)
         const double none = run(&c, NOTHING).hold;
         at_most("hold, speed from the counts", 1.3 * none, run(&c, OBSERVER).hold);
         c.observer.corner = 5;
-        at_most("hold, corner 5 Hz", 1.08 * none, run(&c, OBSERVER).hold);
+        at_most("hold, corner 5 Hz", 1.15 * none, run(&c, OBSERVER).hold);
     }
 }
 
