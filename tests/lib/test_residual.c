@@ -19,6 +19,7 @@
 #define INERTIA 0.002 /* kg m2 */
 #define TRUE_FC 0.5   /* N m */
 #define SIGMA0 100.0  /* N m/rad */
+#define STRIBECK_SPEED 0.1 /* rad/s */
 #define DRIVE_LIMIT 20.0
 #define MOTION_S 4.5
 #define KP 30.0 /* N m/rad */
@@ -47,6 +48,7 @@ typedef struct {
     double backward, viscous;   /* Fc backward over that forward; N m s/rad */
     int knows_backward;         /* the element has an Fc for each direction */
     double load, Fc_end;        /* N m; Fc at the end over that at the start */
+    double breakaway;           /* torque at rest over Fc */
     double shaft_hz, rotor;     /* resonance, share of the inertia before the shaft; 0 Hz: rigid */
     double damping;             /* ratio */
     int bits, noise, delay;     /* counts, ticks */
@@ -70,9 +72,9 @@ typedef struct {
     double tracking, hold, largest_speed; /* RMS rad in motion, largest rad and rad/s at the end of the hold */
 } result_t;
 
-static const case_t usual = {.loop = PD, .kp = KP, .kd = KD, .backward = 1, .Fc_end = 1, .damping = 0.02, .bits = 17,
-                             .noise = 1, .delay = 1, .period = 1e-3, .slew = 100, .hold_s = 1.5, .amplitude = 0.3,
-                             .Fc_guess = 1, .J_guess = 1,
+static const case_t usual = {.loop = PD, .kp = KP, .kd = KD, .backward = 1, .Fc_end = 1, .breakaway = 1, .damping = 0.02,
+                             .bits = 17, .noise = 1, .delay = 1, .period = 1e-3, .slew = 100, .hold_s = 1.5,
+                             .amplitude = 0.3, .Fc_guess = 1, .J_guess = 1,
                              .observer = {.corner = 15.0f, .limit = (float)TRUE_FC, .speed_gain = (float)KD}};
 
 /* Dahl's model, integrated exactly over a step. */
@@ -100,7 +102,9 @@ static void advance(const case_t *c, axis_t *axis, double torque, double Fc)
             axis->speed[0] += dt / INERTIA * (torque - resisted);
         }
         axis->theta[0] += dt * axis->speed[0];
-        move_friction(c, axis, dt * axis->speed[last], Fc);
+        const double ratio = axis->speed[last] / STRIBECK_SPEED;
+        const double more = c->breakaway > 1 ? (c->breakaway - 1) * exp(-ratio * ratio) : 0;
+        move_friction(c, axis, dt * axis->speed[last], Fc * (1 + more));
     }
 }
 
@@ -339,6 +343,20 @@ static void test_a_fast_loop_holds_with_14_noisy_bits(void)
         TEST_ASSERT_TRUE(c.loop == CASCADE || run(&c, MODEL).hold > 0.015);
         c.Fc_guess = 0.7;
         at_most("Fc too low", c.loop == PD ? 0.06 : 0.12, ratio_of(&c, OBSERVER));
+    }
+}
+
+/* An integral alone would hunt. */
+static void test_a_breakaway_torque_makes_no_hunting(void)
+{
+    for (int k = 0; k < 4; k++) {
+        case_t c = case_of(k < 2 ? PD : CASCADE);
+        c.breakaway = k % 2 == 0 ? 1.5 : 2;
+        c.hold_s = 30;
+        c.observer.limit = c.loop == PD ? 0.6f : 0.5f;
+        const result_t observer = run(&c, OBSERVER);
+        at_most("hold", 0.2e-3, observer.hold);
+        at_most("tracking", 0.6 * run(&c, MODEL).tracking, observer.tracking);
     }
 }
 
