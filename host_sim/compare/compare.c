@@ -76,6 +76,15 @@ static double law_torque(const compare_run_t *run, axis_t *axis, const reading_t
     return is_library ? dahl_library_law_torque(&run->law, &axis->library, now) : dahl_rival_torque(&run->law, &axis->rival, now);
 }
 
+static void command(const compare_run_t *run, axis_t *axis, double torque)
+{
+    memmove(axis->commands + 1, axis->commands, sizeof axis->commands - sizeof axis->commands[0]);
+    axis->commands[0] = torque;
+    if (run->law.law == DAHL_LAW_DAHL_OBSERVER) {
+        dahl_library_law_note(&axis->library, torque);
+    }
+}
+
 /* The friction acts at the middle of each step: half steps in speed around it. */
 static void advance(const compare_run_t *run, axis_t *axis, double torque)
 {
@@ -88,10 +97,10 @@ static void advance(const compare_run_t *run, axis_t *axis, double torque)
     }
 }
 
-/* A hand that is stiffer than all else moves the axis to the next target. */
-static void lead(const compare_run_t *run, axis_t *axis, uint32_t tick)
+/* A hand that is stiffer than all else moves the axis. */
+static void lead(const compare_run_t *run, axis_t *axis, double angle)
 {
-    double dtheta = target_at(run, tick + 1).angle - axis->theta, dt = PERIOD_S / run->steps;
+    double dtheta = angle - axis->theta, dt = PERIOD_S / run->steps;
     for (uint32_t k = 0; k < run->steps; k++) {
         dahl_true_friction_move(&run->friction, &axis->friction, dtheta / run->steps, dt);
     }
@@ -104,22 +113,22 @@ int dahl_compare_run(const compare_run_t *run, const double *learned, double *er
     axis_t axis = {.controller = run->controller, .random = run->seed};
     dahl_true_friction_open(&run->friction, &axis.friction);
     int code = dahl_library_law_open(&run->law, &axis.library);
+    target_t target, next = target_at(run, 0);
     for (uint32_t tick = 0; code == DAHL_OK && tick < run->ticks; tick++) {
-        target_t target = target_at(run, tick);
+        target = next;
+        next = target_at(run, tick + 1);
         reading_t now = read_all(run, &axis, &target);
         now.learned = learned == NULL ? 0 : learned[tick];
         feedback[tick] = loop_torque(run, &axis, &target);
         added[tick] = law_torque(run, &axis, &now);
-        memmove(axis.commands + 1, axis.commands, sizeof axis.commands - sizeof axis.commands[0]);
-        axis.commands[0] = feedback[tick] + run->law.inertia * target.acceleration * !run->law.is_hand + added[tick];
-        dahl_library_law_note(&axis.library, axis.commands[0]);
+        command(run, &axis, feedback[tick] + added[tick] + run->law.inertia * target.acceleration * !run->law.is_hand);
         motor[tick] = axis.commands[run->law.delay];
         if (run->law.is_hand) {
-            lead(run, &axis, tick);
+            lead(run, &axis, next.angle);
             error[tick] = axis.friction.torque - motor[tick];
         } else {
             advance(run, &axis, motor[tick]);
-            error[tick] = target_at(run, tick + 1).angle - axis.theta;
+            error[tick] = next.angle - axis.theta;
         }
     }
     return code;
