@@ -59,16 +59,18 @@ def _play_compensation(seed: int, begin: Begin) -> Played:
     from dahl.report.compensation import draw
     from dahl.sim import compensation
 
-    comparison = compensation.compare(seed, begin(compensation.count_runs(), "runs"))
+    comparison = compensation.compare(seed, begin(compensation.count_steps(), "steps"))
     return Played(comparison.numbers, lambda path: draw(path, comparison))
 
 
 def _compensation_table(numbers: dict[str, Any]) -> Table:
-    """Return the ratios of all laws but "none"; a lower one is better."""
+    """Return the ratios of all laws but "none". A law that needs a reference has none on the axis
+    of the hand.
+    """
     axes = {axis: numbers[axis] for axis in ("position", "hand")}
     laws = tuple(law for law in next(iter(axes["position"].values())) if law != "none")
     rows = [
-        (axis, case, *(f"{values[law]['ratio']:.3f}" for law in laws))
+        (axis, case, *(f"{values[law]['ratio']:.3f}" if law in values else "" for law in laws))
         for axis, cases in axes.items()
         for case, values in cases.items()
     ]

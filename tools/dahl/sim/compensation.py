@@ -11,12 +11,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache
 
-import numpy as np
+from dahl.sim.compensation_axis import FC, Case, Run, learn, run
 
-from dahl.sim.compensation_axis import FC, MOTION_S, PERIOD_S, Case, Run, count_ticks, learn, run
-
-SETTLE_S = 0.5  # s; sign changes of a law count from then on in the hold
-FIRST_S = 1.0  # s, left out of each RMS
 TUNING_SEED, LEARNING_SEED = 10**6, 2 * 10**6  # apart from the seed of the comparison
 TUNING_FC = (0.7, 1.0, 1.3)  # assumed over true
 TUNING_HOLD_S = 8.0
@@ -58,10 +54,10 @@ SHOWN_POSITION, SHOWN_HAND = POSITION_CASES[-1], HAND_CASES[-1]  # cases of the 
 
 @dataclass(frozen=True)
 class Law:
-    """Its name in law_t, the values of its knob that tune() tries, and whether it needs a reference."""
+    """A law of compensation."""
 
-    kind: str
-    knobs: tuple[float, ...] = (0.0,)
+    kind: str  # in law_t
+    knobs: tuple[float, ...] = (0.0,)  # that tune() tries
     needs_reference: bool = False
 
 
@@ -85,36 +81,9 @@ LAWS = {
 
 def laws_of(axis: str) -> dict[str, Law]:
     """Return the laws of an axis by name; "none" is first."""
-    return {name: law for name, law in LAWS.items() if axis == "position" or not law.needs_reference}
-
-
-def rms(trace: Run) -> float:
-    """Return the RMS of the error in the motion."""
-    moving = trace.error[count_ticks(FIRST_S) : count_ticks(MOTION_S)]
-    return float(np.sqrt(np.mean(moving**2)))
-
-
-def _rest(values: np.ndarray) -> np.ndarray:
-    """Return the second half of the hold."""
-    return values[(len(values) + count_ticks(MOTION_S)) // 2 :]
-
-
-def hold(trace: Run) -> float:
-    """Return the largest error at the end of the hold."""
-    return float(np.max(np.abs(_rest(trace.error))))
-
-
-def noise(trace: Run) -> float:
-    """Return the standard deviation of the motor torque at the end of the hold in N m."""
-    return float(np.std(_rest(trace.motor)))
-
-
-def sign_changes(trace: Run) -> float:
-    """Return the sign changes of the added torque in a second of the hold."""
-    signs = np.sign(trace.added[count_ticks(MOTION_S + SETTLE_S) :])
-    signs = signs[signs != 0]
-    seconds = len(trace.added) * PERIOD_S - MOTION_S - SETTLE_S
-    return float(np.sum(signs[1:] != signs[:-1])) / seconds
+    return {
+        name: law for name, law in LAWS.items() if axis == "position" or not law.needs_reference
+    }
 
 
 def setting_of(case: Case) -> Case:
@@ -133,11 +102,12 @@ def tune(setting: Case, law: Law) -> float:
     """
     if len(law.knobs) == 1:
         return law.knobs[0]
-    bound = NOISE_SHARE * noise(run(setting, "NONE", 0.0, TUNING_SEED)) + NOISE_FLOOR
+    bound = NOISE_SHARE * run(setting, "NONE", 0.0, TUNING_SEED).noise + NOISE_FLOOR
     found = []
     for knob in law.knobs:
         runs = [run_law(replace(setting, Fc=Fc), law, knob, TUNING_SEED) for Fc in TUNING_FC]
-        found.append((max(bound, *map(noise, runs)), sum(map(rms, runs)), knob))
+        loudest = max(one.noise for one in runs)
+        found.append((max(bound, loudest), sum(one.rms for one in runs), knob))
     return min(found)[2]
 
 
@@ -165,13 +135,14 @@ class Comparison:
     hand: dict[str, Run]
 
 
-def count_runs() -> int:
-    """Return the number of laws and cases of compare()."""
-    return sum(len(laws_of(axis)) * len(cases) for axis, cases in CASES.items())
+def count_steps() -> int:
+    """Return how often compare() calls progress()."""
+    return len(_tunings()) + sum(len(laws_of(axis)) * len(cases) for axis, cases in CASES.items())
 
 
 def compare(seed: int = 1, progress: Callable[[], None] = lambda: None) -> Comparison:
-    """Run each law in each case. Each run calls progress() at its end. The numbers of a law:
+    """Tune each law, then run it in each case. Call progress() after each step. The numbers of a
+    law:
 
     rms     RMS of the tracking error in rad, or of the torque of the hand in N m, in the motion
     ratio   rms over that without a law
@@ -184,7 +155,8 @@ def compare(seed: int = 1, progress: Callable[[], None] = lambda: None) -> Compa
     shown: dict[str, dict[str, Run]] = {}
     jobs = [(axis, case, seed) for axis, cases in CASES.items() for case in cases]
     with ThreadPoolExecutor(os.cpu_count()) as pool:  # a run releases the lock of Python
-        list(pool.map(tune, *zip(*_tunings(), strict=True)))  # each once, before a case needs it
+        for _ in pool.map(tune, *zip(*_tunings(), strict=True)):  # before a case needs it
+            progress()
         for (axis, case, _), (found, runs) in zip(jobs, pool.map(_run_case, jobs), strict=True):
             numbers[axis][case.name] = found
             for _ in found:
@@ -220,8 +192,8 @@ def _run_case(job: tuple[str, Case, int]) -> tuple[dict[str, dict[str, float]], 
 
 
 def _numbers(axis: str, trace: Run, without: Run) -> dict[str, float]:
-    found = {"rms": rms(trace), "ratio": rms(trace) / rms(without)}
-    found |= {"hold": hold(trace), "noise": noise(trace)}
+    found = {"rms": trace.rms, "ratio": trace.rms / without.rms}
+    found |= {"hold": trace.hold, "noise": trace.noise}
     if axis == "position":  # a hand does not hold the counts of the encoder still
-        found["sign_changes_per_s"] = sign_changes(trace)
+        found["sign_changes_per_s"] = trace.sign_changes_per_s
     return found

@@ -33,8 +33,9 @@ PERIOD_S = PERIOD_US / 1e6
 STEPS = 10  # of the integration in a tick
 SINE_HZ = 0.5
 MOTION_S = 4.5  # s; the motion stops at a peak of its sine
+FIRST_S, SETTLE_S = 1.0, 0.5  # s, at the start of motion and hold, that no number counts
 TRIAL_HOLD_S = 1.5  # s; then a law that learns starts its next trial
-TRIALS = 12
+TRIALS = 12  # of a law that learns
 LIMIT, SLEW = 1.0, 50.0  # N m, N m/s: of the library (library_law.h)
 
 
@@ -68,6 +69,34 @@ class Run:
     motor: np.ndarray  # N m
     added: np.ndarray  # N m, of the law alone
     feedback: np.ndarray  # N m, of the loop
+
+    @property
+    def rms(self) -> float:
+        """RMS of the error in the motion."""
+        moving = self.error[count_ticks(FIRST_S) : count_ticks(MOTION_S)]
+        return float(np.sqrt(np.mean(moving**2)))
+
+    @property
+    def hold(self) -> float:
+        """Largest error in the second half of the hold."""
+        return float(np.max(np.abs(self._rest(self.error))))
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of the motor torque in the same time, N m."""
+        return float(np.std(self._rest(self.motor)))
+
+    @property
+    def sign_changes_per_s(self) -> float:
+        """Sign changes of the added torque in a second of the hold."""
+        signs = np.sign(self.added[count_ticks(MOTION_S + SETTLE_S) :])
+        seconds = len(signs) * PERIOD_S
+        signs = signs[signs != 0]
+        return float(np.sum(signs[1:] != signs[:-1])) / seconds
+
+    @staticmethod
+    def _rest(values: np.ndarray) -> np.ndarray:
+        return values[(len(values) + count_ticks(MOTION_S)) // 2 :]
 
 
 def count_ticks(seconds: float) -> int:
