@@ -15,7 +15,7 @@ from dahl.sim.compensation_axis import FC, Case, Run, learn, run
 
 TUNING_SEED, LEARNING_SEED = 10**6, 2 * 10**6  # apart from the seed of the comparison
 TUNING_FC = (0.7, 1.0, 1.3)  # assumed over true
-TUNING_HOLD_S = 8.0
+TUNING_HOLD_S = 10.0
 NOISE_SHARE, NOISE_FLOOR = 1.1, 0.02 * FC  # bound of the noise: of that without a law, and N m
 OTHER_MOTION = 0.2  # share of the third harmonic in the motion of `learned elsewhere`
 
@@ -32,6 +32,7 @@ POSITION_CASES = (
     Case("Fc 30 % high", Fc=1.3),
     Case("Fc 30 % low, cascade", Fc=0.7, loop="cascade"),
     Case("Fc 30 % high, cascade", Fc=1.3, loop="cascade"),
+    Case("Fc fell by 30 %", fallen_to=0.7),
     Case("sigma0 / 3", sigma0=1 / 3),
     Case("sigma0 x 3", sigma0=3),
     Case("LuGre with Stribeck", friction="LUGRE"),
@@ -115,7 +116,7 @@ def run_law(case: Case, law: Law, knob: float, seed: int, is_elsewhere: bool = F
     """Run a law. One that learns has learned with other noise; is_elsewhere: another motion."""
     if law is not LEARNED:
         return run(case, law.kind, knob, seed)
-    lesson = replace(case, name="", Fc=1.0, sigma0=1.0, hold_s=0.0)  # it reads no parameters
+    lesson = replace(case, name="", Fc=1.0, sigma0=1.0, hold_s=0.0, fallen_to=1.0)
     lesson = replace(lesson, second=OTHER_MOTION) if is_elsewhere else lesson
     return run(case, law.kind, knob, seed, _learn(lesson, knob, LEARNING_SEED + seed))
 
