@@ -110,6 +110,9 @@ static void lead(const compare_run_t *run, axis_t *axis, double angle)
 int dahl_compare_run(const compare_run_t *run, const double *learned, double *error, double *motor, double *added,
                      double *feedback)
 {
+    if (run->law.delay >= MAX_DELAY || run->steps == 0) {
+        return DAHL_ERR_RANGE;
+    }
     axis_t axis = {.controller = run->controller, .random = run->seed};
     dahl_true_friction_open(&run->friction, &axis.friction);
     int code = dahl_library_law_open(&run->law, &axis.library);

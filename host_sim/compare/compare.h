@@ -19,7 +19,7 @@ typedef struct {
     controller_t controller;
     double amplitude, frequency, second;   /* rad, Hz, 1 */
     uint32_t motion_ticks, ticks;          /* of the motion, of motion and hold */
-    uint32_t steps;                        /* of the integration in a tick */
+    uint32_t steps;                        /* of the integration in a tick, at least 1 */
     uint64_t seed;
 } compare_run_t;
 

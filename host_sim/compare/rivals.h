@@ -30,7 +30,7 @@ typedef struct {
     double inertia;             /* kg m2 */
     double speed_gain;          /* N m s/rad, of the loop */
     double theta_per_count;     /* rad */
-    uint32_t noise, delay;      /* counts, ticks */
+    uint32_t noise, delay;      /* counts; ticks, below 4 */
     int is_hand;                /* without a position loop: no reference */
 } law_params_t;
 
