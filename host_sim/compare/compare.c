@@ -41,18 +41,24 @@ static target_t target_at(const compare_run_t *run, uint32_t tick)
     return target;
 }
 
+static int64_t counts_of(const compare_run_t *run, double angle, double noise)
+{
+    double counts = floor(angle / run->law.theta_per_count + noise);
+    return (int64_t)counts;
+}
+
 static int32_t read_encoder(const compare_run_t *run, axis_t *axis)
 {
     double noise = run->law.noise * (2 * splitmix_unit(&axis->random) - 1);
     int64_t before = axis->counts;
-    axis->counts = (int64_t)floor(axis->theta / run->law.theta_per_count + noise);
+    axis->counts = counts_of(run, axis->theta, noise);
     return (int32_t)(axis->counts - before);
 }
 
 static reading_t read_all(const compare_run_t *run, axis_t *axis, const target_t *target)
 {
     int64_t before = axis->target_counts;
-    axis->target_counts = (int64_t)floor(target->angle / run->law.theta_per_count);
+    axis->target_counts = counts_of(run, target->angle, 0);
     reading_t now = {.target_speed = target->speed, .target_move = (int32_t)(axis->target_counts - before),
                      .dcounts = read_encoder(run, axis), .acted = axis->commands[run->law.delay]};
     double measured = now.dcounts * run->law.theta_per_count / PERIOD_S;

@@ -32,22 +32,26 @@ int dahl_library_law_open(const law_params_t *law, library_law_t *library)
 {
     dahl_compensator_params_t params = params_of(law);
     *library = (library_law_t){.Fc = params.friction.Fc};
-    int code = (int)dahl_prepare(&library->friction, &params.friction);
-    code = code != DAHL_OK ? code : (int)dahl_compensator_prepare(&library->plan, &params);
-    if (code != DAHL_OK || law->law != DAHL_LAW_DAHL_OBSERVER) {
-        return code;
+    dahl_err_t refusal = dahl_prepare(&library->friction, &params.friction);
+    if (refusal != DAHL_OK) {
+        return (int)refusal;
     }
-    dahl_residual_params_t residual = {.inertia = params.inertia, .corner = (float)law->knob, .limit = params.friction.Fc,
-                                       .speed_gain = (float)law->speed_gain, .delay = law->delay};
-    return (int)dahl_residual_prepare(&library->residual_plan, &params, &residual);
+    dahl_compensator_err_t code = dahl_compensator_prepare(&library->plan, &params);
+    if (code == DAHL_COMPENSATOR_OK && law->law == DAHL_LAW_DAHL_OBSERVER) {
+        dahl_residual_params_t residual = {.inertia = params.inertia, .corner = (float)law->knob, .limit = params.friction.Fc,
+                                           .speed_gain = (float)law->speed_gain, .delay = law->delay};
+        code = dahl_residual_prepare(&library->residual_plan, &params, &residual);
+    }
+    return (int)code;
 }
 
 double dahl_library_law_torque(const law_params_t *law, library_law_t *library, const reading_t *now)
 {
     int32_t move = dahl_compensator_move(&library->plan, &library->compensator, now->dcounts, 1);
     int32_t ratio = dahl_step_counts_q30(&library->friction, &library->bristle, law->is_hand ? move : now->target_move);
+    int32_t y = dahl_compensator_torque(&library->plan, &library->compensator, ratio);
     float unit = library->Fc * (float)DAHL_Q30;
-    library->known = unit * (float)dahl_compensator_torque(&library->plan, &library->compensator, ratio);
+    library->known = unit * (float)y;
     if (law->law != DAHL_LAW_DAHL_OBSERVER) {
         return (double)library->known;
     }
