@@ -52,8 +52,8 @@ static double reversal(const law_params_t *law, rival_t *rival, const reading_t 
 static double lugre_observer(const law_params_t *law, rival_t *rival, const reading_t *now)
 {
     double measured = now->dcounts * law->theta_per_count / PERIOD_S;
-    rival->torque += (measured - rival->torque) * share_of(law->knob); /* rad/s here */
-    double speed = rival->torque, ratio = speed / law->stribeck;
+    rival->bristle_speed += (measured - rival->bristle_speed) * share_of(law->knob);
+    double speed = rival->bristle_speed, ratio = speed / law->stribeck;
     double sliding = law->Fc + (law->breakaway - law->Fc) * exp(-ratio * ratio);
     double end = sliding / law->sigma0 * sign(speed);
     rival->deflection = end + (rival->deflection - end) * exp(-law->sigma0 / sliding * fabs(speed) * PERIOD_S);

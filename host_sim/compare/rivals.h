@@ -47,8 +47,9 @@ typedef struct {
 /* All zeros: at rest. */
 typedef struct {
     double speed;         /* rad/s, behind a low-pass */
-    double torque;        /* N m */
-    double deflection;    /* rad, of a bristle */
+    double torque;        /* N m, of the reversal rule */
+    double bristle_speed; /* rad/s, of the LuGre observer */
+    double deflection;    /* rad, of its bristle */
     double raw, filtered; /* N m, of the disturbance observer */
     int32_t dcounts;
 } rival_t;
