@@ -60,15 +60,15 @@ static double lugre_observer(const law_params_t *law, rival_t *rival, const read
     return (law->is_hand ? GAIN_HAND : 1) * law->sigma0 * rival->deflection;
 }
 
-/* Disturbance observer (Ohnishi): a low-pass of all torque that the inertia does not explain, with a second pole an octave above, as
- * the residual observer of the library has it. It knows no friction. Knob: corner in Hz. */
+/* Disturbance observer (Ohnishi): a low-pass of all torque that the inertia does not explain. It knows no friction. Knob: corner in
+ * Hz. If it is negative, a second pole an octave above takes some noise, as in the residual observer of the library. */
 static double disturbance_observer(const law_params_t *law, rival_t *rival, const reading_t *now)
 {
-    double rate = TWO_PI * law->knob, per_count = law->theta_per_count / PERIOD_S;
+    double corner = fabs(law->knob), rate = TWO_PI * corner, per_count = law->theta_per_count / PERIOD_S;
     double dv = (now->dcounts - rival->dcounts) * per_count;
     rival->dcounts = now->dcounts;
     rival->raw += rate * PERIOD_S * (now->acted - rival->raw) - rate * law->inertia * dv;
-    rival->filtered += (rival->raw - rival->filtered) * share_of(2 * law->knob);
+    rival->filtered += (rival->raw - rival->filtered) * (law->knob < 0 ? share_of(2 * corner) : 1);
     return fmax(-LARGEST, fmin(LARGEST, rival->filtered));
 }
 

@@ -181,14 +181,14 @@ def test_the_lugre_observer_is_lugre_at_constant_speed() -> None:
 
 
 def test_the_disturbance_observer_returns_what_the_inertia_does_not_explain() -> None:
-    """At rest all of the torque that acted; 1 N m at most."""
-    still = torques("DISTURBANCE", 10.0, 300, acted=0.3)
+    """At rest all of the torque that acted; 1 N m at most. A negative knob adds a second pole."""
     fall = np.exp(-2 * math.pi * 10.0 * np.arange(1, 301) * PERIOD_S)
-    assert still == pytest.approx(0.3 * (1 - 2 * fall + fall**2), abs=0.01)
-    assert still[-1] == pytest.approx(0.3, abs=1e-5)
-    moved = torques("DISTURBANCE", 10.0, 300, acted=0.3, dcounts=lambda k: 10 * k)  # 100 rad/s2
-    assert moved[-1] == pytest.approx(0.3 - 100 * INERTIA, abs=1e-5)
-    assert torques("DISTURBANCE", 10.0, 300, acted=-5.0)[-1] == -1.0
+    for knob, due in ((10.0, 1 - fall), (-10.0, 1 - 2 * fall + fall**2)):
+        still = torques("DISTURBANCE", knob, 300, acted=0.3)
+        assert still == pytest.approx(0.3 * due, abs=0.01)
+        moved = torques("DISTURBANCE", knob, 300, acted=0.3, dcounts=lambda k: 10 * k)  # 100 rad/s2
+        assert moved[-1] == pytest.approx(0.3 - 100 * INERTIA, abs=1e-5)
+        assert torques("DISTURBANCE", knob, 300, acted=-5.0)[-1] == -1.0
 
 
 def test_a_learned_torque_is_that_of_the_table() -> None:

@@ -63,6 +63,7 @@ class Law:
 
 
 CORNERS = (3.0, 5.0, 8.0, 11.0, 15.9)  # Hz; the rule of stability of the observers ends there
+ONE_OR_TWO_POLES = (*CORNERS, *(-corner for corner in CORNERS))  # rivals.c
 LEARNED = Law("LEARNED", (5.0, 10.0, 20.0, 40.0, 60.0), needs_reference=True)  # Hz
 ELSEWHERE = "learned elsewhere"
 LAWS = {
@@ -74,7 +75,7 @@ LAWS = {
     "learned": LEARNED,
     ELSEWHERE: LEARNED,
     "LuGre observer": Law("LUGRE", (5.0, 10.0, 20.0, 40.0, 80.0, 150.0, 300.0)),  # Hz
-    "disturbance observer": Law("DISTURBANCE", CORNERS, needs_reference=True),
+    "disturbance observer": Law("DISTURBANCE", ONE_OR_TWO_POLES, needs_reference=True),
     "dahl": Law("DAHL"),
     "dahl + observer": Law("DAHL_OBSERVER", CORNERS, needs_reference=True),
 }
