@@ -314,12 +314,13 @@ def test_the_page_shows_each_number_in_its_unit(force, slope, tmp_path):
 
 
 RATIOS = {"none": {"ratio": 1.0}, "dahl": {"ratio": 0.0625}, "sign": {"ratio": 2}}
+RATIOS |= {"tanh": {"ratio": 0.5}}
 STEERED = {"width_Nm": 1, "drag_Nm": 2, "largest_hand_Nm": 3, "hand_J": 4, "tyres_J": 5}
 SIMULATED = [  # summary, head and first rows of the table
     (
         {"scene": "compensation", "position": {"fine": RATIOS}, "hand": {"slow": RATIOS}},
-        ["axis", "case", "dahl", "sign"],
-        ["position", "fine", "0.062", "2.000", "hand", "slow", "0.062", "2.000"],
+        ["axis", "case", "dahl", "best other law", "its ratio"],
+        ["position", "fine", "0.062", "tanh", "0.500", "hand", "slow", "0.062", "tanh", "0.500"],
     ),
     (
         {"scene": "park-steer"}
