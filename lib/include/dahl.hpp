@@ -103,8 +103,6 @@ public:
     bool state_ok() const { return dahl_state_ok(&state_) != 0; }
 
 private:
-    friend class Compensator; // pull()
-
     const dahl_plan_t *plan_;
     dahl_state_t state_;
 };
@@ -174,11 +172,6 @@ public:
     }
     /// dahl_compensator_torque()
     int32_t torque(int32_t ratio_q30) { return dahl_compensator_torque(plan_, &state_, ratio_q30); }
-    /// dahl_compensator_pull(): draw `bearing`, which the reference steps, to `measured`.
-    void pull(Bearing &bearing, const Bearing &measured) const
-    {
-        dahl_compensator_pull(plan_, &bearing.state_, &measured.state_);
-    }
 
     /// dahl_compensator_change(): use other parameters from now on. Call it between two ticks.
     void change(const CompensatorPlan &to) { change(to.c()); }

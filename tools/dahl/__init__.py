@@ -18,7 +18,6 @@ before any move. Public names:
     Loaded(plan), Work(plan)            Dahl element under a load; one that sums its work
     VelocityTable(torque, segment_bits)   friction that depends on speed; add it to another
     Compensator(sigma0, Fc, theta_per_count, ...)   torque that cancels friction, within bounds
-    Adaptation(sigma0, Fc, theta_per_count, ...)   for a Compensator: follow an Fc that drifts
     Residual(sigma0, Fc, theta_per_count, ...)     for a Compensator: add what the model lacks
     Encoder(modulus, sign, largest_step).move(reading)   counts of each tick, for any wrap
     counts_between(before, now, modulus)   shortest way from one encoder reading to the next
@@ -46,7 +45,6 @@ from dahl.version import __version__ as __version__
 
 TYPE_CHECKING = False  # importing typing would double the time of `dahl --help`
 if TYPE_CHECKING:
-    from dahl.binding.adaptation import Adaptation
     from dahl.binding.compensator import Compensator
     from dahl.binding.encoder import Encoder, counts_between, to_units
     from dahl.binding.friction import Friction, Plan, State
@@ -63,7 +61,6 @@ if TYPE_CHECKING:
     from dahl.can.node import Node
 
 __all__ = [
-    "Adaptation",
     "Asymmetric",
     "BusError",
     "Client",
@@ -93,7 +90,6 @@ __all__ = [
 ]
 SUBMODULES = {"codec": "dahl.can.codec", "node": "dahl.can.node"}
 MODULES = {  # of the public classes and functions
-    "binding.adaptation": ("Adaptation",),
     "binding.state_element": ("Asymmetric", "ElastoPlastic"),
     "binding.compensator": ("Compensator",),
     "binding.encoder": ("Encoder", "counts_between", "to_units"),
@@ -119,6 +115,8 @@ if not TYPE_CHECKING:  # a type checker would accept any name
             return import_module(SUBMODULES[name])
         if name in MODULE:
             return getattr(import_module(f"dahl.{MODULE[name]}"), name)
+        if name == "Adaptation":
+            raise AttributeError("dahl.Adaptation is removed: use dahl.Residual")
         raise AttributeError(f"module 'dahl' has no attribute '{name}'")
 
 
