@@ -45,8 +45,8 @@ def errors(program: Path, *words: object) -> NDArray[np.float64]:
     """Return rows of the angle in degrees and the error of the radius in um, less its mean."""
     command = [str(program), *map(str, words)]
     text = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    rows = np.array([line.split() for line in text.splitlines()], float)
-    return rows - [0.0, rows[:, 1].mean()]
+    angle, error = np.array([line.split() for line in text.splitlines()], float).T
+    return np.column_stack((angle, error - error.mean()))
 
 
 def largest(program: Path, *words: object) -> float:

@@ -79,8 +79,8 @@ def test_the_position_loop_adds_the_torques_of_python(position_loop: ctypes.CDLL
     law = dahl.Compensator(
         *friction, reference=True, gain=0.9, limit=2 * FC, slew=200 * FC, period=TICK_S, rise=0.05,
         fall=0.02, noise=1, play=4, jump=1000)  # fmt: skip
-    observer = dahl.Residual(
-        *friction, inertia=INERTIA, corner=15, limit=FC, speed_gain=SPEED_GAIN, period=TICK_S)  # fmt: skip
+    loop = {"inertia": INERTIA, "corner": 15.0, "speed_gain": SPEED_GAIN}
+    observer = dahl.Residual(*friction, **loop, limit=FC, period=TICK_S)
     element = dahl.Friction(dahl.Plan(*friction))
     integral, error, speed, silent, clamped = 0.0, 0, 0.0, 0, 0
     for _ in range(5000):
