@@ -349,12 +349,12 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
  *
  * Rules of use:
  * - limit must be gain Fc or more: less cannot cancel the push of the reference law at rest. If the
- *   loop has an integral, it must be at most Fc: with 2 Fc, 4 of 555 random axes hunted at rest,
- *   all with delay 3 and a resonance. Without an integral, add the load that no feed-forward cancels.
- * - The torque of the compensator is y + r: its limit is the sum of both limits. The slew of the
- *   compensator does not hold for r.
+ *   loop has no integral, set no_integral and add the load that no feed-forward cancels. With an
+ *   integral, more than Fc is refused: with 2 Fc, 4 of 555 random axes hunted at rest.
+ * - The torque of the compensator is y + r. Each of them keeps its limit and the slew of the
+ *   compensator, so the limit of the sum is the sum of both limits, and its slew is twice the slew.
  * - r fades in and out with the compensator. After a bad reading it goes on without a step.
- * - Set the state to zeros if the plan or the compensator changes, or if the motor was off.
+ * - Set the state to zeros if the motor was off. For new parameters, call dahl_residual_change().
  * - With 12 bits or fewer it adds noise. A loop with its own integral needs it least.
  */
 /** @{ */
@@ -366,12 +366,14 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
 typedef struct {
     float inertia;    /**< [kg m2] lower bound of all that moves: rotor and load */
     float corner;     /**< [Hz] corner of the low-pass, at most 0.05/period; 15 suits most axes */
-    float limit;      /**< [N m] largest r: gain Fc; above 2 Fc counts as 2 Fc */
+    float limit;      /**< [N m] largest r: gain Fc. At most Fc; with no_integral, above 2 Fc counts
+                           as 2 Fc. */
     float speed_gain; /**< [N m s/rad] torque per speed of the loop: D gain of PD and PID, P gain of
                            the speed loop of a cascade; 0: unknown, resonance decides */
     float resonance;  /**< [Hz] lowest resonance of the axis; unused with a speed_gain */
     uint32_t delay;   /**< [tick] from the command to its torque: 0 if it acts until the next
                            reading; below #DAHL_RESIDUAL_TICKS */
+    uint32_t no_integral; /**< 1 if the loop has no integral: limit may then be above Fc */
 } dahl_residual_params_t;
 
 /** Prepared observer; may be `const` in flash. All zeros: no torque. */
@@ -380,18 +382,22 @@ typedef struct {
     int32_t share_q32;            /**< [Q32] share of a gap that the second low-pass closes */
     int32_t momentum_q24;         /**< [Q24 of Fc] 2 pi corner inertia times 1 count per tick */
     int32_t limit_q24;            /**< [Q24 of Fc] limit */
+    uint32_t slew_q24;            /**< [Q24 of Fc] largest change in a tick */
     uint32_t delay;               /**< [tick] delay */
-    uint32_t per_torque_mantissa; /**< 1/Fc = per_torque_mantissa 2^per_torque_exponent [1/(N m)] */
-    int32_t per_torque_exponent;  /**< exponent of per_torque_mantissa */
+    uint32_t per_torque_mantissa; /**< mantissa of 1/Fc; top bit set */
+    int32_t torque_shift;         /**< shift of a product with it, at exponent field 0 of a float */
+    uint32_t Fc_mantissa;         /**< Fc = Fc_mantissa 2^Fc_exponent [N m]; top bit set */
+    int32_t Fc_exponent;          /**< exponent of Fc_mantissa */
 } dahl_residual_plan_t;
 
 /** State of the observer. All zeros: no residual. */
 typedef struct {
+    /** [Q24 of Fc] noted torques, newest first */
+    int32_t unexplained_q24[DAHL_RESIDUAL_TICKS];
     int64_t raw_q56;      /**< [Q56 of Fc] residual before the second low-pass */
-    int64_t filtered_q56; /**< [Q56 of Fc] residual before limit and fade */
-    int32_t dcounts;      /**< [counts] last move */
-    uint32_t is_running;  /**< 0: the next good reading sets the last move only */
-    int32_t unexplained_q24[DAHL_RESIDUAL_TICKS]; /**< [Q24 of Fc] noted torques, newest first */
+    int64_t filtered_q56; /**< [Q56 of Fc] residual before limit, fade and slew */
+    uint32_t move;        /**< [counts] last move plus 2^31; 0: the next good one only sets it */
+    int32_t torque_q24;   /**< [Q24 of Fc] last result of dahl_residual_torque() */
 } dahl_residual_t;
 
 /**
@@ -401,9 +407,10 @@ typedef struct {
  * @param      residual parameters of the observer
  * @return #DAHL_COMPENSATOR_OK; #DAHL_COMPENSATOR_WRONG_LAW for the measured law;
  *   #DAHL_COMPENSATOR_PARAM if a parameter is NaN, infinite, negative, or zero but must not be, or
- *   if speed_gain and resonance are both 0; #DAHL_COMPENSATOR_RANGE if one is out of range, or if
- *   2 pi corner inertia is 64 Fc or more at 1 count per tick; #DAHL_COMPENSATOR_CORNER if the rule
- *   of the corner fails: lower the corner.
+ *   if speed_gain and resonance are both 0; #DAHL_COMPENSATOR_RANGE if one is out of range, if the
+ *   limit is above Fc without no_integral, if the slew is below 2^-23 Fc in a tick, or if 2 pi
+ *   corner inertia is 64 Fc or more at 1 count per tick; #DAHL_COMPENSATOR_CORNER if the rule of
+ *   the corner fails: lower the corner.
  * @note The first rule is rounded to the safe side by 2^-30 of it, the second one is exact.
  */
 DAHL_NODISCARD dahl_compensator_err_t dahl_residual_prepare(dahl_residual_plan_t *plan,
@@ -416,7 +423,8 @@ DAHL_NODISCARD dahl_compensator_err_t dahl_residual_prepare(dahl_residual_plan_t
  * @param residual    state
  * @param compensator compensator of the same axis: its bad_ticks and fade are read
  * @param dcounts     [counts] the move that dahl_compensator_move() got, any int32_t
- * @return [Q30 of Fc] torque to add to the command, within the limit for any bits of the states
+ * @return [Q30 of Fc] torque to add to the command, within the limit for any bits of the states. It
+ *   differs from the last one by at most the slew of the compensator.
  */
 int32_t dahl_residual_torque(const dahl_residual_plan_t *plan, dahl_residual_t *residual,
                              const dahl_compensator_t *compensator, int32_t dcounts);
@@ -434,9 +442,21 @@ void dahl_residual_note(dahl_residual_t *residual, int32_t unexplained_q24);
  * Convert a torque, without a float operation.
  * @param plan   prepared plan
  * @param torque [N m] any float
- * @return [Q24 of Fc] the torque, rounded towards 0, within +-64 Fc; 0 for NaN
+ * @return [Q24 of Fc] the torque, rounded towards 0; beyond +-64 Fc, any value beyond; 0 for NaN
  */
 int32_t dahl_residual_q24(const dahl_residual_plan_t *plan, float torque);
+
+/**
+ * Change the parameters of a running observer. Call it next to dahl_compensator_change().
+ * @param from     plan of the last tick
+ * @param to       plan of the next tick
+ * @param residual state: all torques are converted to the unit of `to`
+ * @note The next torque is within the limit of `to`, and it differs from the last one by at most
+ *   the slew of `to`, both in N m. If the new limit is below the torque, the torque falls to the
+ *   limit at once. All parameters may change. The state becomes 0 if a plan is all zeros.
+ */
+void dahl_residual_change(const dahl_residual_plan_t *from, const dahl_residual_plan_t *to,
+                          dahl_residual_t *residual);
 /** @} */
 
 #ifdef __cplusplus

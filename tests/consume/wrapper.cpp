@@ -64,7 +64,7 @@ static dahl_compensator_params_t compensator_params()
     return p;
 }
 
-// The bearing is stepped by a reference.
+// The bearing is stepped by a reference, and the observer adds to its torque.
 static bool compensator_has_the_bits_of_c()
 {
     dahl_compensator_params_t good = compensator_params(), bad = good;
@@ -79,8 +79,17 @@ static bool compensator_has_the_bits_of_c()
     }
     dahl::Bearing reference(c_friction);
     dahl::Compensator again(c_plan);
+    const dahl_residual_params_t observer = {0.002f, 15.0f, 0.4f, 0.4f, 0.0f, 1, 0};
+    dahl::ResidualPlan residual_plan, other_residual_plan;
+    dahl::Residual residual(residual_plan), same_residual(residual_plan.c());
+    dahl_residual_t c_residual = {};
     dahl_compensator_params_t other = good;
     other.gain = 0.5f, other.play = 4, other.friction.Fc = 0.4f;
+    if (residual_plan.prepare(good, observer) != DAHL_COMPENSATOR_OK ||
+        other_residual_plan.prepare(other, observer) != DAHL_COMPENSATOR_OK) {
+        return false;
+    }
+    const dahl_residual_plan_t *c_residual_plan = &residual_plan.c();
     dahl_compensator_plan_t other_plan = {};
     if (dahl_compensator_prepare(&other_plan, &other) != DAHL_COMPENSATOR_OK) {
         return false;
@@ -96,7 +105,17 @@ static bool compensator_has_the_bits_of_c()
         if (reference.step_counts_q30(moved) != w || compensator.torque(w) != dahl_compensator_torque(&c_plan, &c_compensator, w)) {
             return false;
         }
+        const float torque = 1e-3f * static_cast<float>(moved);
+        const std::int32_t r = dahl_residual_torque(c_residual_plan, &c_residual, &c_compensator, moved);
+        dahl_residual_note(&c_residual, dahl_residual_q24(c_residual_plan, torque));
+        if (residual.torque(compensator, moved) != r || same_residual.torque(again, moved) != r) {
+            return false;
+        }
+        residual.note(torque), same_residual.note_q24(residual.state().unexplained_q24[0]);
         if (tick == 1500) {
+            residual.change(other_residual_plan), same_residual.change(other_residual_plan.c());
+            dahl_residual_change(c_residual_plan, &other_residual_plan.c(), &c_residual);
+            c_residual_plan = &other_residual_plan.c();
             compensator.change(other_plan), again.change(other_plan);
             dahl_compensator_change(&c_plan, &other_plan, &c_compensator);
             c_plan = other_plan;

@@ -244,17 +244,19 @@ static inline uint64_t bits_fold_residual_plan(uint64_t hash, const dahl_residua
 {
     hash = bits_fold(hash, (uint64_t)(uint32_t)plan->step_q32 << 32 | (uint32_t)plan->share_q32);
     hash = bits_fold(hash, (uint64_t)(uint32_t)plan->momentum_q24 << 32 | (uint32_t)plan->limit_q24);
-    return bits_fold(hash, (uint64_t)plan->per_torque_mantissa << 32 | (uint32_t)plan->per_torque_exponent);
+    hash = bits_fold(hash, (uint64_t)plan->Fc_mantissa << 32 | (uint32_t)plan->Fc_exponent);
+    hash = bits_fold(hash, (uint64_t)plan->per_torque_mantissa << 32 | (uint32_t)plan->torque_shift);
+    return bits_fold(hash, plan->slew_q24);
 }
 
 /* The residual observer with bad readings, and presliding damping. Torques in N m are rounded once, like a float. */
 static inline void bits_residual(bits_of_part_t *run)
 {
-    const dahl_compensator_params_t params = bits_compensator_params(run->params);
+    dahl_compensator_params_t params = bits_compensator_params(run->params);
     const dahl_residual_params_t observer = {.inertia = 0x1p-9f * run->params->Fc, .corner = 15.0f,
                                              .limit = 0.5f * run->params->Fc, .resonance = 150.0f, .delay = 2};
     dahl_compensator_plan_t plan;
-    dahl_residual_plan_t residual_plan;
+    dahl_residual_plan_t residual_plan, other;
     dahl_damping_plan_t damping_plan;
     dahl_plan_t element;
     dahl_compensator_t compensator = {0};
@@ -267,6 +269,10 @@ static inline void bits_residual(bits_of_part_t *run)
         || dahl_residual_prepare(&residual_plan, &params, &observer) != DAHL_COMPENSATOR_OK) {
         return;
     }
+    params.friction.Fc *= 0.75f;
+    if (dahl_residual_prepare(&other, &params, &observer) != DAHL_COMPENSATOR_OK) {
+        return;
+    }
     run->hash = bits_fold(bits_fold_residual_plan(run->hash, &residual_plan), (uint32_t)damping_plan.gain_q16);
     for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {
         int32_t d = run->next(&motion);
@@ -277,6 +283,11 @@ static inline void bits_residual(bits_of_part_t *run)
         dahl_residual_note(&residual, dahl_residual_q24(&residual_plan, torque));
         run->hash = bits_fold(run->hash, (uint64_t)residual.raw_q56);
         run->hash = bits_fold(run->hash, (uint64_t)(uint32_t)damped << 32 | (uint32_t)residual.unexplained_q24[0]);
+        if (t % 97 == 0) {
+            dahl_residual_change(&residual_plan, &other, &residual);
+            run->hash = bits_fold(run->hash, (uint64_t)residual.filtered_q56);
+            dahl_residual_change(&other, &residual_plan, &residual);
+        }
     }
 }
 

@@ -42,7 +42,8 @@ OBSERVER = {"inertia": INERTIA, "corner": 15.0, "limit": 0.4, "speed_gain": 0.4,
 
 
 def residual(**changed: Any) -> dahl.Residual:
-    return dahl.Residual(**(FRICTION | OBSERVER | {"period": 1e-3, "delay": 2} | changed))
+    tick = {"slew": 50.0, "period": 1e-3, "delay": 2}
+    return dahl.Residual(**(FRICTION | OBSERVER | tick | changed))
 
 
 def params_of_c(reference: bool) -> Any:
@@ -110,7 +111,7 @@ def test_the_residual_has_the_bits_of_the_c_calls() -> None:
         one.note(torque)
         c.dahl_residual_note(state, c.dahl_residual_q24(plan, torque))
         terms = {"raw": state.raw_q56 / 2**56 * 0.5, "filtered": state.filtered_q56 / 2**56 * 0.5}
-        assert one.terms == terms
+        assert one.terms == terms | {"torque": wanted / 2**30 * 0.5}
 
 
 # --- exact numbers --------------------------------------------------------------------------------
@@ -229,6 +230,43 @@ def test_limit_and_slew_hold_in_newton_metres_across_a_change() -> None:
     assert parted > 100
 
 
+def random_observer(chance: random.Random, axis: dict[str, Any]) -> dict[str, Any]:
+    one = {name: axis[name] for name in (*FRICTION, "slew", "period")}
+    one |= {"inertia": random_float(chance, 1e-6, 1e-3) * axis["Fc"], "no_integral": True}
+    one |= {"corner": random_float(chance, 0.005, 0.045) / axis["period"], "speed_gain": 1e9}
+    return one | {"limit": random_float(chance, 0.05, 2) * axis["Fc"], "delay": chance.randint(0, 3)}
+
+
+def test_the_observer_keeps_limit_and_slew_across_a_change() -> None:
+    """Exactly in N m, as above. Its low-passes keep their torque."""
+    chance, parted = random.Random(5), 0
+    params = random_plan(chance) | {"slew": 50.0}
+    axis = dahl.Compensator(**params)
+    one = dahl.Residual(**random_observer(chance, params))
+    for _ in range(3000):
+        for _ in range(chance.choice([1, 3, 10])):
+            move = chance.randint(-3, 20)
+            axis.move(move, chance.random() < 0.9)
+            last = Fraction(one.torque_q30(axis, move)) * Fraction(one.Fc)
+            one.note(chance.uniform(-5, 5) * one.Fc)
+        params = random_plan(chance)
+        params["slew"] = random_float(chance, 0.01, 1e4) * params["Fc"]
+        before, units = one.terms, one.Fc + params["Fc"]
+        axis.change(**params)
+        one.change(**random_observer(chance, params))
+        due = {name: pytest.approx(value, abs=2**-24 * units) for name, value in before.items()}
+        if max(map(abs, before.values())) < 60 * one.Fc:
+            assert one.terms == due
+        axis.move(move)
+        torque = Fraction(one.torque_q30(axis, move)) * Fraction(one.Fc)
+        limit = min(Fraction(one.limit), 2 * Fraction(one.Fc)) * 2**30
+        slew = Fraction(one.slew) * Fraction(one.period) * 2**30
+        assert abs(torque) <= limit
+        parted += abs(last) > limit
+        assert abs(last) > limit or abs(torque - last) <= slew
+    assert parted > 100
+
+
 def test_a_change_converts_the_speed_and_keeps_the_end_of_the_play() -> None:
     """At 1.9 rad/s the torque is off with a fade speed of 0.9 rad/s, and half with 1.27 rad/s."""
     given = {"reference": True, "rise": 0.0, "fade_speed": 0.9, "play": 7, "slew": 1e4}
@@ -316,6 +354,9 @@ REFUSED: list[tuple[Callable[..., Any], dict[str, Any], tuple[str, ...]]] = [
     (residual, {"inertia": 10.0}, ("inertia = 10: ", "64 Fc")),
     (residual, {"inertia": 0.0}, ("inertia = 0 ", "kg m2")),
     (residual, {"delay": 4}, ("delay = 4 ", "3")),
+    (residual, {"limit": 0.51}, ("limit = 0.51 N m ", "Fc = 0.5", "no_integral = False")),
+    (residual, {"slew": 5e-5}, ("slew = 5e-05 ", "2^-23 Fc")),
+    (residual, {"slew": 0.0}, ("slew = 0 ", "N m/s")),
     (residual, {"theta_per_count": 0.0}, ("theta_per_count = 0 ",)),
     (residual, {"Fc": math.inf}, ("Fc = inf ",)),
 ]
@@ -388,6 +429,7 @@ def test_a_log_that_does_not_fit_changes_nothing() -> None:
 MISFITS: dict[str, Callable[[], Any]] = {
     "reference = False": compensator,
     "compensator.period = 0.002 is not 0.001": lambda: compensator(reference=True, period=2e-3),
+    "compensator.slew = 9.0 is not 50.0": lambda: compensator(reference=True, slew=9.0),
     "compensator.Fc = 0.48 is not 0.5": lambda: compensator(reference=True, Fc=0.48),
     "compensator = 5": lambda: 5,
 }

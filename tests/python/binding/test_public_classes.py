@@ -74,7 +74,8 @@ COMPENSATED |= {"length_long": 1e-3, "reference": False, "rise": 0.2, "fall": 0.
 COMPENSATED |= {"fade_speed": 3.0, "noise": 1, "play": 5, "jump": 90, "elastic": False}
 COMPENSATED |= {"sigma0_high": 120.0, "load": 0.01, "inertia": 2e-3, "delay": 2e-3}
 OBSERVED = {"inertia": 1e-3, "corner": 4.0, "limit": 0.3, "speed_gain": 0.5, "resonance": 90.0}
-OBSERVED |= {"delay": 2}
+OBSERVED |= {"delay": 2, "slew": 50.0, "no_integral": True}
+DAMPED = {"sigma0": 500.0, "Fc": 1.5, "sigma1": 1.75, "period": 1e-3}
 NODE = {"gain": 0.5, "limit": 0.25, "ramp": 0.3, "timeout": 0.02, "max_step": 7}
 NODE |= {"status_period": 0.07}
 TABLE = [0.5, 0.3, 0.25, -0.125, *(0.0625 * k for k in range(1, 13))]
@@ -84,6 +85,7 @@ KINDS = {
     for kind in (
         *(Kind(models.class_of(model), arguments_of(model), step) for model in STATE_ELEMENTS),
         Kind(dahl.Compensator, COMPENSATED, lambda one: one.move(-7)),
+        Kind(dahl.Damping, DAMPED, lambda one: one.apply_q30(-7)),
         Kind(dahl.Encoder, {"modulus": 65536, "sign": 1, "largest_step": 9}, lambda o: o.move(12)),
         Kind(dahl.Friction, PLANNED, step),
         Kind(

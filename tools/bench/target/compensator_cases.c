@@ -18,6 +18,7 @@ dahl_compensator_err_t call_residual_prepare(dahl_residual_plan_t *, const dahl_
 int32_t call_residual(const dahl_residual_plan_t *, dahl_residual_t *, const dahl_compensator_t *, int32_t) __asm__("bench_call");
 void call_note(dahl_residual_t *, int32_t) __asm__("bench_call");
 int32_t call_q24(const dahl_residual_plan_t *, float) __asm__("bench_call");
+void call_residual_change(const dahl_residual_plan_t *, const dahl_residual_plan_t *, dahl_residual_t *) __asm__("bench_call");
 dahl_err_t call_damping_prepare(dahl_damping_plan_t *, const dahl_params_t *, float, float) __asm__("bench_call");
 int32_t call_damping(const dahl_damping_plan_t *, dahl_damping_t *, int32_t) __asm__("bench_call");
 dahl_compensator_err_t call_compensator_prepare(dahl_compensator_plan_t *,
@@ -150,6 +151,19 @@ static void bench_residual(void)
     bench_function = (bench_function_t)dahl_residual_q24;
     for (int k = 0; k < 200; k++) {
         call_q24(&plan, (float)(int32_t)next_random() * (k % 2 == 0 ? 0x1p-30f : 0x1p-24f));
+    }
+    dahl_compensator_params_t other = params;
+    dahl_residual_plan_t other_plan;
+    other.friction.Fc = 0.51f;
+    if (dahl_residual_prepare(&other_plan, &other, &observer) != DAHL_COMPENSATOR_OK) {
+        return;
+    }
+    bench_case("residual_change");
+    bench_function = (bench_function_t)dahl_residual_change;
+    for (int k = 0; k < 200; k++) {
+        residual = (dahl_residual_t){.raw_q56 = (int64_t)random_state(), .filtered_q56 = (int64_t)random_state()};
+        dahl_residual_note(&residual, (int32_t)next_random());
+        call_residual_change(k % 2 == 0 ? &plan : &other_plan, k % 2 == 0 ? &other_plan : &plan, &residual);
     }
 }
 

@@ -364,7 +364,7 @@ def need_reference(compensator: Compensator, values: dict[str, float]) -> None:
     checks.instance("compensator", compensator, Compensator)
     if not compensator.reference:
         raise InputError("compensator.reference = False: the estimate would see its own output")
-    for name in ("Fc", "theta_per_count", "period"):
+    for name in ("Fc", "theta_per_count", "period", "slew"):
         if (other := getattr(compensator, name)) != values[name]:
             wanted = parameters.digits(values[name])
             raise InputError(f"compensator.{name} = {parameters.digits(other)} is not {wanted}")

@@ -170,6 +170,7 @@ class DahlLaw:
             inertia=INERTIA,
             corner=CORNER_HZ,
             limit=plan.Fc,
+            slew=SLEW,
             speed_gain=KD,
             period=PERIOD_S,
             delay=case.delay,
