@@ -80,7 +80,7 @@ def test_the_position_loop_adds_the_torques_of_python(position_loop: ctypes.CDLL
         *friction, reference=True, gain=0.9, limit=2 * FC, slew=200 * FC, period=TICK_S, rise=0.05,
         fall=0.02, noise=1, play=4, jump=1000)  # fmt: skip
     loop = {"inertia": INERTIA, "corner": 15.0, "speed_gain": SPEED_GAIN}
-    observer = dahl.Residual(*friction, **loop, limit=FC, period=TICK_S)
+    observer = dahl.Residual(*friction, **loop, limit=FC, slew=200 * FC, period=TICK_S)
     element = dahl.Friction(dahl.Plan(*friction))
     integral, error, speed, silent, clamped = 0.0, 0, 0.0, 0, 0
     for _ in range(5000):
@@ -332,7 +332,7 @@ def swing_joint(lib: ctypes.CDLL, ratio: float) -> tuple[float, float]:
 def test_a_geared_joint_follows(joint: ctypes.CDLL, ratio: float) -> None:
     assert prepare_joint(joint, ratio, 0.0, 1e-9) == 0
     without, _ = swing_joint(joint, ratio)
-    assert prepare_joint(joint, ratio, 0.95, 1.2 * MOTOR_FC) == 0
+    assert prepare_joint(joint, ratio, 0.95, MOTOR_FC) == 0
     inertia = ROTOR + LINK / ratio**2
     found = [joint.at_motor(k) for k in range(3)]
     assert found == pytest.approx([MOTOR_FC, MOTOR_SIGMA0, inertia], rel=1e-6)

@@ -93,9 +93,10 @@ class Residual(HasParameters, Copied):
         corner: float | None = None,
         limit: float | None = None,
         delay: int = 1,
+        no_integral: bool = False,
     ) -> Residual:
-        """Return an observer with the friction and the period of a compensator. Without a corner,
-        the highest one that the rule allows is used, up to 15 Hz. Without a limit, it is Fc.
+        """Return an observer with friction, period and slew of a compensator. Without a corner, the
+        highest one that the rule allows is used, up to 15 Hz. Without a limit, it is Fc.
         """
         checks.instance("compensator", compensator, Compensator)
         if corner is None:
@@ -106,10 +107,12 @@ class Residual(HasParameters, Copied):
             inertia=inertia,
             corner=corner,
             limit=compensator.Fc if limit is None else limit,
+            slew=compensator.slew,
             period=compensator.period,
             speed_gain=speed_gain,
             resonance=resonance,
             delay=delay,
+            no_integral=no_integral,
         )
 
     def _prepare(self) -> None:
