@@ -108,8 +108,8 @@ def test_the_position_loop_adds_the_torques_of_python(position_loop: ctypes.CDLL
 
 
 def follow(lib: ctypes.CDLL, rad: float, bad: float = 0.0) -> tuple[float, float]:
-    """Return the RMS error in rad of 0.3 rad at 0.5 Hz, and the largest one late in a hold of 1 s. A
-    part of the readings is bad.
+    """Return the RMS error in rad of 0.3 rad at 0.5 Hz, and the largest one late in a hold.
+    A part of the readings is bad.
     """
     axis = Axis(FC, SIGMA0, INERTIA, peak=1.2, damping=0.1)
     noise, torque, counts, before, errors = random.Random(5), 0.0, 0, 0, []
