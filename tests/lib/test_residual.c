@@ -12,6 +12,7 @@
 
 #include "../random.h"
 #include "dahl_compensator.h"
+#include "dahl_parts.h"
 
 #define TWO_PI 6.283185307179586
 #define PERIOD 1e-3 /* s */
@@ -45,6 +46,7 @@ typedef struct {
     loop_t loop;
     double kp, kd;              /* of a cascade: kd of the speed, kp/kd of the angle */
     double backward, viscous;   /* Fc backward over that forward; N m s/rad */
+    int knows_backward;         /* the element has an Fc for each direction */
     double load, Fc_end;        /* N m; Fc at the end over that at the start */
     double shaft_hz, rotor;     /* resonance, share of the inertia before the shaft; 0 Hz: rigid */
     double damping;             /* ratio */
@@ -119,7 +121,7 @@ static double feedback(const case_t *c, axis_t *axis, double error, double speed
 }
 
 typedef struct {
-    dahl_plan_t element;
+    dahl_asymmetric_plan_t element;
     dahl_state_t bristle;
     dahl_compensator_plan_t plan;
     dahl_compensator_t compensator;
@@ -153,7 +155,10 @@ static dahl_compensator_err_t prepare(const case_t *c, laws_t *laws)
     observer.no_integral = c->loop == PD;
     memset(laws, 0, sizeof *laws);
     laws->Fc = params.friction.Fc;
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_prepare(&laws->element, &params.friction));
+    const double backward = c->knows_backward ? c->backward : 1;
+    const dahl_asymmetric_params_t element = {params.friction.sigma0, laws->Fc, (float)((double)laws->Fc * backward),
+                                              params.friction.theta_per_count};
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_asymmetric_prepare(&laws->element, &element));
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_compensator_prepare(&laws->plan, &params));
     return dahl_residual_prepare(&laws->residual_plan, &params, &observer);
 }
@@ -162,7 +167,7 @@ static dahl_compensator_err_t prepare(const case_t *c, laws_t *laws)
 static double tick(law_t law, laws_t *laws, int32_t dcounts, int32_t reference_move, double loop)
 {
     dahl_compensator_move(&laws->plan, &laws->compensator, dcounts, 1);
-    const int32_t ratio = dahl_step_counts_q30(&laws->element, &laws->bristle, reference_move);
+    const int32_t ratio = dahl_asymmetric_step_counts_q30(&laws->element, &laws->bristle, reference_move);
     const int32_t y = dahl_compensator_torque(&laws->plan, &laws->compensator, ratio);
     const float known = law == NOTHING ? 0.0f : laws->Fc * (float)y * (float)DAHL_Q30;
     const int32_t observed = dahl_residual_torque(&laws->residual_plan, &laws->residual, &laws->compensator, dcounts);
@@ -263,6 +268,22 @@ static void test_directions_and_viscous_friction_are_corrected(void)
     }
 }
 
+/* An integral leaves less error to compare with: 5 mrad, PD 15. With the observer both leave 0.2 mrad, most of it after each reversal.
+ * An element with an Fc for each direction leaves less. */
+static void test_a_cascade_keeps_the_error_of_a_PD_loop(void)
+{
+    for (int k = 0; k < 6; k++) {
+        case_t c = case_of(CASCADE), pd = case_of(PD);
+        c.delay = pd.delay = k / 2;
+        c.backward = pd.backward = 0.8;
+        c.viscous = pd.viscous = k % 2 == 0 ? 0 : 0.1;
+        at_most("error in mrad", 0.22, 1e3 * fmax(run(&pd, OBSERVER).tracking, run(&c, OBSERVER).tracking));
+        check_ratio("cascade", &c, 0.046);
+        c.knows_backward = 1;
+        at_most("cascade, Fc of each direction", 0.03, ratio_of(&c, OBSERVER));
+    }
+}
+
 static void test_a_drift_of_Fc_is_followed(void)
 {
     for (int k = 0; k < 4; k++) {
@@ -280,8 +301,8 @@ static void test_an_exact_model_is_not_spoilt(void)
     }
 }
 
-/* With a tachometer, the hold is within 1 mrad. With a speed from the noisy counts, the noise of the loop is more than that, and
- * the observer adds little to it. */
+/* With a tachometer, the hold is within 1 mrad. With a speed from the noisy counts, the loop alone moves the axis by more than that
+ * from a delay of 1 on. The observer adds up to 30 % with 15 Hz, and up to 15 % with 5 Hz. */
 static void test_an_axis_holds_with_14_noisy_bits(void)
 {
     for (int k = 0; k < 8; k++) {
@@ -290,12 +311,15 @@ static void test_an_axis_holds_with_14_noisy_bits(void)
         c.noise = 2;
         c.delay = k % 4;
         c.hold_s = 30;
-        c.observer.limit = c.loop == PD ? 0.75f : 0.5f;
+        c.observer.limit = c.loop == PD ? 0.6f : 0.5f;
         c.is_speed_true = 1;
         at_most("hold", 1e-3, run(&c, OBSERVER).hold);
         TEST_ASSERT_TRUE(c.loop == CASCADE || run(&c, MODEL).hold > 0.015);
         c.is_speed_true = 0;
-        at_most("hold, speed from the counts", 1.4 * run(&c, NOTHING).hold, run(&c, OBSERVER).hold);
+        const double none = run(&c, NOTHING).hold;
+        at_most("hold, speed from the counts", 1.3 * none, run(&c, OBSERVER).hold);
+        c.observer.corner = 5;
+        at_most("hold, corner 5 Hz", 1.15 * none, run(&c, OBSERVER).hold);
     }
 }
 

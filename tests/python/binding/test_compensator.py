@@ -234,10 +234,8 @@ def random_observer(chance: random.Random, axis: dict[str, Any]) -> dict[str, An
     one = {name: axis[name] for name in (*FRICTION, "slew", "period")}
     one |= {"inertia": random_float(chance, 1e-6, 1e-3) * axis["Fc"], "no_integral": True}
     one |= {"corner": random_float(chance, 0.005, 0.045) / axis["period"], "speed_gain": 1e9}
-    return one | {
-        "limit": random_float(chance, 0.05, 2) * axis["Fc"],
-        "delay": chance.randint(0, 3),
-    }
+    one |= {"delay": chance.randint(0, 3)}
+    return one | {"limit": random_float(chance, 0.05, 2) * axis["Fc"]}
 
 
 def test_the_observer_keeps_limit_and_slew_across_a_change() -> None:
