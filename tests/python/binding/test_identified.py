@@ -155,3 +155,6 @@ def test_an_observer_without_a_loop_is_refused(tmp_path: Path) -> None:
     for loop, words in (({}, "one of them must be known"), ({"speed_gain": -1.0}, "speed_gain")):
         with pytest.raises(dahl.InputError, match=words):
             dahl.Residual.for_compensator(law, inertia=1e-3, **loop)
+    free = dahl.Compensator.from_identified(rig(tmp_path), **AXIS)
+    with pytest.raises(dahl.InputError, match="its own output"):
+        dahl.Residual.for_compensator(free, inertia=1e-3, speed_gain=1.0)

@@ -96,13 +96,14 @@ class Residual(HasParameters, Copied):
         no_integral: bool = False,
     ) -> Residual:
         """Return an observer with friction, period and slew of a compensator. Without a corner, the
-        highest one that the rule allows is used, up to 15 Hz. Without a limit, it is Fc.
+        highest one that the rule allows is used, up to 15 Hz. Without a limit, it is Fc. Raises as
+        the constructor, and dahl.Error for a compensator of the measured law.
         """
         checks.instance("compensator", compensator, Compensator)
         if corner is None:
             corner = _highest_corner(compensator.period, inertia, speed_gain, resonance)
         friction = {name: getattr(compensator, name) for name in FRICTION}
-        return cls(
+        made = cls(
             **friction,
             inertia=inertia,
             corner=corner,
@@ -114,6 +115,8 @@ class Residual(HasParameters, Copied):
             delay=delay,
             no_integral=no_integral,
         )
+        need_reference(compensator, made._values)
+        return made
 
     def _prepare(self) -> None:
         self._prepared = c.new("dahl_residual_plan_t *")
