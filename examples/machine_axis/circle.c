@@ -23,14 +23,14 @@
 #define PERIOD 250e-6 /* s */
 #define SUBSTEPS 20
 #define ROWS_PER_DEGREE 10
-#define RADIUS 25e-3          /* m */
-#define LEAD 10e-3            /* m in a turn */
+#define RADIUS 25e-3            /* m */
+#define LEAD 10e-3              /* m in a turn */
 #define COUNTS_PER_TURN 1048576 /* 20 bits, +-1 count of noise */
-#define INERTIA 0.005         /* kg m2: motor, screw and table */
-#define FC 1.0                /* N m */
-#define PRESLIDING 15e-6      /* m */
-#define VISCOUS 0.01          /* N m s/rad */
-#define REVERSAL_S 0.045      /* s, the best for 1 m/min */
+#define INERTIA 0.005           /* kg m2: motor, screw and table */
+#define FC 1.0                  /* N m */
+#define PRESLIDING 15e-6        /* m */
+#define VISCOUS 0.01            /* N m s/rad, known to the loop */
+#define REVERSAL_S 0.045        /* s, the best for 1 m/min */
 
 /* --- the plant ------------------------------------------------------------------------------------------------------ */
 
