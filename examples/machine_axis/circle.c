@@ -167,10 +167,20 @@ static void travel(drive_t *x, drive_t *y, double feed)
     }
 }
 
+/* Return whether the first three words after the name are a feed, a friction and a law. */
+static int are_known(int words, char **word)
+{
+    if (words < 4 || !(atof(word[1]) > 0)) {
+        return 0;
+    }
+    int is_friction = is(word[2], "dahl") || is(word[2], "lugre");
+    return is_friction && (is(word[3], "none") || is(word[3], "reversal") || is(word[3], "dahl") || is(word[3], "observer"));
+}
+
 int main(int words, char **word)
 {
     static drive_t x, y;
-    if (words < 4) {
+    if (!are_known(words, word)) {
         fprintf(stderr, "usage: circle FEED dahl|lugre none|reversal|dahl|observer [FC [LENGTH [SECONDS]]]\n");
         return 2;
     }
