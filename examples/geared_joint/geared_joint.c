@@ -31,9 +31,12 @@ int geared_joint_init(geared_joint_t *joint, const geared_joint_params_t *params
     joint->params = *params;
     joint->motor = *motor;
     fill(&joint->motor, params);
-    joint->measured = (float)joint_count * params->joint_rad_per_count;
-    joint->reference = motor_counts(params, joint->measured);
-    return position_loop_init(&joint->loop, &joint->motor);
+    int code = position_loop_init(&joint->loop, &joint->motor);
+    if (code == 0) {
+        joint->measured = (float)joint_count * params->joint_rad_per_count;
+        joint->reference = motor_counts(params, joint->measured);
+    }
+    return code;
 }
 
 float geared_joint_tick(geared_joint_t *joint, const geared_joint_reference_t *reference,

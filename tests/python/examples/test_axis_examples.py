@@ -333,6 +333,12 @@ def swing_joint(lib: ctypes.CDLL, ratio: float) -> tuple[float, float]:
     return float(np.std(errors[1250:5000])), max(speeds[-500:])
 
 
+def test_a_geared_joint_without_a_ratio_is_refused(joint: ctypes.CDLL) -> None:
+    for ratio in (0.0, math.inf, math.nan):
+        given = numbers(ratio, 8.0, 16000.0, LINK, ROTOR)
+        assert joint.init(given, 0.9, 0.08, 0.01, RAD, JOINT_RAD) < 0
+
+
 @pytest.mark.parametrize("ratio", [100.0, -50.0])
 def test_a_geared_joint_follows(joint: ctypes.CDLL, ratio: float) -> None:
     assert prepare_joint(joint, ratio, 0.0, 1e-9) == 0
