@@ -72,7 +72,8 @@ static int is_in_range(const dahl_compensator_params_t *params, const dahl_resid
 {
     const dahl_real_t one = {DAHL_TOP_BIT, -31}, twenty = {UINT32_C(5) << 29, -27};
     const dahl_real_t corners = dahl_real_multiply(dahl_real_of_param(residual->corner), twenty);
-    return residual->delay < DAHL_RESIDUAL_TICKS && !dahl_real_is_product_above(corners, dahl_real_of_param(params->period), one)
+    return residual->delay < DAHL_RESIDUAL_TICKS
+        && !dahl_real_is_product_above(corners, dahl_real_of_param(params->period), one)
         && momentum_unit_q24(params, residual) < MOMENTUM_UNIT_END && slew_step_q24(params) > 0
         && !is_limit_above_bound(params, residual);
 }

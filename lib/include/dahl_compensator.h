@@ -128,8 +128,8 @@ extern "C" {
 /** [1] Rounding of gain and fades, as a part of the torque of the element. */
 #define DAHL_COMPENSATOR_ERROR 1.0682e-4
 
-/** Result of dahl_compensator_prepare() and dahl_residual_prepare(). Except 0, the codes differ from
- * those of dahl_err_t. */
+/** Result of dahl_compensator_prepare() and dahl_residual_prepare(). Except 0, the codes differ
+ * from those of dahl_err_t. */
 typedef enum {
     DAHL_COMPENSATOR_OK = 0,         /**< success */
     DAHL_COMPENSATOR_PARAM = -17,     /**< a parameter is NaN, infinite, negative, or zero but must

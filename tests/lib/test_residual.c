@@ -268,7 +268,7 @@ static void test_directions_and_viscous_friction_are_corrected(void)
     }
 }
 
-/* An integral leaves less error to compare with: 5 mrad, PD 15. With the observer both leave 0.2 mrad, most of it after each reversal.
+/* An integral leaves less error to compare with: 5 mrad, PD 15. With the observer both leave 0.2 mrad, most of it after a reversal.
  * An element with an Fc for each direction leaves less. */
 static void test_a_cascade_keeps_the_error_of_a_PD_loop(void)
 {
@@ -301,8 +301,8 @@ static void test_an_exact_model_is_not_spoilt(void)
     }
 }
 
-/* With a tachometer, the hold is within 1 mrad. With a speed from the noisy counts, the loop alone moves the axis by more than that
- * from a delay of 1 on. The observer adds up to 30 % with 15 Hz, and up to 15 % with 5 Hz. */
+/* With a tachometer, the hold is within 1 mrad. With a speed from the noisy counts, the loop alone moves the axis by more from a
+ * delay of 1 on. The observer adds up to 30 % with 15 Hz, and up to 15 % with 5 Hz. */
 static void test_an_axis_holds_with_14_noisy_bits(void)
 {
     for (int k = 0; k < 8; k++) {
@@ -519,7 +519,8 @@ static void test_integers_follow_the_low_pass(void)
         TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, prepare_residual(&plan, &p));
         const double K = TWO_PI * (double)p.corner;
         exact_t exact = {.K = K, .momentum = K * inertia * TWO_PI / (1 << usual.bits) / PERIOD / TRUE_FC,
-                         .share = 2 * K * PERIOD / (1 + K * PERIOD), .limit = (double)p.limit / TRUE_FC, .slew = 50 * PERIOD / TRUE_FC};
+                         .share = 2 * K * PERIOD / (1 + K * PERIOD), .limit = (double)p.limit / TRUE_FC,
+                         .slew = usual.slew * PERIOD};
         double speed = 0, unexplained[DAHL_RESIDUAL_TICKS + 1] = {0};
         for (int k = 0; k < 3000; k++) {
             speed += uniform(&random, -0.5, 0.5) * PERIOD * TRUE_FC / inertia;
@@ -565,6 +566,35 @@ static void test_any_state_is_safe(void)
             dahl_residual_note(&state, 0);
         }
         TEST_ASSERT_TRUE(k % 100 != 0 || llabs(state.filtered_q56 >> 32) <= 1);
+    }
+}
+
+/* From any state, between units far apart; a plan of zeros leaves no torque. */
+static void test_a_change_of_any_state_is_safe(void)
+{
+    static const dahl_residual_plan_t zeros = {0};
+    const dahl_compensator_t compensator = {.fade_q30 = 1u << 30};
+    uint64_t random = 15;
+    for (int k = 0; k < 20000; k++) {
+        dahl_residual_plan_t plans[2];
+        dahl_residual_t state;
+        for (int n = 0; n < 2; n++) {
+            case_t c = case_of(PD);
+            c.Fc_guess = exp(uniform(&random, -20, 20));
+            dahl_compensator_params_t params = params_of(&c);
+            params.slew = 100 * params.friction.Fc;
+            const dahl_residual_params_t p = {.inertia = 1e-3f * params.friction.Fc, .corner = 15,
+                                              .limit = 0.7f * params.friction.Fc, .resonance = 150};
+            TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_residual_prepare(&plans[n], &params, &p));
+        }
+        for (size_t n = 0; n < sizeof state; n++) {
+            ((unsigned char *)&state)[n] = (unsigned char)random_u32(&random);
+        }
+        dahl_residual_change(&plans[0], &plans[1], &state);
+        const int32_t r = dahl_residual_torque(&plans[1], &state, &compensator, (int32_t)random_u32(&random));
+        TEST_ASSERT_TRUE(abs(r) <= plans[1].limit_q24 * 64);
+        dahl_residual_change(&plans[1], &zeros, &state);
+        TEST_ASSERT_TRUE(state.torque_q24 == 0 && state.raw_q56 == 0 && state.filtered_q56 == 0);
     }
 }
 

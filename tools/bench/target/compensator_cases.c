@@ -15,7 +15,8 @@ void call_change(const dahl_compensator_plan_t *, const dahl_compensator_plan_t 
 dahl_compensator_plausible_t call_plausible(const dahl_compensator_params_t *) __asm__("bench_call");
 dahl_compensator_err_t call_residual_prepare(dahl_residual_plan_t *, const dahl_compensator_params_t *,
                                              const dahl_residual_params_t *) __asm__("bench_call");
-int32_t call_residual(const dahl_residual_plan_t *, dahl_residual_t *, const dahl_compensator_t *, int32_t) __asm__("bench_call");
+int32_t call_residual(const dahl_residual_plan_t *, dahl_residual_t *, const dahl_compensator_t *,
+                      int32_t) __asm__("bench_call");
 void call_note(dahl_residual_t *, int32_t) __asm__("bench_call");
 int32_t call_q24(const dahl_residual_plan_t *, float) __asm__("bench_call");
 void call_residual_change(const dahl_residual_plan_t *, const dahl_residual_plan_t *, dahl_residual_t *) __asm__("bench_call");
