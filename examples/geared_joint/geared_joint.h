@@ -27,14 +27,14 @@ typedef struct {
     float angle, speed, acceleration, gravity;
 } geared_joint_reference_t;
 
-/* Readings: counts of the motor since the last tick, counts of the joint from its zero. */
+/* Readings: counts of the motor since its last good reading, counts of the joint from its zero. */
 typedef struct {
     int32_t motor_dcounts, joint_count;
     int motor_is_good, joint_is_good;
 } geared_joint_readings_t;
 
-/* Start at this count of the joint. `motor` has the parameters that do not follow from the joint: gain, limits, period, gains of
- * the loop. Friction, inertia and angles are filled in. Returns 0, or a code of position_loop_init(): leave the motor off. */
+/* Start at this count of the joint. `motor` has the parameters that do not follow from the joint: gain, limits, period, gains
+ * of the loop. Friction, inertia and angles are filled in. Returns 0, or a code of position_loop_init(): leave the motor off. */
 int geared_joint_init(geared_joint_t *joint, const geared_joint_params_t *params, const position_loop_params_t *motor,
                       int32_t joint_count);
 

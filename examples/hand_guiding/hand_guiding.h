@@ -10,8 +10,8 @@ typedef struct {
     float load;   /* N m: the largest torque that this leaves in any pose: errors of the weight, cables, springs */
 } hand_guiding_payload_t;
 
-/* Start with the arm at this count; 0 is horizontal. Returns 0, or a code of dahl_prepare() or dahl_compensator_prepare(): leave
- * the motor off and the brake closed. */
+/* Start with the arm at this count; 0 is horizontal. Returns 0, or a code of dahl_prepare() or dahl_compensator_prepare():
+ * leave the motor off and the brake closed. */
 int hand_guiding_init(const hand_guiding_payload_t *payload, int32_t count);
 
 /* Return the torque of the motor in N m, each millisecond. count: of the encoder; not used if is_good is 0. */

@@ -284,10 +284,10 @@ JOINT_RAD = 2 * math.pi / 2**19
 MOTOR_FC, MOTOR_SIGMA0, ROTOR, LINK, LIFTED = 0.08, 1.6, 6e-5, 1.0, 20.0  # at motor, at joint
 
 
-@pytest.fixture
-def joint(root: Path, tmp_path: Path) -> ctypes.CDLL:
+@pytest.fixture(scope="module")
+def joint(root: Path, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     files = ("geared_joint/geared_joint.c", "position_loop/position_loop.c")
-    lib = compiled(root, tmp_path, GEARED_JOINT, *files)
+    lib = compiled(root, tmp_path_factory.mktemp("joint"), GEARED_JOINT, *files)
     lib.init.argtypes = [ctypes.POINTER(ctypes.c_float), *5 * [ctypes.c_float]]
     lib.tick.restype = lib.at_motor.restype = ctypes.c_float
     return lib
