@@ -176,13 +176,17 @@ static inline int substeps_of(const axis_t *axis)
     return (int)fmax(4, ceil(axis->period * sqrt(square) / SUBSTEP_ANGLE));
 }
 
-/* Send a command, and advance by a tick. */
-static inline void advance(const axis_t *axis, motion_t *m, double command, double external)
+static inline void send_command(motion_t *m, double command)
+{
+    memmove(&m->commands[1], &m->commands[0], (LATEST - 1) * sizeof m->commands[0]);
+    m->commands[0] = command;
+}
+
+/* Advance by a tick. */
+static inline void advance(const axis_t *axis, motion_t *m, double external)
 {
     const int substeps = substeps_of(axis);
     const double h = axis->period / substeps, closed = axis->lag > 0 ? 1 - exp(-h / axis->lag) : 1;
-    memmove(&m->commands[1], &m->commands[0], (LATEST - 1) * sizeof m->commands[0]);
-    m->commands[0] = command;
     for (int k = 0; k < substeps; k++) {
         m->torque += (m->commands[axis->delay] - m->torque) * closed;
         substep(axis, m, axis->load + external, h);

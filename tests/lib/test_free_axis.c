@@ -284,7 +284,8 @@ static double end_speed(const case_t *c, double seconds, int is_compensated)
         }
         const double torque = is_compensated ? compensate(&firmware, move, !is_bad, 0) : 0;
         const int taps = (tapped <= t && t < tapped + width) - (back <= t && t < back + width);
-        advance(axis, &m, torque, taps * c->push.tap);
+        send_command(&m, torque);
+        advance(axis, &m, taps * c->push.tap);
         largest = t >= ticks - ticks / 5 ? fmax(largest, fastest(axis, &m)) : 0;
         if (fabs(m.speed[MOTOR]) > 1e5 || fabs(m.theta[MOTOR]) > 1e9 * axis->count) {
             return 1e5; /* runs away */
