@@ -6,9 +6,6 @@
 
 #define SPEED_MEAN_S 0.012f /* 2 to 3 counts of a 12-bit encoder at 1 rad/s */
 #define SPEED_SHIFT_MAX 12
-#define PULL_SHIFT_MAX 30 /* bits of a ratio */
-#define SQRT2_Q31 3037000500u
-#define TWO_PI 6.2831855f
 #define FINE_COUNTS ((float)DAHL_COMPENSATOR_FINE_COUNTS)
 #define COARSE_SPEED_Q20 ((UINT32_C(1) << 20) / DAHL_COMPENSATOR_FINE_COUNTS)
 #define ONE_Q16 (UINT32_C(1) << 16)
@@ -36,7 +33,7 @@ static DAHL_COLD dahl_compensator_err_t check_values(const dahl_compensator_para
     err |= is_measured(params) ? check_axis(params) : DAHL_OK;
     err |= dahl_check_value(params->gain, 1) | dahl_check_value(params->limit, 0) | dahl_check_value(params->slew, 0);
     err |= dahl_check_value(params->period, 0) | dahl_check_value(params->rise, 1) | dahl_check_value(params->fall, 1);
-    err |= dahl_check_value(params->fade_speed, 1) | dahl_check_value(params->pull, 1);
+    err |= dahl_check_value(params->fade_speed, 1);
     err |= params->jump > 0 ? DAHL_OK : DAHL_ERR_PARAM;
     return dahl_compensator_code_of(err);
 }
@@ -166,18 +163,6 @@ static uint32_t fade_step_q30(dahl_real_t period, float time)
     return step > 0 ? step : 1;
 }
 
-/** Return the exponent of 2 nearest to that of 1/(2 pi pull period). */
-static uint8_t pull_shift(const dahl_compensator_params_t *params, dahl_real_t period)
-{
-    if (dahl_is_zero(params->pull)) {
-        return 0;
-    }
-    dahl_real_t angle = dahl_real_multiply(dahl_real_of_param(params->pull), dahl_real_of_param(TWO_PI));
-    dahl_real_t part = dahl_real_multiply(angle, period);
-    int32_t shift = -(part.exponent + 31) - (part.mantissa > SQRT2_Q31);
-    return (uint8_t)(shift < 1 ? 1 : shift > PULL_SHIFT_MAX ? PULL_SHIFT_MAX : shift);
-}
-
 static DAHL_COLD void write_compensator_plan(dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params)
 {
     const dahl_real_t Fc = dahl_real_of_param(params->friction.Fc), period = dahl_real_of_param(params->period);
@@ -198,7 +183,6 @@ static DAHL_COLD void write_compensator_plan(dahl_compensator_plan_t *plan, cons
     plan->speed_unit = speed_unit(params);
     plan->speed_shift = dahl_real_doublings(SPEED_MEAN_S, period, SPEED_SHIFT_MAX);
     plan->speed_mask = (UINT32_C(1) << plan->speed_shift) - 1;
-    plan->pull_shift = pull_shift(params, period);
 }
 
 DAHL_COLD dahl_compensator_err_t dahl_compensator_prepare(dahl_compensator_plan_t *plan,

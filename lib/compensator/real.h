@@ -81,16 +81,6 @@ static inline DAHL_COLD uint32_t dahl_real_speed_unit(dahl_real_t speed, dahl_re
     return dahl_real_to_fixed(dahl_real_divide(theta, dahl_real_multiply(speed, period)), 20, DAHL_ONE_Q30);
 }
 
-/** Return the longest move whose product with a unit of at most 2^30 is at most 2^30. */
-static inline uint32_t dahl_real_speed_counts(uint32_t unit)
-{
-    uint32_t counts = DAHL_ONE_Q30;
-    for (; unit > 1; unit = (unit + 1) / 2) {
-        counts /= 2;
-    }
-    return counts;
-}
-
 /** Return x 2^(30 - shift), truncated. A loop, because Cortex-M0 would call a helper function for the shift. */
 static inline DAHL_COLD uint64_t dahl_real_shift(dahl_real_t x, int32_t shift)
 {

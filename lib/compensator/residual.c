@@ -8,6 +8,7 @@
  * @endverbatim
  * The sum of the last term is K inertia speed, so the noise of the encoder does not add up. A second low-pass at twice
  * the corner makes its steps smaller. Torques are in Q24 of Fc. Both low-passes are in Q56: their upper word is a torque.
+ * The last move is stored plus 2^31, so that 0 can mean an unknown one: a longer move than 2^30 is a jump.
  */
 #include "../arith/scale.h"
 #include "../model/check_params.h"
@@ -44,11 +45,26 @@ static DAHL_COLD dahl_compensator_err_t check_values(const dahl_compensator_para
                                                      const dahl_residual_params_t *residual)
 {
     int32_t err = dahl_check_params_by_counts(&params->friction) | dahl_check_value(params->period, 0);
-    err |= dahl_check_value(residual->inertia, 0) | dahl_check_value(residual->corner, 0);
+    err |= dahl_check_value(params->slew, 0) | dahl_check_value(residual->inertia, 0) | dahl_check_value(residual->corner, 0);
     err |= dahl_check_value(residual->limit, 0);
     err |= dahl_check_value(residual->speed_gain, 1) | dahl_check_value(residual->resonance, 1);
     err |= dahl_is_zero(residual->speed_gain) && dahl_is_zero(residual->resonance) ? DAHL_ERR_PARAM : DAHL_OK;
     return dahl_compensator_code_of(err);
+}
+
+/** Return the largest change in a tick, and one unit less: dahl_residual_change() may round the torque by one. */
+static DAHL_COLD uint32_t slew_step_q24(const dahl_compensator_params_t *params)
+{
+    const dahl_real_t step = dahl_real_multiply(dahl_real_of_param(params->slew), dahl_real_of_param(params->period));
+    const dahl_real_t Fc = dahl_real_of_param(params->friction.Fc);
+    const uint32_t step_q24 = dahl_real_to_fixed(dahl_real_divide(step, Fc), 24, UINT32_MAX);
+    return step_q24 > 0 ? step_q24 - 1 : 0;
+}
+
+/** More than Fc lets an integral of the loop and the observer work against each other. */
+static int is_limit_above_bound(const dahl_compensator_params_t *params, const dahl_residual_params_t *residual)
+{
+    return !residual->no_integral && dahl_bits_of(residual->limit) > dahl_bits_of(params->friction.Fc);
 }
 
 /** The corner is at most a twentieth of the tick rate. */
@@ -56,8 +72,10 @@ static int is_in_range(const dahl_compensator_params_t *params, const dahl_resid
 {
     const dahl_real_t one = {DAHL_TOP_BIT, -31}, twenty = {UINT32_C(5) << 29, -27};
     const dahl_real_t corners = dahl_real_multiply(dahl_real_of_param(residual->corner), twenty);
-    return residual->delay < DAHL_RESIDUAL_TICKS && !dahl_real_is_product_above(corners, dahl_real_of_param(params->period), one)
-        && momentum_unit_q24(params, residual) < MOMENTUM_UNIT_END;
+    return residual->delay < DAHL_RESIDUAL_TICKS
+        && !dahl_real_is_product_above(corners, dahl_real_of_param(params->period), one)
+        && momentum_unit_q24(params, residual) < MOMENTUM_UNIT_END && slew_step_q24(params) > 0
+        && !is_limit_above_bound(params, residual);
 }
 
 /** 4 pi corner inertia > speed_gain. Without a speed_gain: 10 corner > resonance. */
@@ -79,6 +97,7 @@ static DAHL_COLD void write_residual_plan(dahl_residual_plan_t *plan, const dahl
 {
     const dahl_real_t one = {DAHL_TOP_BIT, -31}, step = angle_of_tick(params, residual);
     const dahl_real_t Fc = dahl_real_of_param(params->friction.Fc), limit = dahl_real_of_param(residual->limit);
+    const dahl_real_t per_torque = dahl_real_divide(one, Fc);
     const dahl_real_t sum = dahl_real_multiply(dahl_real_add_up(one, step), one); /* to set its top bit */
     dahl_real_t share = dahl_real_divide(step, sum);
     share.exponent++;
@@ -86,8 +105,11 @@ static DAHL_COLD void write_residual_plan(dahl_residual_plan_t *plan, const dahl
     plan->share_q32 = (int32_t)dahl_real_to_fixed(share, 32, INT32_MAX);
     plan->momentum_q24 = (int32_t)momentum_unit_q24(params, residual);
     plan->limit_q24 = (int32_t)dahl_real_to_fixed(dahl_real_divide(limit, Fc), 24, LIMIT_MAX_Q24);
-    plan->per_torque_mantissa = dahl_real_divide(one, Fc).mantissa;
-    plan->per_torque_exponent = dahl_real_divide(one, Fc).exponent;
+    plan->slew_q24 = slew_step_q24(params);
+    plan->per_torque_mantissa = per_torque.mantissa;
+    plan->torque_shift = 127 + 31 - 32 - 24 - per_torque.exponent; /* exponents of a float, of its product, and of Q24 */
+    plan->Fc_mantissa = Fc.mantissa;
+    plan->Fc_exponent = Fc.exponent;
     plan->delay = residual->delay;
 }
 
@@ -111,17 +133,16 @@ DAHL_COLD dahl_compensator_err_t dahl_residual_prepare(dahl_residual_plan_t *pla
     return DAHL_COMPENSATOR_OK;
 }
 
-/** The upper half of the product has at least 30 bits, so a shift of less than 1 is a saturation. */
+/** The exponent field of the float and torque_shift give the shift of the product. */
 int32_t dahl_residual_q24(const dahl_residual_plan_t *plan, float torque)
 {
-    const uint32_t bits = dahl_bits_of(torque), magnitude = bits & DAHL_BITS_MAGNITUDE;
-    if (magnitude > DAHL_BITS_INF) {
-        return 0;
+    const uint32_t bits = dahl_bits_of(torque), exponent = bits >> 23 & 0xff;
+    const uint32_t shift = (uint32_t)plan->torque_shift - exponent;
+    uint32_t size = dahl_mulhi(DAHL_TOP_BIT | bits << 8, plan->per_torque_mantissa) >> (shift & 31);
+    if (shift - 1 >= 31) {
+        const int is_large = (int32_t)shift < 1 && (bits & DAHL_BITS_MAGNITUDE) <= DAHL_BITS_INF;
+        size = is_large ? INT32_MAX : 0;
     }
-    const dahl_real_t real = dahl_real_of(magnitude);
-    const int32_t shift = -(real.exponent + plan->per_torque_exponent + 32 + 24);
-    const uint32_t product = dahl_mulhi(real.mantissa, plan->per_torque_mantissa);
-    uint32_t size = shift > 31 ? 0 : shift < 1 ? (uint32_t)LARGEST_Q24 : dahl_least(product >> shift, (uint32_t)LARGEST_Q24);
     return bits >> 31 != 0 ? -(int32_t)size : (int32_t)size;
 }
 
@@ -138,36 +159,44 @@ static inline int64_t approach_q56(int64_t low_pass_q56, int32_t target_q24, int
     return (int64_t)((uint64_t)low_pass_q56 + (uint64_t)dahl_mul_signed(gap_q24, share_q32));
 }
 
-/** Add a change, up to the largest torque. The lower word stays. */
+/** Add a change. Outside -2^30 .. 2^30 - 1, the sum becomes the largest torque. The lower word stays. */
 static inline int64_t add_saturated(int64_t low_pass_q56, int64_t change_q24)
 {
     const int64_t sum = torque_of(low_pass_q56) + change_q24;
-    const int32_t torque_q24 = sum > LARGEST_Q24 ? LARGEST_Q24 : sum < -LARGEST_Q24 ? -LARGEST_Q24 : (int32_t)sum;
+    int32_t torque_q24 = (int32_t)sum;
+    if ((uint64_t)(sum + DAHL_ONE_Q30) >> 31 != 0) {
+        torque_q24 = sum < 0 ? -LARGEST_Q24 : LARGEST_Q24;
+    }
     return (int64_t)((uint64_t)(uint32_t)torque_q24 << 32 | (uint32_t)low_pass_q56);
 }
 
 /** The first move after a start or a fault sets the speed: its change is not known. */
 static inline void observe(const dahl_residual_plan_t *plan, dahl_residual_t *residual, int32_t dcounts)
 {
-    const int32_t acted_q24 = residual->unexplained_q24[plan->delay & (DAHL_RESIDUAL_TICKS - 1)];
-    const int32_t slower = residual->is_running != 0 ? (int32_t)((uint32_t)residual->dcounts - (uint32_t)dcounts) : 0;
-    const int64_t raw_q56 = add_saturated(approach_q56(residual->raw_q56, acted_q24, plan->step_q32),
-                                          dahl_mul_signed(slower, plan->momentum_q24));
+    const uint32_t before = residual->move, move = (uint32_t)dcounts ^ DAHL_TOP_BIT;
+    int64_t raw_q56 = approach_q56(residual->raw_q56, residual->unexplained_q24[plan->delay], plan->step_q32);
+    if (before != 0) {
+        raw_q56 = add_saturated(raw_q56, dahl_mul_signed((int32_t)(before - move), plan->momentum_q24));
+    }
+    residual->move = move;
     residual->raw_q56 = raw_q56;
     residual->filtered_q56 = approach_q56(residual->filtered_q56, torque_of(raw_q56), plan->share_q32);
-    residual->dcounts = dcounts;
 }
 
+/** The limit comes last, so that it also holds if the state is corrupt. */
 int32_t dahl_residual_torque(const dahl_residual_plan_t *plan, dahl_residual_t *residual,
                              const dahl_compensator_t *compensator, int32_t dcounts)
 {
-    const int is_good = compensator->bad_ticks == 0;
-    if (is_good) {
+    if (compensator->bad_ticks == 0) {
         observe(plan, residual, dcounts);
+    } else {
+        residual->move = 0;
     }
-    residual->is_running = (uint32_t)is_good;
-    const int32_t torque_q24 = dahl_limit(torque_of(residual->filtered_q56), plan->limit_q24);
-    return dahl_scale_q16(torque_q24, dahl_least(compensator->fade_q30, DAHL_ONE_Q30) >> 14) * (INT32_C(1) << 6);
+    const uint32_t fade_q16 = dahl_least(compensator->fade_q30 >> 14, UINT32_C(1) << 16);
+    const int32_t wanted_q24 = dahl_scale_q16(torque_of(residual->filtered_q56), fade_q16);
+    const int32_t torque_q24 = dahl_limit(dahl_approach(residual->torque_q24, wanted_q24, plan->slew_q24), plan->limit_q24);
+    residual->torque_q24 = torque_q24;
+    return torque_q24 * (INT32_C(1) << 6);
 }
 
 void dahl_residual_note(dahl_residual_t *residual, int32_t unexplained_q24)
@@ -175,5 +204,8 @@ void dahl_residual_note(dahl_residual_t *residual, int32_t unexplained_q24)
     for (int k = DAHL_RESIDUAL_TICKS - 1; k > 0; k--) {
         residual->unexplained_q24[k] = residual->unexplained_q24[k - 1];
     }
-    residual->unexplained_q24[0] = dahl_limit(unexplained_q24, LARGEST_Q24);
+    if (((uint32_t)unexplained_q24 + DAHL_ONE_Q30) >> 31 != 0) {
+        unexplained_q24 = unexplained_q24 < 0 ? -LARGEST_Q24 : LARGEST_Q24;
+    }
+    residual->unexplained_q24[0] = unexplained_q24;
 }

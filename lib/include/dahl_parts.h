@@ -346,8 +346,9 @@ int32_t dahl_velocity_torque_q30(const dahl_velocity_plan_t *plan, int32_t dcoun
  * - sqrt(sigma0/inertia) (delay + period) <= 0.4, delay from reading to torque: lower sigma0,
  * - a count of the encoder is at most Fc/(5 sigma0): lower sigma0, or use a finer encoder.
  *
- * With noise of +-1 count it rests within 5 counts if a count is at most Fc/(20 sigma0). Do not put
- * the counts behind a play: it delays the torque, and the shaft buzzes again.
+ * With noise of +-1 count it rests within 10 counts if a count is at most Fc/(20 sigma0). Do not
+ * put the counts behind a play: it delays the torque, and the shaft buzzes again. docs/rendering.md
+ * has the largest sigma0 for an inertia, a tick and a delay.
  */
 /** @{ */
 

@@ -12,6 +12,7 @@
 
 #include "../random.h"
 #include "dahl_compensator.h"
+#include "dahl_parts.h"
 
 #define TWO_PI 6.283185307179586
 #define PERIOD 1e-3 /* s */
@@ -45,10 +46,12 @@ typedef struct {
     loop_t loop;
     double kp, kd;              /* of a cascade: kd of the speed, kp/kd of the angle */
     double backward, viscous;   /* Fc backward over that forward; N m s/rad */
+    int knows_backward;         /* the element has an Fc for each direction */
     double load, Fc_end;        /* N m; Fc at the end over that at the start */
     double shaft_hz, rotor;     /* resonance, share of the inertia before the shaft; 0 Hz: rigid */
     double damping;             /* ratio */
     int bits, noise, delay;     /* counts, ticks */
+    double slew;                /* Fc in a second */
     int is_speed_true;          /* the loop has a tachometer */
     double hold_s, amplitude;   /* s, rad */
     double Fc_guess, J_guess;   /* over the true ones */
@@ -68,7 +71,7 @@ typedef struct {
 } result_t;
 
 static const case_t usual = {.loop = PD, .kp = KP, .kd = KD, .backward = 1, .Fc_end = 1, .damping = 0.02, .bits = 17,
-                             .noise = 1, .delay = 1, .hold_s = 1.5, .amplitude = 0.3, .Fc_guess = 1, .J_guess = 1,
+                             .noise = 1, .delay = 1, .slew = 100, .hold_s = 1.5, .amplitude = 0.3, .Fc_guess = 1, .J_guess = 1,
                              .observer = {.corner = 15.0f, .limit = (float)TRUE_FC, .speed_gain = (float)KD}};
 
 /* Dahl's model, integrated exactly over a step. */
@@ -118,7 +121,7 @@ static double feedback(const case_t *c, axis_t *axis, double error, double speed
 }
 
 typedef struct {
-    dahl_plan_t element;
+    dahl_asymmetric_plan_t element;
     dahl_state_t bristle;
     dahl_compensator_plan_t plan;
     dahl_compensator_t compensator;
@@ -134,7 +137,7 @@ static dahl_compensator_params_t params_of(const case_t *c)
         .law = DAHL_COMPENSATOR_REFERENCE,
         .gain = 1.0f,
         .limit = 1.0f,
-        .slew = 50.0f,
+        .slew = (float)(c->slew * TRUE_FC),
         .period = (float)PERIOD,
         .play = 4,
         .noise = 2,
@@ -148,9 +151,14 @@ static dahl_compensator_err_t prepare(const case_t *c, laws_t *laws)
     dahl_residual_params_t observer = c->observer;
     observer.inertia = (float)(INERTIA * c->J_guess);
     observer.delay = (uint32_t)c->delay;
+    observer.limit = (float)((double)observer.limit * c->Fc_guess);
+    observer.no_integral = c->loop == PD;
     memset(laws, 0, sizeof *laws);
     laws->Fc = params.friction.Fc;
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_prepare(&laws->element, &params.friction));
+    const double backward = c->knows_backward ? c->backward : 1;
+    const dahl_asymmetric_params_t element = {params.friction.sigma0, laws->Fc, (float)((double)laws->Fc * backward),
+                                              params.friction.theta_per_count};
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_asymmetric_prepare(&laws->element, &element));
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_compensator_prepare(&laws->plan, &params));
     return dahl_residual_prepare(&laws->residual_plan, &params, &observer);
 }
@@ -159,7 +167,7 @@ static dahl_compensator_err_t prepare(const case_t *c, laws_t *laws)
 static double tick(law_t law, laws_t *laws, int32_t dcounts, int32_t reference_move, double loop)
 {
     dahl_compensator_move(&laws->plan, &laws->compensator, dcounts, 1);
-    const int32_t ratio = dahl_step_counts_q30(&laws->element, &laws->bristle, reference_move);
+    const int32_t ratio = dahl_asymmetric_step_counts_q30(&laws->element, &laws->bristle, reference_move);
     const int32_t y = dahl_compensator_torque(&laws->plan, &laws->compensator, ratio);
     const float known = law == NOTHING ? 0.0f : laws->Fc * (float)y * (float)DAHL_Q30;
     const int32_t observed = dahl_residual_torque(&laws->residual_plan, &laws->residual, &laws->compensator, dcounts);
@@ -260,6 +268,22 @@ static void test_directions_and_viscous_friction_are_corrected(void)
     }
 }
 
+/* An integral leaves less error to compare with: 5 mrad, PD 15. With the observer both leave 0.2 mrad, most of it after a reversal.
+ * An element with an Fc for each direction leaves less. */
+static void test_a_cascade_keeps_the_error_of_a_PD_loop(void)
+{
+    for (int k = 0; k < 6; k++) {
+        case_t c = case_of(CASCADE), pd = case_of(PD);
+        c.delay = pd.delay = k / 2;
+        c.backward = pd.backward = 0.8;
+        c.viscous = pd.viscous = k % 2 == 0 ? 0 : 0.1;
+        at_most("error in mrad", 0.22, 1e3 * fmax(run(&pd, OBSERVER).tracking, run(&c, OBSERVER).tracking));
+        check_ratio("cascade", &c, 0.046);
+        c.knows_backward = 1;
+        at_most("cascade, Fc of each direction", 0.03, ratio_of(&c, OBSERVER));
+    }
+}
+
 static void test_a_drift_of_Fc_is_followed(void)
 {
     for (int k = 0; k < 4; k++) {
@@ -277,8 +301,8 @@ static void test_an_exact_model_is_not_spoilt(void)
     }
 }
 
-/* With a tachometer, the hold is within 1 mrad. With a speed from the noisy counts, the noise of the loop is more than that, and
- * the observer adds little to it. */
+/* With a tachometer, the hold is within 1 mrad. With a speed from the noisy counts, the loop alone moves the axis by more from a
+ * delay of 1 on. The observer adds up to 30 % with 15 Hz, and up to 15 % with 5 Hz. */
 static void test_an_axis_holds_with_14_noisy_bits(void)
 {
     for (int k = 0; k < 8; k++) {
@@ -287,12 +311,15 @@ static void test_an_axis_holds_with_14_noisy_bits(void)
         c.noise = 2;
         c.delay = k % 4;
         c.hold_s = 30;
-        c.observer.limit = 0.75f;
+        c.observer.limit = c.loop == PD ? 0.6f : 0.5f;
         c.is_speed_true = 1;
         at_most("hold", 1e-3, run(&c, OBSERVER).hold);
         TEST_ASSERT_TRUE(c.loop == CASCADE || run(&c, MODEL).hold > 0.015);
         c.is_speed_true = 0;
-        at_most("hold, speed from the counts", 1.4 * run(&c, NOTHING).hold, run(&c, OBSERVER).hold);
+        const double none = run(&c, NOTHING).hold;
+        at_most("hold, speed from the counts", 1.3 * none, run(&c, OBSERVER).hold);
+        c.observer.corner = 5;
+        at_most("hold, corner 5 Hz", 1.15 * none, run(&c, OBSERVER).hold);
     }
 }
 
@@ -302,7 +329,7 @@ static void test_gravity_makes_it_not_worse(void)
         case_t c = case_of(k < 4 ? PD : CASCADE);
         c.load = k % 2 == 0 ? 2 : -2;
         c.hold_s = 5;
-        c.observer.limit = k / 2 % 2 == 0 ? 0.5f : 1.0f;
+        c.observer.limit = c.loop == CASCADE || k / 2 % 2 == 0 ? 0.5f : 1.0f;
         const result_t none = run(&c, NOTHING), observer = run(&c, OBSERVER);
         at_most("tracking under gravity", none.tracking, observer.tracking);
         at_most("hold under gravity", none.hold + 1e-4, observer.hold); /* 2 counts */
@@ -329,6 +356,7 @@ static case_t elastic_case(uint64_t *random)
     const double part = exp(uniform(random, log(0.1), log(6))); /* of the speed gain: the rule allows 0.5 */
     c.observer.corner = (float)fmin(part * c.kd / (TWO_PI * c.J_guess * INERTIA), 0.049 / PERIOD);
     c.observer.limit = (float)(c.loop == PD ? 2 * TRUE_FC : TRUE_FC);
+    c.slew = exp(uniform(random, log(20), log(1000)));
     return c;
 }
 
@@ -399,6 +427,7 @@ static void test_prepare_names_the_reason(void)
         {&params.limit, INFINITY, DAHL_COMPENSATOR_PARAM},    {&params.speed_gain, 0.37f, DAHL_COMPENSATOR_CORNER},
         {&params.speed_gain, -0.4f, DAHL_COMPENSATOR_PARAM},  {&params.resonance, NAN, DAHL_COMPENSATOR_PARAM},
         {&params.speed_gain, 0.0f, DAHL_COMPENSATOR_OK},      {&params.resonance, 0.0f, DAHL_COMPENSATOR_OK},
+        {&params.limit, 0.50000006f, DAHL_COMPENSATOR_RANGE},
     };
     dahl_residual_plan_t plan, before;
     memset(&plan, 0x55, sizeof plan);
@@ -416,12 +445,19 @@ static void test_prepare_names_the_reason(void)
     params.delay = DAHL_RESIDUAL_TICKS;
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_RANGE, prepare_residual(&plan, &params));
     params = good;
+    params.limit = 2.0f;
+    params.no_integral = 1;
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, prepare_residual(&plan, &params));
+    params = good;
     params.speed_gain = params.resonance = 0;
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_PARAM, prepare_residual(&plan, &params));
     const case_t c = case_of(PD);
     dahl_compensator_params_t measured = params_of(&c);
     measured.law = DAHL_COMPENSATOR_MEASURED;
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_WRONG_LAW, dahl_residual_prepare(&plan, &measured, &good));
+    dahl_compensator_params_t slow = params_of(&c);
+    slow.slew = 5e-5f; /* in a tick 2^-23 Fc is 6e-5 N m/s */
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_RANGE, dahl_residual_prepare(&plan, &slow, &good));
 }
 
 /* The code changes at the bound: exactly for the resonance, to the safe side by at most 2^-29 for the speed gain. */
@@ -431,7 +467,7 @@ static void test_the_bounds_of_the_corner(void)
     for (int k = 0; k < 20000; k++) {
         dahl_residual_plan_t plan;
         dahl_residual_params_t p = {.inertia = (float)exp(uniform(&random, -12, -5)),
-                                    .corner = (float)exp(uniform(&random, -3, 3.9)), .limit = 1};
+                                    .corner = (float)exp(uniform(&random, -3, 3.9)), .limit = 0.5f};
         const double bound = 2 * TWO_PI * (double)p.corner * (double)p.inertia;
         const int steps = (int)(random_u32(&random) % 5) - 2;
         p.speed_gain = (float)bound;
@@ -451,8 +487,8 @@ static void test_the_bounds_of_the_corner(void)
 
 /* The low-pass in double precision, in its form with an integral. */
 typedef struct {
-    double K, momentum, share, limit; /* momentum: K inertia times 1 count per tick, in Fc */
-    double integral, raw, filtered;
+    double K, momentum, share, limit, slew; /* momentum: K inertia times 1 count per tick, in Fc */
+    double integral, raw, filtered, torque;
 } exact_t;
 
 static double exact_torque(exact_t *x, double unexplained, double dcounts)
@@ -463,7 +499,9 @@ static double exact_torque(exact_t *x, double unexplained, double dcounts)
     x->integral += saturated - x->raw;
     x->raw = saturated;
     x->filtered += (x->raw - x->filtered) * x->share;
-    return fmax(-x->limit, fmin(x->limit, x->filtered));
+    x->torque += fmax(-x->slew, fmin(x->slew, x->filtered - x->torque));
+    x->torque = fmax(-x->limit, fmin(x->limit, x->torque));
+    return x->torque;
 }
 
 static void test_integers_follow_the_low_pass(void)
@@ -474,14 +512,15 @@ static void test_integers_follow_the_low_pass(void)
         const double inertia = TRUE_FC * exp(uniform(&random, log(1e-4), log(2e-2)));
         const dahl_residual_params_t p = {.inertia = (float)inertia, .corner = (float)uniform(&random, 1, 50),
                                           .limit = (float)uniform(&random, 0.1, 1), .speed_gain = 1e6f,
-                                          .delay = random_u32(&random) % DAHL_RESIDUAL_TICKS};
+                                          .delay = random_u32(&random) % DAHL_RESIDUAL_TICKS, .no_integral = 1};
         dahl_residual_plan_t plan;
-        dahl_residual_t state = {.is_running = 1};
+        dahl_residual_t state = {.move = 1u << 31};
         const dahl_compensator_t compensator = {.fade_q30 = 1u << 30};
         TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, prepare_residual(&plan, &p));
         const double K = TWO_PI * (double)p.corner;
         exact_t exact = {.K = K, .momentum = K * inertia * TWO_PI / (1 << usual.bits) / PERIOD / TRUE_FC,
-                         .share = 2 * K * PERIOD / (1 + K * PERIOD), .limit = (double)p.limit / TRUE_FC};
+                         .share = 2 * K * PERIOD / (1 + K * PERIOD), .limit = (double)p.limit / TRUE_FC,
+                         .slew = usual.slew * PERIOD};
         double speed = 0, unexplained[DAHL_RESIDUAL_TICKS + 1] = {0};
         for (int k = 0; k < 3000; k++) {
             speed += uniform(&random, -0.5, 0.5) * PERIOD * TRUE_FC / inertia;
@@ -500,7 +539,7 @@ static void test_integers_follow_the_low_pass(void)
     at_most("difference to the low-pass, in Fc", 1e-3, worst);
 }
 
-/* Any bits of the states: the torque stays within the limit, and a state comes back. */
+/* Any bits of the states: the torque stays within limit and slew, and a state comes back. */
 static void test_any_state_is_safe(void)
 {
     const dahl_residual_params_t p = {.inertia = 0.002f, .corner = 15, .limit = 0.3f, .speed_gain = 0.4f, .delay = 1};
@@ -517,8 +556,9 @@ static void test_any_state_is_safe(void)
         memcpy(&state, words, sizeof state);
         memcpy(&compensator, words + sizeof state / 4, sizeof compensator);
         compensator.bad_ticks = k % 2 == 0 ? 0 : compensator.bad_ticks;
+        const double limit = (double)p.limit / TRUE_FC, last = fmax(-limit, fmin(limit, state.torque_q24 * 0x1p-24));
         const int32_t r = dahl_residual_torque(&plan, &state, &compensator, (int32_t)random_u32(&random));
-        TEST_ASSERT_TRUE(fabs(r * 0x1p-30) <= (double)p.limit / TRUE_FC);
+        TEST_ASSERT_TRUE(fabs(r * 0x1p-30) <= limit && fabs(r * 0x1p-30 - last) <= usual.slew * PERIOD);
         dahl_residual_note(&state, (int32_t)random_u32(&random));
         for (int n = 0; k % 100 == 0 && n < 2000; n++) {
             compensator.bad_ticks = 0;
@@ -526,6 +566,35 @@ static void test_any_state_is_safe(void)
             dahl_residual_note(&state, 0);
         }
         TEST_ASSERT_TRUE(k % 100 != 0 || llabs(state.filtered_q56 >> 32) <= 1);
+    }
+}
+
+/* From any state, between units far apart; a plan of zeros leaves no torque. */
+static void test_a_change_of_any_state_is_safe(void)
+{
+    static const dahl_residual_plan_t zeros = {0};
+    const dahl_compensator_t compensator = {.fade_q30 = 1u << 30};
+    uint64_t random = 15;
+    for (int k = 0; k < 20000; k++) {
+        dahl_residual_plan_t plans[2];
+        dahl_residual_t state;
+        for (int n = 0; n < 2; n++) {
+            case_t c = case_of(PD);
+            c.Fc_guess = exp(uniform(&random, -20, 20));
+            dahl_compensator_params_t params = params_of(&c);
+            params.slew = 100 * params.friction.Fc;
+            const dahl_residual_params_t p = {.inertia = 1e-3f * params.friction.Fc, .corner = 15,
+                                              .limit = 0.7f * params.friction.Fc, .resonance = 150};
+            TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_residual_prepare(&plans[n], &params, &p));
+        }
+        for (size_t n = 0; n < sizeof state; n++) {
+            ((unsigned char *)&state)[n] = (unsigned char)random_u32(&random);
+        }
+        dahl_residual_change(&plans[0], &plans[1], &state);
+        const int32_t r = dahl_residual_torque(&plans[1], &state, &compensator, (int32_t)random_u32(&random));
+        TEST_ASSERT_TRUE(abs(r) <= plans[1].limit_q24 * 64);
+        dahl_residual_change(&plans[1], &zeros, &state);
+        TEST_ASSERT_TRUE(state.torque_q24 == 0 && state.raw_q56 == 0 && state.filtered_q56 == 0);
     }
 }
 
@@ -562,6 +631,7 @@ static void test_torques_are_converted_exactly(void)
             memcpy(&torque, &bits, sizeof torque);
         }
         const double wanted = isnan(torque) ? 0 : fmax(-64, fmin(64, (double)torque / TRUE_FC));
-        TEST_ASSERT_TRUE(fabs(dahl_residual_q24(&plan, torque) * 0x1p-24 - wanted) <= 0x1p-23);
+        const double got = fmax(-64, fmin(64, dahl_residual_q24(&plan, torque) * 0x1p-24)); /* beyond, any value */
+        TEST_ASSERT_TRUE(fabs(got - wanted) <= 0x1p-23);
     }
 }

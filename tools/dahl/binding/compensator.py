@@ -12,10 +12,8 @@ from dahl.binding import arrays, checks, parameters
 from dahl.binding.checks import INT32_MAX, INT32_MIN, ONE_Q30
 from dahl.binding.copies import Copied, content
 from dahl.binding.elements import RatioElement
-from dahl.binding.friction import Friction
 from dahl.binding.library import c
 from dahl.binding.parameters import HasParameters, Parameter
-from dahl.binding.state_element import StateElement
 from dahl.errors import InputError
 
 FRICTION = ("sigma0", "Fc", "theta_per_count")
@@ -46,7 +44,6 @@ class Compensator(HasParameters, Copied):
     rise, fall   s      to fade in, and to fade out while the encoder is bad, at most 2^30 ticks;
                         0: at once
     fade_speed   rad/s  no torque from twice this speed; 0: no fade over speed
-    pull         Hz     corner frequency of draw(); 0: none
     noise, play, jump   counts: +-noise of the encoder, width of the play >= 2*noise and >= 1
                         (2*noise + 2 is safe), longest move of a tick, below 1000 times that of
                         fade_speed
@@ -80,7 +77,6 @@ class Compensator(HasParameters, Copied):
     rise = Parameter(OPTIONAL.format("rise", "s"))
     fall = Parameter(OPTIONAL.format("fall", "s"))
     fade_speed = Parameter(OPTIONAL.format("fade_speed", "rad/s"))
-    pull = Parameter(OPTIONAL.format("pull", "Hz"))
 
     def __init__(
         self,
@@ -103,7 +99,6 @@ class Compensator(HasParameters, Copied):
         rise: float = 0.0,
         fall: float = 0.0,
         fade_speed: float = 0.0,
-        pull: float = 0.0,
         noise: int = 0,
         play: int = 1,
         jump: int = 1000,
@@ -111,7 +106,7 @@ class Compensator(HasParameters, Copied):
         given = dict(sigma0=sigma0, Fc=Fc, theta_per_count=theta_per_count, Fc_low=Fc_low)
         given |= dict(length_long=length_long, sigma0_high=sigma0_high, load=load)
         given |= dict(inertia=inertia, delay=delay, gain=gain, limit=limit, slew=slew)
-        given |= dict(period=period, rise=rise, fall=fall, fade_speed=fade_speed, pull=pull)
+        given |= dict(period=period, rise=rise, fall=fall, fade_speed=fade_speed)
         self._set_values(given)
         self._reference = checks.instance("reference", reference, bool)
         self._elastic = checks.instance("elastic", elastic, bool)
@@ -269,15 +264,6 @@ class Compensator(HasParameters, Copied):
         """Return that torque in N m."""
         return self.torque_q30(ratio_q30) / ONE_Q30 * self.Fc
 
-    def draw(self, element: Friction | StateElement, measured: Friction | StateElement) -> None:
-        """Draw the state of `element`, which the reference steps, to that of `measured`, which the
-        results of move() step. Raises TypeError for elements that have no State.
-        """
-        for name, one in (("element", element), ("measured", measured)):
-            if not isinstance(one, (Friction, StateElement)):
-                raise TypeError(f"{name} = {checks.shown(one)} has no State")
-        c.dahl_compensator_pull(self._prepared, element.state._c, measured.state._c)
-
     def change(self, **changed: float) -> None:
         """Change parameters between two ticks, by the names of the constructor; the others stay.
 
@@ -349,14 +335,14 @@ def need_reference(compensator: Compensator, values: dict[str, float]) -> None:
     checks.instance("compensator", compensator, Compensator)
     if not compensator.reference:
         raise InputError("compensator.reference = False: the estimate would see its own output")
-    for name in ("Fc", "theta_per_count", "period"):
+    for name in ("Fc", "theta_per_count", "period", "slew"):
         if (other := getattr(compensator, name)) != values[name]:
             wanted = parameters.digits(values[name])
             raise InputError(f"compensator.{name} = {parameters.digits(other)} is not {wanted}")
 
 
 def _is_in_range(name: str, value: float, reference: bool) -> bool:
-    may_be_zero = name in ("load", "gain", "rise", "fall", "fade_speed", "pull")
+    may_be_zero = name in ("load", "gain", "rise", "fall", "fade_speed")
     may_be_zero |= reference and name in BOUNDS
     if reference and name in AXIS:
         return True

@@ -19,22 +19,24 @@ class Residual(HasParameters, Copied):
     reference=True: a low-pass of the motor torque that neither a feed-forward nor the inertia
     explains. It follows a wrong or drifting Fc, viscous friction and a constant load.
 
-    sigma0, Fc, theta_per_count, period  those of the compensator
+    sigma0, Fc, theta_per_count, period, slew  those of the compensator
     inertia     kg m2      lower bound of all that moves: rotor and load
     corner      Hz         of the low-pass, at most 0.05/period
-    limit       N m        largest torque: gain*Fc or more, plus the load; above 2 Fc: 2 Fc
+    limit       N m        largest torque: gain*Fc. At most Fc; with no_integral, plus the load
     speed_gain  N m s/rad  torque per speed of the loop, at least 4*pi*corner*inertia; 0: unknown
     resonance   Hz         of the axis, at least 10*corner; unused with a speed_gain
     delay       ticks      from the command to its torque, 0 .. 3
+    no_integral            True if the loop has no integral
 
     Objects are equal if parameters and state are. They can be pickled; a copy has a separate state.
     A tick costs about 2 us. Raises dahl.Error with the parameter, its value and its limit.
 
     >>> friction = (100.0, 0.5, 3.8e-4)
-    >>> compensator = dahl.Compensator(*friction, reference=True, limit=1.0, slew=50, period=1e-3)
+    >>> tick = {"slew": 50, "period": 1e-3}  # N m/s, s
+    >>> compensator = dahl.Compensator(*friction, reference=True, limit=1.0, **tick)
     >>> residual = dahl.Residual(
-    ...     *friction, inertia=0.002, corner=15.0, limit=0.5, speed_gain=0.4, period=1e-3)
-    >>> for tick in range(100):  # at rest against 0.1 N m that no feed-forward explains
+    ...     *friction, inertia=0.002, corner=15.0, limit=0.5, speed_gain=0.4, **tick)
+    >>> for _ in range(100):  # at rest against 0.1 N m that no feed-forward explains
     ...     _ = compensator.move(0)
     ...     torque = residual.torque(compensator, 0)  # N m, to add to the command
     ...     residual.note(0.1)
@@ -50,6 +52,7 @@ class Residual(HasParameters, Copied):
     limit = Parameter(POSITIVE.format("limit", "N m"))
     speed_gain = Parameter(OPTIONAL.format("speed_gain", "N m s/rad"))
     resonance = Parameter(OPTIONAL.format("resonance", "Hz"))
+    slew = Parameter(POSITIVE.format("slew", "N m/s"))
     period = Parameter(POSITIVE.format("period", "s"))
 
     def __init__(
@@ -61,16 +64,19 @@ class Residual(HasParameters, Copied):
         inertia: float,
         corner: float,
         limit: float,
+        slew: float,
         period: float,
         speed_gain: float = 0.0,
         resonance: float = 0.0,
         delay: int = 1,
+        no_integral: bool = False,
     ) -> None:
         given = {"sigma0": sigma0, "Fc": Fc, "theta_per_count": theta_per_count}
-        given |= {"inertia": inertia, "corner": corner, "limit": limit}
+        given |= {"inertia": inertia, "corner": corner, "limit": limit, "slew": slew}
         given |= {"speed_gain": speed_gain, "resonance": resonance, "period": period}
         self._set_values(given)
         self._delay = checks.whole("delay", delay, 0, c.DAHL_RESIDUAL_TICKS - 1)
+        self._no_integral = checks.instance("no_integral", no_integral, bool)
         self._state = c.new("dahl_residual_t *")
         self._prepare()
 
@@ -78,10 +84,11 @@ class Residual(HasParameters, Copied):
         self._prepared = c.new("dahl_residual_plan_t *")
         own = dict(self._values)
         friction = {name: own.pop(name) for name in FRICTION}
-        given = {"friction": friction, "period": own.pop("period")}
+        given = {"friction": friction, "period": own.pop("period"), "slew": own.pop("slew")}
         given["law"] = c.DAHL_COMPENSATOR_REFERENCE
         params = c.new("dahl_compensator_params_t *", given)
-        residual = c.new("dahl_residual_params_t *", {**own, "delay": self._delay})
+        own |= {"delay": self._delay, "no_integral": self._no_integral}
+        residual = c.new("dahl_residual_params_t *", own)
         code = c.dahl_residual_prepare(self._prepared, params, residual)
         if code != c.DAHL_COMPENSATOR_OK:
             raise InputError(self._refusal(code))
@@ -106,8 +113,12 @@ class Residual(HasParameters, Copied):
         )
 
     def _refusal_of_tick(self) -> str:
-        """Return the corner or inertia that is refused at this period, or ""."""
+        """Return the limit, or what is refused at this period, or ""."""
         v = self._values
+        if v["limit"] > v["Fc"] and not self._no_integral:
+            return f"limit = {v['limit']:g} N m is above Fc = {v['Fc']:g} N m; no_integral = False"
+        if v["slew"] * v["period"] / v["Fc"] < 2.000001 / 2**24:
+            return f"slew = {v['slew']:g} N m/s is below 2^-23 Fc in a tick"
         if 20 * v["corner"] * v["period"] > 1:
             return f"corner = {v['corner']:g} Hz is above 0.05/period"
         speed = v["theta_per_count"] / v["period"]
@@ -121,12 +132,18 @@ class Residual(HasParameters, Copied):
         return self._delay
 
     @property
+    def no_integral(self) -> bool:
+        """Whether the loop has no integral, so that limit may be above Fc."""
+        return self._no_integral
+
+    @property
     def terms(self) -> dict[str, float]:
         """The state after the last tick in N m: `raw` before the second low-pass, `filtered` before
-        limit and fade.
+        limit, fade and slew, and `torque`.
         """
-        unit = self.Fc * 2.0**-56
-        return {"raw": self._state.raw_q56 * unit, "filtered": self._state.filtered_q56 * unit}
+        state, unit = self._state, self.Fc * 2.0**-56
+        terms = {"raw": state.raw_q56 * unit, "filtered": state.filtered_q56 * unit}
+        return terms | {"torque": state.torque_q24 * 2.0**-24 * self.Fc}
 
     def torque_q30(self, compensator: Compensator, dcounts: int) -> int:
         """Return the torque to add to the command over Fc, in Q30. Call it after
@@ -155,16 +172,33 @@ class Residual(HasParameters, Copied):
         unexplained_q24 = checks.whole("unexplained_q24", unexplained_q24, INT32_MIN, INT32_MAX)
         c.dahl_residual_note(self._state, unexplained_q24)
 
+    def change(self, **changed: float) -> None:
+        """Change parameters between two ticks, by the names of the constructor, next to
+        Compensator.change(). The next torque is within the new limit, and it differs from the last
+        one by at most slew*period, both in N m; if the new limit is below the torque, it falls to
+        it at once. Raises TypeError or dahl.Error, and changes nothing, for parameters that the
+        constructor rejects.
+        """
+        to = Residual(**{**self._values, **self._counts(), **changed})  # type: ignore[arg-type]
+        c.dahl_residual_change(self._prepared, to._prepared, self._state)
+        state = self._state
+        self.__dict__.update(to.__dict__)
+        self._state = state
+
+    def _counts(self) -> dict[str, int]:
+        return {"delay": self._delay, "no_integral": self._no_integral}
+
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Residual):
             return NotImplemented
-        same = self._values == other._values and self._delay == other._delay
+        same = self._values == other._values and self._counts() == other._counts()
         return same and content(self._state) == content(other._state)
 
     __hash__ = None  # type: ignore[assignment]  # it changes with each tick
 
     def __repr__(self) -> str:
-        return f"Residual({self._shown_values()}, delay={self._delay})"
+        more = ", ".join(f"{name}={value}" for name, value in self._counts().items())
+        return f"Residual({self._shown_values()}, {more})"
 
 
 def _is_in_range(name: str, value: float) -> bool:

@@ -17,6 +17,7 @@ import numpy as np
 from dahl.binding.compensator import Compensator
 from dahl.binding.friction import Friction, Plan
 from dahl.binding.library import c
+from dahl.binding.residual import Residual
 from dahl.facts import PERIOD_US
 
 FC, SIGMA0 = 0.5, 100.0  # N m, N m/rad: true friction, a presliding length of 5 mrad
@@ -40,8 +41,8 @@ FIRST_S = 1.0  # s, left out of each RMS
 SINE_HZ = 0.5
 TANH_SPEED, DEAD_BAND = 0.02, 0.1  # rad/s
 SPEED_FILTER_HZ = 40.0  # low-pass of the measured speed, which the usual laws need
-PULL_HZ = 0.3
 GAIN_MEASURED = 0.9
+CORNER_HZ = 15.0  # of the residual observer
 LIMIT, SLEW = 1.0, 50.0  # N m, N m/s
 
 
@@ -115,6 +116,9 @@ class Law(Protocol):
     def torque(self, dcounts: int, reference_move: int, reference_speed: float) -> float:
         """Read the counts of encoder and reference, and the speed of the reference in rad/s."""
 
+    def note(self, command: float) -> None:
+        """Read the command in N m that follows from this torque."""
+
 
 class SpeedLaw:
     """A usual law: Fc times a function of the speed."""
@@ -130,14 +134,17 @@ class SpeedLaw:
         self._speed += (dcounts * self._per_count - self._speed) * self._share
         return self._Fc * self._shape(reference_speed if self._by_reference else self._speed)
 
+    def note(self, command: float) -> None:
+        """Use no command."""
+
 
 class DahlLaw:
-    """dahl.Compensator with either law."""
+    """dahl.Compensator with either law, and dahl.Residual with that of the reference."""
 
     def __init__(self, case: Case, is_reference: bool) -> None:
         Fc, sigma0 = case.Fc * FC, case.sigma0 * SIGMA0  # noqa: N806
         plan = Plan(sigma0, Fc, case.theta_per_count)
-        self._element, self._measured = Friction(plan), Friction(plan)
+        self._element, self._known = Friction(plan), 0.0
         self._is_reference = is_reference
         self._compensator = Compensator(
             plan.sigma0,
@@ -150,12 +157,23 @@ class DahlLaw:
             delay=case.delay * PERIOD_S,
             reference=is_reference,
             gain=1.0 if is_reference else GAIN_MEASURED,
-            pull=PULL_HZ if is_reference and case.noise else 0.0,
             noise=case.noise,
             play=max(1, 2 * case.noise),
             limit=LIMIT,
             slew=SLEW,
             period=PERIOD_S,
+        )
+        self._residual = Residual(
+            plan.sigma0,
+            plan.Fc,
+            plan.theta_per_count,
+            inertia=INERTIA,
+            corner=CORNER_HZ,
+            limit=plan.Fc,
+            slew=SLEW,
+            speed_gain=KD,
+            period=PERIOD_S,
+            delay=case.delay,
         )
 
     def torque(self, dcounts: int, reference_move: int, reference_speed: float) -> float:
@@ -163,9 +181,12 @@ class DahlLaw:
         move = self._compensator.move(dcounts)
         if not self._is_reference:
             return self._compensator.torque(self._element.step_counts_q30(move))
-        self._measured.step_counts_q30(move)
-        self._compensator.draw(self._element, self._measured)
-        return self._compensator.torque(self._element.step_counts_q30(reference_move))
+        self._known = self._compensator.torque(self._element.step_counts_q30(reference_move))
+        return self._known + self._residual.torque(self._compensator, dcounts)
+
+    def note(self, command: float) -> None:
+        """Note the torque that the reference law does not explain."""
+        self._residual.note(command - self._known)
 
 
 def laws(case: Case, is_position: bool) -> dict[str, Law]:
@@ -216,6 +237,7 @@ def track(case: Case, law: Law, seed: int) -> Run:
         change = (target_speed - shaft.omega) * PERIOD_S
         feedback = c.dahl_controller_torque(controller, error, change)
         commands = [feedback + INERTIA * acceleration + added, *commands[:-1]]
+        law.note(commands[0])
         c.dahl_rotor_advance(shaft, commands[-1])
         run.error.append(reference(case.amplitude, (tick + 1) * PERIOD_S)[0] - shaft.theta)
         run.motor.append(commands[-1])
