@@ -353,7 +353,9 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
  *   integral, more than Fc is refused: with 2 Fc, 4 of 555 random axes hunted at rest.
  * - The torque of the compensator is y + r. Each of them keeps its limit and the slew of the
  *   compensator, so the limit of the sum is the sum of both limits, and its slew is twice the slew.
- * - r fades in and out with the compensator. After a bad reading it goes on without a step.
+ * - r fades in and out with the compensator. A bad reading holds it. After fewer than
+ *   #DAHL_COMPENSATOR_BAD_TICKS of them, the change of the speed since the last move counts. After
+ *   more, r goes on without a step.
  * - Set the state to zeros if the motor was off. For new parameters, call dahl_residual_change().
  * - With 12 bits or fewer it adds noise. A loop with its own integral needs it least.
  */
@@ -409,8 +411,8 @@ typedef struct {
  *   #DAHL_COMPENSATOR_PARAM if a parameter is NaN, infinite, negative, or zero but must not be, or
  *   if speed_gain and resonance are both 0; #DAHL_COMPENSATOR_RANGE if one is out of range, if the
  *   limit is above Fc without no_integral, if the slew is below 2^-23 Fc in a tick, or if 2 pi
- *   corner inertia is 64 Fc or more at 1 count per tick; #DAHL_COMPENSATOR_CORNER if the rule of
- *   the corner fails: lower the corner.
+ *   corner inertia is 64 Fc or more at 4 noise + 2 counts per tick;
+ *   #DAHL_COMPENSATOR_CORNER if the rule of the corner fails: lower the corner.
  * @note The first rule is rounded to the safe side by 2^-30 of it, the second one is exact.
  */
 DAHL_NODISCARD dahl_compensator_err_t dahl_residual_prepare(dahl_residual_plan_t *plan,

@@ -7,7 +7,7 @@
 #include "search.h"
 
 #ifndef TEST_AXES
-#define TEST_AXES 60
+#define TEST_AXES 150
 #endif
 #define EDGE 1.000001 /* a bound in float is on its safe side */
 #define LOUDER 1.5    /* noise of the observer, over that of the loop */
@@ -112,17 +112,18 @@ static void make_observer(case_t *c, point_t *point, const problem_t *problem)
     const double J = (c->axis.inertia[MOTOR] + c->axis.inertia[LOAD]) * maybe(point, 1, 0.3, 2);
     const double rule = c->loop.kd / (2 * TWO_PI * J), Fc = (double)c->params.friction.Fc, gain = (double)c->params.gain;
     const double corner = fmin(rule * maybe(point, 1, 0.2, 1), maybe(point, 0.05 / c->axis.period, 5, 30));
-    const double most = c->loop.kind == PD ? Fc + fabs(c->axis.load) : problem->limit * Fc_of(&c->axis);
+    const double most = c->loop.kind == PD ? Fc + fabs(c->axis.load) : fmin(Fc, problem->limit * Fc_of(&c->axis));
     c->observer.inertia = (float)J;
     c->observer.corner = (float)(fmin(corner, 0.05 / c->axis.period) / EDGE);
     c->observer.limit = (float)fmin(most, fmax(gain * Fc, between(point, 0, 1) * most));
     c->observer.speed_gain = (float)c->loop.kd;
     c->observer.delay = (uint32_t)c->axis.delay;
+    c->observer.no_integral = c->loop.kind == PD;
 }
 
 static case_t make_case(point_t point, const problem_t *problem)
 {
-    case_t c;
+    case_t c = {.bad_share = 0};
     point.next = 0;
     const double hertz = make_axis(&c.axis, &point);
     c.loop = make_loop(&c.axis, &point, problem->loop, hertz);
@@ -271,12 +272,12 @@ static double promised_excess(const axis_t *axis)
     return fmax(0.02, 2 * axis->count * bristle_frequency(axis));
 }
 
-/* A noise of the presliding length hides all of it. */
+/* Counts or noise of the presliding length hide all of it. */
 static int is_case(const case_t *c)
 {
     const axis_t *axis = &c->axis;
     dahl_residual_plan_t plan;
-    return axis->noise * axis->count < 0.5 * Fc_of(axis) / sigma0_of(axis) && substeps_of(axis) < 40
+    return (2 * axis->noise + 1) * axis->count < Fc_of(axis) / sigma0_of(axis) && substeps_of(axis) < 40
         && dahl_residual_prepare(&plan, &c->params, &c->observer) == DAHL_COMPENSATOR_OK;
 }
 

@@ -121,9 +121,9 @@ class Residual(HasParameters, Copied):
             return f"slew = {v['slew']:g} N m/s is below 2^-23 Fc in a tick"
         if 20 * v["corner"] * v["period"] > 1:
             return f"corner = {v['corner']:g} Hz is above 0.05/period"
-        speed = v["theta_per_count"] / v["period"]
+        speed = 2 * v["theta_per_count"] / v["period"]
         if 2 * math.pi * v["corner"] * v["inertia"] * speed > 63.9999 * v["Fc"]:
-            return f"inertia = {v['inertia']:g}: 2*pi*corner*inertia of a count is 64 Fc or more"
+            return f"inertia = {v['inertia']:g}: 2*pi*corner*inertia of 2 counts is 64 Fc or more"
         return ""
 
     @property
