@@ -131,6 +131,13 @@ static inline double bristle_frequency(const axis_t *axis)
     return sqrt(sigma0_of(axis) / axis->inertia[MOTOR]);
 }
 
+/* Largest speed of swings in which no slip element slips. They lose no energy, with a law or without. */
+static inline double lossless_speed(const axis_t *axis)
+{
+    const friction_t *f = &axis->friction[axis->friction[MOTOR].Fc > 0 ? MOTOR : LOAD];
+    return f->springs > 0 ? f->Fc / f->sigma0 / f->springs * bristle_frequency(axis) : 0;
+}
+
 /* The noise is uniform in +-noise: of whole counts if it is added after the rounding. */
 static inline int32_t read_counts(const axis_t *axis, motion_t *m)
 {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* A search for the worst axis. An axis is a point: each of its values is a number of 0 .. 1. The search climbs from the best of some
- * random points: it changes some values, and keeps what is worse for the axis. */
+/* A search for the worst axis. An axis is a point: each of its values is a number of 0 .. 1. The search climbs from the best of
+ * some random points: it changes some values, and keeps what is worse for the axis. */
 #ifndef TEST_SEARCH_H
 #define TEST_SEARCH_H
 

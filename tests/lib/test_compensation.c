@@ -401,7 +401,8 @@ static double injected_energy(rig_t rig, const int *stroke)
         const int direction = turn % 2 == 0 ? 1 : -1;
         for (int k = 0; k < stroke[turn]; k++) {
             const double dtheta = direction * rig.axis.count;
-            energy += rig.firmware.torque * dtheta - friction_move(&rig.axis.friction[MOTOR], &rig.motion.bristle[MOTOR], dtheta, 0);
+            energy += rig.firmware.torque * dtheta;
+            energy -= friction_move(&rig.axis.friction[MOTOR], &rig.motion.bristle[MOTOR], dtheta, 0);
             (void)compensate(&rig.firmware, direction, 1, 0);
             best = fmax(best, energy);
         }

@@ -239,13 +239,6 @@ static double promised_excess(const axis_t *axis)
     return fmax(0.02, 2 * axis->count * bristle_frequency(axis));
 }
 
-/* Slip elements lose no energy in swings shorter than the shortest of them: such an axis never rests, with the law or without. */
-static double lossless_speed(const axis_t *axis)
-{
-    const friction_t *f = &axis->friction[axis->friction[MOTOR].Fc > 0 ? MOTOR : LOAD];
-    return f->springs > 0 ? f->Fc / f->sigma0 / f->springs * bristle_frequency(axis) : 0;
-}
-
 /* Time to rest after a momentum under the least net friction, and some swings. */
 static double seconds_of(const case_t *c)
 {

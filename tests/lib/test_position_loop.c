@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* A search for a position loop that the reference law and the residual observer keep moving after its reference has stopped,
- * although each rule of dahl_compensator.h holds: PD, PID and cascade at 1 to 10 kHz, rigid and elastic axes, the friction of Dahl,
- * LuGre and Maxwell, Fc wrong by half, gravity, noise and bad readings. A loop must be stable alone, with 0.6 and 1.7 times its
+ * although each rule of dahl_compensator.h holds: PD, PID and cascade at 1 to 10 kHz, rigid and elastic axes, the friction of
+ * Dahl, LuGre and Maxwell, Fc wrong by half, gravity, noise and bad readings. A loop must be stable alone, with 0.6 and 1.7 times its
  * gains, and with free and with stuck friction. */
 #include "axis.h"
 #include "search.h"
@@ -286,7 +286,7 @@ static int is_case(const case_t *c)
 static double excess_of(const case_t *c, double hold)
 {
     const double promise = promised_excess(&c->axis), speed = end_speed(c, hold, OBSERVER);
-    double without = 0;
+    double without = lossless_speed(&c->axis);
     for (law_t law = NOTHING; law <= REMOVED && speed - LOUDER * without > promise / 5; law++) {
         without = law != OBSERVER ? fmax(without, end_speed(c, hold, law)) : without;
     }
