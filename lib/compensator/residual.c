@@ -41,7 +41,7 @@ static DAHL_COLD uint32_t momentum_unit_q24(const dahl_compensator_params_t *par
     return dahl_real_to_fixed(dahl_real_divide(torque, dahl_real_of_param(params->friction.Fc)), 24, MOMENTUM_UNIT_END);
 }
 
-static DAHL_COLD dahl_compensator_err_t check_values(const dahl_compensator_params_t *params,
+static DAHL_COLD dahl_compensator_err_t check_observer_values(const dahl_compensator_params_t *params,
                                                      const dahl_residual_params_t *residual)
 {
     int32_t err = dahl_check_params_by_counts(&params->friction) | dahl_check_value(params->period, 0);
@@ -74,7 +74,7 @@ static int is_noise_in_range(const dahl_compensator_params_t *params, const dahl
 }
 
 /** The corner is at most a twentieth of the tick rate. */
-static int is_in_range(const dahl_compensator_params_t *params, const dahl_residual_params_t *residual)
+static int is_observer_in_range(const dahl_compensator_params_t *params, const dahl_residual_params_t *residual)
 {
     const dahl_real_t one = {DAHL_TOP_BIT, -31}, twenty = {UINT32_C(5) << 29, -27};
     const dahl_real_t corners = dahl_real_multiply(dahl_real_of_param(residual->corner), twenty);
@@ -125,11 +125,11 @@ DAHL_COLD dahl_compensator_err_t dahl_residual_prepare(dahl_residual_plan_t *pla
     if (params->law != DAHL_COMPENSATOR_REFERENCE) {
         return DAHL_COMPENSATOR_WRONG_LAW;
     }
-    const dahl_compensator_err_t err = check_values(params, residual);
+    const dahl_compensator_err_t err = check_observer_values(params, residual);
     if (err != DAHL_COMPENSATOR_OK) {
         return err;
     }
-    if (!is_in_range(params, residual)) {
+    if (!is_observer_in_range(params, residual)) {
         return DAHL_COMPENSATOR_RANGE;
     }
     if (is_corner_above_bound(residual)) {
@@ -153,7 +153,7 @@ int32_t dahl_residual_q24(const dahl_residual_plan_t *plan, float torque)
 }
 
 /** Return the upper word. */
-static inline int32_t torque_of(int64_t low_pass_q56)
+static inline int32_t upper_word(int64_t low_pass_q56)
 {
     return (int32_t)(low_pass_q56 >> 32);
 }
@@ -161,14 +161,14 @@ static inline int32_t torque_of(int64_t low_pass_q56)
 /** Close a share of the gap to the target. The difference and the sum wrap: from any bits, it comes to the target. */
 static inline int64_t approach_q56(int64_t low_pass_q56, int32_t target_q24, int32_t share_q32)
 {
-    const int32_t gap_q24 = (int32_t)((uint32_t)target_q24 - (uint32_t)torque_of(low_pass_q56));
+    const int32_t gap_q24 = (int32_t)((uint32_t)target_q24 - (uint32_t)upper_word(low_pass_q56));
     return (int64_t)((uint64_t)low_pass_q56 + (uint64_t)dahl_mul_signed(gap_q24, share_q32));
 }
 
 /** Add a change. Outside -2^30 .. 2^30 - 1, the sum becomes the largest torque. The lower word stays. */
 static inline int64_t add_saturated(int64_t low_pass_q56, int64_t change_q24)
 {
-    const int64_t sum = torque_of(low_pass_q56) + change_q24;
+    const int64_t sum = upper_word(low_pass_q56) + change_q24;
     int32_t torque_q24 = (int32_t)sum;
     if ((uint64_t)(sum + DAHL_ONE_Q30) >> 31 != 0) {
         torque_q24 = sum < 0 ? -LARGEST_Q24 : LARGEST_Q24;
@@ -187,7 +187,7 @@ static inline void observe(const dahl_residual_plan_t *plan, dahl_residual_t *re
     }
     residual->move = move;
     residual->raw_q56 = raw_q56;
-    residual->filtered_q56 = approach_q56(residual->filtered_q56, torque_of(raw_q56), plan->share_q32);
+    residual->filtered_q56 = approach_q56(residual->filtered_q56, upper_word(raw_q56), plan->share_q32);
 }
 
 /** The limit comes last, so that it also holds if the state is corrupt. */
@@ -200,7 +200,7 @@ int32_t dahl_residual_torque(const dahl_residual_plan_t *plan, dahl_residual_t *
         residual->move = 0;
     }
     const uint32_t fade_q16 = dahl_least(compensator->fade_q30 >> 14, UINT32_C(1) << 16);
-    const int32_t wanted_q24 = dahl_scale_q16(torque_of(residual->filtered_q56), fade_q16);
+    const int32_t wanted_q24 = dahl_scale_q16(upper_word(residual->filtered_q56), fade_q16);
     const int32_t torque_q24 = dahl_limit(dahl_approach(residual->torque_q24, wanted_q24, plan->slew_q24), plan->limit_q24);
     residual->torque_q24 = torque_q24;
     return torque_q24 * (INT32_C(1) << 6);
