@@ -342,15 +342,18 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
  * The observer is a feedback of the speed, 2 pi corner inertia in N m s/rad. It is stable if it has
  * at most half of the speed feedback of the loop. The prepare function checks one of two rules:
  * - 4 pi corner inertia <= speed_gain, also if inertia is up to twice the true one,
- * - corner <= resonance/10, if speed_gain is 0. The inertia must then be a lower bound.
+ * - corner <= resonance/10, if speed_gain is 0. The inertia must then be a lower bound, and the
+ *   speed gain of the loop at least 2 pi resonance/6 times the inertia: with slower loops, 12 of 400
+ *   were unstable.
  *
  * The rules were tested on rigid axes and on axes with a resonance of 30 to 200 Hz, with loops that
  * are stable if the inertia is 0.6 to 1.7 times the expected one, and delays of 0 to 3 ticks.
  *
  * Rules of use:
- * - limit must be gain Fc or more: less cannot cancel the push of the reference law at rest. If the
- *   loop has no integral, set no_integral and add the load that no feed-forward cancels. With an
- *   integral, more than Fc is refused: with 2 Fc, 4 of 555 random axes hunted at rest.
+ * - If the loop has no integral, set no_integral. The limit must then be at least gain Fc plus the
+ *   load that no feed-forward cancels: less cannot cancel the push of the reference law at rest.
+ * - If it has an integral, that cancels push and load. The limit must be at most 0.65 of the true
+ *   Fc, or some loops hunt at rest: give Fc/2. The prepare function refuses more than Fc.
  * - The torque of the compensator is y + r. Each of them keeps its limit and the slew of the
  *   compensator, so the limit of the sum is the sum of both limits, and its slew is twice the slew.
  * - r fades in and out with the compensator. A bad reading holds it. After fewer than
@@ -368,8 +371,8 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
 typedef struct {
     float inertia;    /**< [kg m2] lower bound of all that moves: rotor and load */
     float corner;     /**< [Hz] corner of the low-pass, at most 0.05/period; 15 suits most axes */
-    float limit;      /**< [N m] largest r: gain Fc. At most Fc; with no_integral, above 2 Fc counts
-                           as 2 Fc. */
+    float limit;      /**< [N m] largest r: Fc/2, at most Fc. With no_integral: gain Fc, and above
+                           2 Fc counts as 2 Fc. */
     float speed_gain; /**< [N m s/rad] torque per speed of the loop: D gain of PD and PID, P gain of
                            the speed loop of a cascade; 0: unknown, resonance decides */
     float resonance;  /**< [Hz] lowest resonance of the axis; unused with a speed_gain */

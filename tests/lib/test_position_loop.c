@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* A search for a position loop that the reference law and the residual observer keep moving after its reference has stopped,
  * although each rule of dahl_compensator.h holds: PD, PID and cascade at 1 to 10 kHz, rigid and elastic axes, the friction of
- * Dahl, LuGre and Maxwell, Fc wrong by half, gravity, noise and bad readings. A loop must be stable alone, with 0.6 and 1.7 times its
+ * Dahl, LuGre and Maxwell, Fc wrong by -50 to 30 %, gravity, noise and bad readings. A loop must be stable alone, with 0.6 and 1.7 times its
  * gains, and with free and with stuck friction. */
 #include "axis.h"
 #include "search.h"
@@ -16,7 +16,7 @@ typedef enum { NOTHING, MODEL, OBSERVER, REMOVED } law_t; /* REMOVED: the observ
 
 typedef struct {
     loop_kind_t loop;
-    double limit; /* of the observer with an integral, over the true Fc */
+    double limit; /* of the observer with an integral, over Fc of the element */
 } problem_t;
 
 typedef struct {
@@ -91,7 +91,7 @@ static void make_friction(axis_t *axis, point_t *point, double kp)
 
 static void make_params(case_t *c, point_t *point)
 {
-    const double Fc = Fc_of(&c->axis) * maybe(point, 1, 0.5, 1.5), length = Fc_of(&c->axis) / sigma0_of(&c->axis);
+    const double Fc = Fc_of(&c->axis) * maybe(point, 1, 0.5, 1.3), length = Fc_of(&c->axis) / sigma0_of(&c->axis);
     dahl_compensator_params_t *p = &c->params;
     *p = (dahl_compensator_params_t){.law = DAHL_COMPENSATOR_REFERENCE, .fall = 0.02f, .jump = 1u << 30};
     p->friction.Fc = (float)Fc;
@@ -112,7 +112,7 @@ static void make_observer(case_t *c, point_t *point, const problem_t *problem)
     const double J = (c->axis.inertia[MOTOR] + c->axis.inertia[LOAD]) * maybe(point, 1, 0.3, 2);
     const double rule = c->loop.kd / (2 * TWO_PI * J), Fc = (double)c->params.friction.Fc, gain = (double)c->params.gain;
     const double corner = fmin(rule * maybe(point, 1, 0.2, 1), maybe(point, 0.05 / c->axis.period, 5, 30));
-    const double most = c->loop.kind == PD ? Fc + fabs(c->axis.load) : fmin(Fc, problem->limit * Fc_of(&c->axis));
+    const double most = c->loop.kind == PD ? Fc + fabs(c->axis.load) : problem->limit * Fc;
     c->observer.inertia = (float)J;
     c->observer.corner = (float)(fmin(corner, 0.05 / c->axis.period) / EDGE);
     c->observer.limit = (float)fmin(most, fmax(gain * Fc, between(point, 0, 1) * most));
@@ -311,7 +311,7 @@ static double excess(const point_t *point, const void *of)
 
 static void check_rest(loop_kind_t loop)
 {
-    const problem_t problem = {loop, 1};
+    const problem_t problem = {loop, 0.5};
     uint64_t random = 1;
     point_t worst;
     TEST_ASSERT_TRUE(search(excess, &problem, TEST_AXES, 1, &random, &worst) <= 1);
@@ -330,4 +330,22 @@ static void test_a_pid_loop_rests(void)
 static void test_a_cascade_rests(void)
 {
     check_rest(CASCADE);
+}
+
+/* Gravity that no feed-forward cancels. With a limit of Fc, the integral and the observer take turns to pass the breakaway. */
+static void test_an_integral_needs_a_limit_of_half_Fc(void)
+{
+    const double J = 5e-5, Fc = 0.0056, length = 0.8e-3;
+    case_t c = {.amplitude = 1e-3, .hertz = 2};
+    c.axis = (axis_t){.inertia = {J}, .friction = {{.Fc = Fc, .sigma0 = Fc / length}}, .load = 0.66 * Fc, .period = 1e-3,
+                      .count = TWO_PI / (1 << 18)};
+    c.loop = (loop_t){.kind = CASCADE, .kp = 1270 * J, .kd = 77 * J, .ki = 1030 * J, .corner = 105};
+    c.params = (dahl_compensator_params_t){
+        .friction = {(float)(Fc / length), (float)Fc, (float)c.axis.count}, .law = DAHL_COMPENSATOR_REFERENCE, .gain = 1,
+        .limit = 1, .slew = 100, .period = 1e-3f, .play = 1, .jump = 1u << 30};
+    c.observer = (dahl_residual_params_t){.inertia = (float)J, .corner = 1.4f, .speed_gain = (float)c.loop.kd};
+    c.observer.limit = 0.5f * c.params.friction.Fc;
+    TEST_ASSERT_TRUE(is_sane(&c) && end_speed(&c, 8, OBSERVER) < 0.02);
+    c.observer.limit = c.params.friction.Fc;
+    TEST_ASSERT_TRUE(end_speed(&c, 8, NOTHING) < 0.02 && end_speed(&c, 8, OBSERVER) > 0.1);
 }

@@ -22,7 +22,7 @@ class Residual(HasParameters, Copied):
     sigma0, Fc, theta_per_count, period, slew  those of the compensator
     inertia     kg m2      lower bound of all that moves: rotor and load
     corner      Hz         of the low-pass, at most 0.05/period
-    limit       N m        largest torque: gain*Fc. At most Fc; with no_integral, plus the load
+    limit       N m        largest torque: Fc/2, at most Fc; with no_integral gain*Fc and the load
     speed_gain  N m s/rad  torque per speed of the loop, at least 4*pi*corner*inertia; 0: unknown
     resonance   Hz         of the axis, at least 10*corner; unused with a speed_gain
     delay       ticks      from the command to its torque, 0 .. 3
