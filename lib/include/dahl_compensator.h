@@ -343,8 +343,8 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
  * at most half of the speed feedback of the loop. The prepare function checks one of two rules:
  * - 4 pi corner inertia <= speed_gain, also if inertia is up to twice the true one,
  * - corner <= resonance/10, if speed_gain is 0. The inertia must then be a lower bound, and the
- *   speed gain of the loop at least 2 pi resonance/6 times the inertia: with slower loops, 12 of 400
- *   were unstable.
+ *   speed gain of the loop at least 2 pi resonance/6 times the inertia: with slower loops, 12 of
+ *   400 were unstable.
  *
  * The rules were tested on rigid axes and on axes with a resonance of 30 to 200 Hz, with loops that
  * are stable if the inertia is 0.6 to 1.7 times the expected one, and delays of 0 to 3 ticks.
