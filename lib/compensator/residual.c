@@ -42,7 +42,7 @@ static DAHL_COLD uint32_t momentum_unit_q24(const dahl_compensator_params_t *par
 }
 
 static DAHL_COLD dahl_compensator_err_t check_observer_values(const dahl_compensator_params_t *params,
-                                                     const dahl_residual_params_t *residual)
+                                                              const dahl_residual_params_t *residual)
 {
     int32_t err = dahl_check_params_by_counts(&params->friction) | dahl_check_value(params->period, 0);
     err |= dahl_check_value(params->slew, 0) | dahl_check_value(residual->inertia, 0) | dahl_check_value(residual->corner, 0);
@@ -190,7 +190,7 @@ static inline void observe(const dahl_residual_plan_t *plan, dahl_residual_t *re
     residual->filtered_q56 = approach_q56(residual->filtered_q56, upper_word(raw_q56), plan->share_q32);
 }
 
-/** The limit comes last, so that it also holds if the state is corrupt. */
+/** Fade, then slew, then limit, so that the limit also holds if the state is corrupt. */
 int32_t dahl_residual_torque(const dahl_residual_plan_t *plan, dahl_residual_t *residual,
                              const dahl_compensator_t *compensator, int32_t dcounts)
 {
