@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /* A search for a position loop that the reference law and the residual observer keep moving after its reference has stopped,
  * although each rule of dahl_compensator.h holds: PD, PID and cascade at 1 to 10 kHz, rigid and elastic axes, the friction of
- * Dahl, LuGre and Maxwell, Fc wrong by -50 to 30 %, gravity, noise and bad readings. A loop must be stable alone, with 0.6 and 1.7 times its
- * gains, and with free and with stuck friction. */
+ * Dahl, LuGre and Maxwell, Fc wrong by -50 to 30 %, gravity, noise and bad readings. A loop must be stable alone, with 0.6 and 1.7
+ * times its gains, and with free and with stuck friction. */
 #include "axis.h"
 #include "search.h"
 
 #ifndef TEST_AXES
-#define TEST_AXES 150
+#define TEST_AXES 400
 #endif
 #define EDGE 1.000001 /* a bound in float is on its safe side */
 #define LOUDER 1.5    /* noise of the observer, over that of the loop */
@@ -143,6 +143,7 @@ typedef struct {
     dahl_residual_plan_t plan;
     dahl_residual_t residual;
     loop_state_t loop;
+    double r; /* N m, of the observer */
     int32_t reference_counts;
     int is_bad;
 } controller_t;
@@ -173,6 +174,14 @@ static int32_t read_encoder(const case_t *c, controller_t *k, motion_t *m)
     return move;
 }
 
+/* It has the slew of the compensator. */
+static void check_observer(const case_t *c, double before, double r)
+{
+    dahl_compensator_params_t params = c->params;
+    params.limit = c->observer.limit;
+    check_torque(&params, before, r);
+}
+
 /* A drive of 20 Fc. */
 static double drive_limit(const case_t *c)
 {
@@ -191,9 +200,10 @@ static double control(const case_t *c, controller_t *k, motion_t *m, double t, l
     const double loop = feedback(&c->loop, &k->loop, error, speed - k->loop.speed, c->axis.period) + J * acceleration;
     const double known = part * compensate(&k->firmware, dcounts, !k->is_bad, k->reference_counts - before);
     const int32_t r_q30 = dahl_residual_torque(&k->plan, &k->residual, &k->firmware.compensator, dcounts);
-    const double r = part * r_q30 * (double)DAHL_Q30 * (double)c->params.friction.Fc;
-    TEST_ASSERT_TRUE(fabs(r) <= (double)c->observer.limit * EDGE);
-    double command = loop + (law > NOTHING ? known : 0) + (law > MODEL ? r : 0);
+    const double r = r_q30 * (double)DAHL_Q30 * (double)c->params.friction.Fc;
+    check_observer(c, k->r, r);
+    k->r = r;
+    double command = loop + (law > NOTHING ? known : 0) + (law > MODEL ? part * r : 0);
     command = fmax(-drive_limit(c), fmin(drive_limit(c), command));
     dahl_residual_note(&k->residual, dahl_residual_q24(&k->plan, (float)(command - known)));
     return command;
@@ -348,4 +358,70 @@ static void test_an_integral_needs_a_limit_of_half_Fc(void)
     TEST_ASSERT_TRUE(is_sane(&c) && end_speed(&c, 8, OBSERVER) < 0.02);
     c.observer.limit = c.params.friction.Fc;
     TEST_ASSERT_TRUE(end_speed(&c, 8, NOTHING) < 0.02 && end_speed(&c, 8, OBSERVER) > 0.1);
+}
+
+/* --- limit and slew --------------------------------------------------------------------------------------------------- */
+
+/* Other parameters of a case, with an Fc from a tenth to ten times. */
+static case_t rescaled(case_t c, uint64_t *random)
+{
+    const float scale = (float)pow(10, uniform(random, -1, 1));
+    c.params.friction.Fc *= scale;
+    c.params.friction.sigma0 *= scale;
+    c.params.limit *= (float)uniform(random, 0.1, 2) * scale;
+    c.params.slew *= (float)uniform(random, 0.1, 2) * scale;
+    c.observer.limit *= (float)uniform(random, 0.1, 1) * scale;
+    return c;
+}
+
+static void change_parameters(controller_t *k, const case_t *to)
+{
+    dahl_residual_plan_t plan;
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_residual_prepare(&plan, &to->params, &to->observer));
+    dahl_residual_change(&k->plan, &plan, &k->residual);
+    k->plan = plan;
+    change_firmware(&k->firmware, &to->params);
+}
+
+/* A call of the wrong order, or with a wrong value: an encoder that jumps, freezes or is lost, torques of any size. */
+static void call_any(const case_t *c, controller_t *k, uint64_t *random)
+{
+    const int32_t any = (int32_t)(random_u32(random) >> (1 + random_u32(random) % 31)) * (random_u32(random) % 2 ? 1 : -1);
+    const uint32_t call = random_u32(random) % 4;
+    if (call == 0) {
+        (void)dahl_compensator_move(&k->firmware.plan, &k->firmware.compensator, any, random_u32(random) % 8 != 0);
+    } else if (call == 1) {
+        (void)compensate(&k->firmware, any, random_u32(random) % 8 != 0, any);
+    } else if (call == 2) {
+        const double before = k->r;
+        k->r = dahl_residual_torque(&k->plan, &k->residual, &k->firmware.compensator, any) * (double)DAHL_Q30;
+        k->r *= (double)c->params.friction.Fc;
+        check_observer(c, before, k->r);
+    } else {
+        dahl_residual_note(&k->residual, any);
+    }
+}
+
+static void test_limit_and_slew_hold_in_any_order_of_calls(void)
+{
+    uint64_t random = 1;
+    for (int tried = 0; tried < 2000; tried++) {
+        const problem_t problem = {(loop_kind_t)(tried % LOOPS), 0.5};
+        const case_t first = make_case(random_point(&random), &problem);
+        case_t c = first;
+        controller_t k = {.is_bad = 0};
+        prepare_firmware(&k.firmware, &c.params);
+        if (!is_case(&c)) {
+            continue;
+        }
+        TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_residual_prepare(&k.plan, &c.params, &c.observer));
+        for (int call = 0; call < 500; call++) {
+            call_any(&c, &k, &random);
+            const case_t next = rescaled(first, &random);
+            if (call % 50 == 49 && is_case(&next)) {
+                c = next;
+                change_parameters(&k, &c);
+            }
+        }
+    }
 }
