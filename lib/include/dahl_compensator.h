@@ -363,7 +363,8 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
  *   #DAHL_COMPENSATOR_BAD_TICKS of them, the change of the speed since the last move counts. After
  *   more, r goes on without a step.
  * - Set the state to zeros if the motor was off. For new parameters, call dahl_residual_change().
- * - With 12 bits or fewer it adds noise. A loop with its own integral needs it least.
+ * - A count moves r by 2 (2 pi corner)^2 inertia theta_per_count. Keep that below Fc/4, or r swings
+ *   between counts. A loop with its own integral needs the observer least.
  */
 /** @{ */
 

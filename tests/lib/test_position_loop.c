@@ -7,7 +7,7 @@
 #include "search.h"
 
 #ifndef TEST_AXES
-#define TEST_AXES 400
+#define TEST_AXES 200
 #endif
 #define EDGE 1.000001 /* a bound in float is on its safe side */
 #define LOUDER 1.5    /* noise of the observer, over that of the loop */
@@ -282,12 +282,20 @@ static double promised_excess(const axis_t *axis)
     return fmax(0.02, 2 * axis->count * bristle_frequency(axis));
 }
 
+/* A step of r by a count, over Fc. */
+static double count_step(const case_t *c)
+{
+    const double K = TWO_PI * (double)c->observer.corner;
+    return 2 * K * K * (double)c->observer.inertia * c->axis.count / Fc_of(&c->axis);
+}
+
 /* Counts or noise of the presliding length hide all of it. */
 static int is_case(const case_t *c)
 {
     const axis_t *axis = &c->axis;
     dahl_residual_plan_t plan;
-    return (2 * axis->noise + 1) * axis->count < Fc_of(axis) / sigma0_of(axis) && substeps_of(axis) < 40
+    const int is_fine = (2 * axis->noise + 1) * axis->count < Fc_of(axis) / sigma0_of(axis) && count_step(c) < 0.25;
+    return is_fine && substeps_of(axis) < 40
         && dahl_residual_prepare(&plan, &c->params, &c->observer) == DAHL_COMPENSATOR_OK;
 }
 
