@@ -67,6 +67,12 @@ static int is_limit_above_bound(const dahl_compensator_params_t *params, const d
     return !residual->no_integral && dahl_bits_of(residual->limit) > dahl_bits_of(params->friction.Fc);
 }
 
+/** The noise changes a move by up to 4 noise + 2 counts: the torque of that must not saturate. */
+static int is_noise_in_range(const dahl_compensator_params_t *params, const dahl_residual_params_t *residual)
+{
+    return (4 * (uint64_t)params->noise + 2) * momentum_unit_q24(params, residual) < MOMENTUM_UNIT_END;
+}
+
 /** The corner is at most a twentieth of the tick rate. */
 static int is_observer_in_range(const dahl_compensator_params_t *params, const dahl_residual_params_t *residual)
 {
@@ -74,7 +80,7 @@ static int is_observer_in_range(const dahl_compensator_params_t *params, const d
     const dahl_real_t corners = dahl_real_multiply(dahl_real_of_param(residual->corner), twenty);
     return residual->delay < DAHL_RESIDUAL_TICKS
         && !dahl_real_is_product_above(corners, dahl_real_of_param(params->period), one)
-        && momentum_unit_q24(params, residual) < MOMENTUM_UNIT_END && slew_step_q24(params) > 0
+        && is_noise_in_range(params, residual) && slew_step_q24(params) > 0
         && !is_limit_above_bound(params, residual);
 }
 
@@ -170,7 +176,8 @@ static inline int64_t add_saturated(int64_t low_pass_q56, int64_t change_q24)
     return (int64_t)((uint64_t)(uint32_t)torque_q24 << 32 | (uint32_t)low_pass_q56);
 }
 
-/** The first move after a start or a fault sets the speed: its change is not known. */
+/** The first move after a start or a long fault sets the speed: its change is not known. After a short fault, the change
+ * since the last move counts. Otherwise each fault would leave the noise of its last move in the sum. */
 static inline void observe(const dahl_residual_plan_t *plan, dahl_residual_t *residual, int32_t dcounts)
 {
     const uint32_t before = residual->move, move = (uint32_t)dcounts ^ DAHL_TOP_BIT;
@@ -189,7 +196,7 @@ int32_t dahl_residual_torque(const dahl_residual_plan_t *plan, dahl_residual_t *
 {
     if (compensator->bad_ticks == 0) {
         observe(plan, residual, dcounts);
-    } else {
+    } else if (compensator->bad_ticks >= DAHL_COMPENSATOR_BAD_TICKS) {
         residual->move = 0;
     }
     const uint32_t fade_q16 = dahl_least(compensator->fade_q30 >> 14, UINT32_C(1) << 16);

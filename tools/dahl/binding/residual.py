@@ -24,7 +24,7 @@ class Residual(HasParameters, Copied):
     sigma0, Fc, theta_per_count, period, slew  those of the compensator
     inertia     kg m2      lower bound of all that moves: rotor and load
     corner      Hz         of the low-pass, at most 0.05/period
-    limit       N m        largest torque: gain*Fc. At most Fc; with no_integral, plus the load
+    limit       N m        largest torque: Fc/2, at most Fc; with no_integral gain*Fc and the load
     speed_gain  N m s/rad  torque per speed of the loop, at least 4*pi*corner*inertia; 0: unknown
     resonance   Hz         of the axis, at least 10*corner; unused with a speed_gain
     delay       ticks      from the command to its torque, 0 .. 3
@@ -159,9 +159,9 @@ class Residual(HasParameters, Copied):
             return f"slew = {v['slew']:g} N m/s is below 2^-23 Fc in a tick"
         if 20 * v["corner"] * v["period"] > 1:
             return f"corner = {v['corner']:g} Hz is above 0.05/period"
-        speed = v["theta_per_count"] / v["period"]
+        speed = 2 * v["theta_per_count"] / v["period"]
         if 2 * math.pi * v["corner"] * v["inertia"] * speed > 63.9999 * v["Fc"]:
-            return f"inertia = {v['inertia']:g}: 2*pi*corner*inertia of a count is 64 Fc or more"
+            return f"inertia = {v['inertia']:g}: 2*pi*corner*inertia of 2 counts is 64 Fc or more"
         return ""
 
     @property
