@@ -1,0 +1,174 @@
+/* SPDX-License-Identifier: MIT */
+/** Stage 6: the compensator runs on the bounds that were found, the load is fed forward, and short pushes move the axis. It
+ * must come to rest after each. A swing lengthens length_long; after MAX_FAILS the last gain that passed is the result. */
+#include "commission.h"
+
+#define GAINS 3
+#define MAX_FAILS 5
+#define LONGER 1.6f
+#define FADE_S 0.1f          /* the compensator fades in */
+#define PUSH_S 0.05f         /* longest push */
+#define PUSH_RAD 0.1f
+#define MAX_SPEED 2.5f       /* rad/s */
+#define WINDOW_S 0.2f
+#define MAX_WINDOWS 10
+#define CREEP 0.006f         /* rad in a window: a slow creep is rest, a swing is not */
+#define MAX_EXCURSION 0.25f  /* rad beyond the travel */
+#define STILL_SPEED 0.04f    /* rad/s of the ring on the bristles */
+
+static const float gains[GAINS] = {0.3f, 0.6f, 0.9f};
+
+enum { FADE_IN, PUSH, SETTLE };
+
+static void finish(dahl_commission_t *axis)
+{
+    axis->result.seconds = (float)axis->ticks * axis->config.period;
+    axis->command.mode = DAHL_COMMISSION_OFF;
+    axis->command.torque = 0;
+    dahl_enter(axis, DAHL_COMMISSION_DONE);
+}
+
+/** Prepare the compensator with the next gain. Return 0 after a refusal. */
+static int prepare(dahl_commission_t *axis)
+{
+    dahl_compensator_params_t params;
+    float passed = axis->result.gain;
+    axis->result.gain = gains[axis->work.kick.gain];
+    dahl_compensator_err_t code = dahl_commission_params(axis, &params, 0);
+    axis->result.gain = passed;
+    if (code != DAHL_COMPENSATOR_OK || dahl_prepare(&axis->work.kick.friction, &params.friction) != DAHL_OK
+        || dahl_compensator_prepare(&axis->work.kick.plan, &params) != DAHL_COMPENSATOR_OK) {
+        dahl_refuse(axis, code == DAHL_COMPENSATOR_INERTIA ? DAHL_COMMISSION_LIGHT : DAHL_COMMISSION_COARSE);
+        return 0;
+    }
+    axis->work.kick.bristle = (dahl_state_t){0};
+    axis->work.kick.compensator = (dahl_compensator_t){0};
+    return 1;
+}
+
+/** Pushes go both ways, two of 1 Fc, then two of 2 Fc. They end at a speed that friction stops within half of the travel. */
+static void arm(dahl_commission_t *axis)
+{
+    const dahl_commission_result_t *result = &axis->result;
+    uint8_t kick = axis->work.kick.kick;
+    if (!prepare(axis)) {
+        return;
+    }
+    float left = 1 - gains[axis->work.kick.gain] * result->Fc.least / result->Fc.best;
+    float braking = left * result->Fc.best / result->inertia.best;
+    float ring = dahl_root(result->sigma0.best / result->inertia.best);
+    axis->work.kick.speed = dahl_smaller(MAX_SPEED, dahl_root(braking * axis->config.travel));
+    axis->work.kick.push = (kick & 1 ? -1.0f : 1.0f) * (kick < 2 ? 1.0f : 2.0f) * result->Fc.best;
+    axis->work.kick.still = (float)(2 * result->noise + 1) * axis->config.theta_per_count + STILL_SPEED / ring;
+    axis->work.kick.start = axis->theta;
+    axis->work.kick.phase = FADE_IN;
+    axis->work.kick.windows = 0;
+    dahl_next_step(axis);
+}
+
+/** Return the torque of the compensator. */
+static float compensate(dahl_commission_t *axis, int32_t dcounts)
+{
+    int32_t move = dahl_compensator_move(&axis->work.kick.plan, &axis->work.kick.compensator, dcounts, 1);
+    int32_t ratio = dahl_step_counts_q30(&axis->work.kick.friction, &axis->work.kick.bristle, move);
+    ratio = dahl_compensator_torque(&axis->work.kick.plan, &axis->work.kick.compensator, ratio);
+    return (float)ratio * 0x1p-30f * axis->result.Fc.least;
+}
+
+/** Return 1 while the push lasts. */
+static int pushes(const dahl_commission_t *axis)
+{
+    float direction = axis->work.kick.push < 0 ? -1.0f : 1.0f;
+    return direction * axis->speed < axis->work.kick.speed
+           && direction * (axis->theta - axis->work.kick.start) < PUSH_RAD && axis->step_ticks < dahl_ticks(axis, PUSH_S);
+}
+
+static void start_window(dahl_commission_t *axis)
+{
+    axis->work.kick.low = axis->work.kick.high = axis->work.kick.first = axis->theta;
+}
+
+/** Return 1 if a window ends in which the axis rested. */
+static int rests(dahl_commission_t *axis)
+{
+    axis->work.kick.low = dahl_smaller(axis->work.kick.low, axis->theta);
+    axis->work.kick.high = dahl_larger(axis->work.kick.high, axis->theta);
+    if (axis->step_ticks % dahl_ticks(axis, WINDOW_S) != 0) {
+        return 0;
+    }
+    float range = axis->work.kick.high - axis->work.kick.low;
+    float drift = dahl_absolute(axis->theta - axis->work.kick.first);
+    axis->work.kick.windows++;
+    start_window(axis);
+    return range - (drift < CREEP ? drift : 0) <= axis->work.kick.still;
+}
+
+static void fail(dahl_commission_t *axis)
+{
+    axis->result.elastic = 1;
+    axis->work.kick.kick = 0;
+    if (++axis->work.kick.fails <= MAX_FAILS) {
+        axis->result.length.most *= LONGER;
+        dahl_return_to_middle(axis);
+    } else if (axis->work.kick.gain == 0) {
+        dahl_refuse(axis, DAHL_COMMISSION_SWINGS);
+    } else {
+        finish(axis);
+    }
+}
+
+static void pass(dahl_commission_t *axis)
+{
+    uint8_t last = axis->work.kick.gain == GAINS - 1 ? 4 : 2;
+    dahl_return_to_middle(axis);
+    if (++axis->work.kick.kick < last) {
+        return;
+    }
+    axis->work.kick.kick = 0;
+    axis->result.gain = gains[axis->work.kick.gain];
+    if (++axis->work.kick.gain == GAINS) {
+        finish(axis);
+    }
+}
+
+static void settle_tick(dahl_commission_t *axis)
+{
+    if (dahl_absolute(axis->theta) > axis->config.travel + MAX_EXCURSION) {
+        fail(axis);
+    } else if (rests(axis)) {
+        pass(axis);
+    } else if (axis->work.kick.windows >= MAX_WINDOWS) {
+        fail(axis);
+    }
+}
+
+static void next_phase(dahl_commission_t *axis)
+{
+    axis->work.kick.phase++;
+    axis->step_ticks = 0;
+    start_window(axis);
+}
+
+void dahl_kick_tick(dahl_commission_t *axis, int32_t dcounts)
+{
+    if (axis->step == 0) {
+        if (dahl_wait_in_middle(axis, 0.05f)) {
+            arm(axis);
+        }
+        return;
+    }
+    axis->step_ticks++;
+    axis->command.torque = dahl_commission_load(axis, axis->theta) + compensate(axis, dcounts);
+    if (axis->work.kick.phase == FADE_IN) {
+        if (axis->step_ticks > dahl_ticks(axis, FADE_S)) {
+            next_phase(axis);
+        }
+    } else if (axis->work.kick.phase == PUSH) {
+        axis->command.torque += axis->work.kick.push;
+        if (!pushes(axis)) {
+            next_phase(axis);
+        }
+    } else {
+        settle_tick(axis);
+    }
+}

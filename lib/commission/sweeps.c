@@ -1,0 +1,229 @@
+/* SPDX-License-Identifier: MIT */
+/** Stage 2: to and fro at three speeds. The torque of each stroke is averaged in bins of angle.
+ *
+ * Half the difference of the directions is friction, half the sum is load. The slope of the friction over the speed is
+ * viscous. Two passes per speed show if the friction repeats. */
+#include "commission.h"
+
+#define BINS DAHL_COMMISSION_BINS
+#define SPEEDS DAHL_COMMISSION_SPEEDS
+#define STROKES 4                /* at each speed: down, up, down, up */
+#define ACCELERATION 60.0f       /* rad/s2 */
+#define SETTLE_S 0.04f           /* of a stroke before its first sample */
+#define MIN_SAMPLES 4            /* of a bin */
+#define MIN_BINS 4               /* of a speed */
+#define MAX_SHIFT 0.2f           /* of the friction between two passes, over Fc */
+#define MAX_SCATTER 0.25f        /* of the bins between two passes, over Fc */
+#define TORQUE_MARGIN 4.0f       /* of the limit over friction and load */
+#define MAX_ACCELERATION 225.0f  /* rad/s2 that the limit must allow */
+
+static const float speeds[SPEEDS] = {0.6f, 1.2f, DAHL_COMMISSION_SPEED_MAX};
+
+/** Sums over the bins of one speed. */
+typedef struct {
+    float friction, reference; /* of this speed; of the slowest speed in the same bins */
+    float change, square;      /* from the first pass to the second */
+    int bins;
+} summary_t;
+
+static int bin_of(const dahl_commission_t *axis, float angle)
+{
+    float x = (angle + axis->config.travel) * (BINS / 2) / axis->config.travel;
+    return x < 0 ? 0 : x >= BINS ? BINS - 1 : (int)x;
+}
+
+/** Straight lines between the middles of the bins. */
+float dahl_commission_load(const dahl_commission_t *axis, float angle)
+{
+    const float *load = axis->result.load;
+    float x = (angle + axis->config.travel) * (BINS / 2) / axis->config.travel - 0.5f;
+    if (!(x > 0)) {
+        return load[0];
+    }
+    if (x >= BINS - 1) {
+        return load[BINS - 1];
+    }
+    int bin = (int)x;
+    return load[bin] + (x - (float)bin) * (load[bin + 1] - load[bin]);
+}
+
+static void add_sample(dahl_commission_t *axis)
+{
+    uint32_t first = axis->stroke.ramp_ticks + dahl_ticks(axis, SETTLE_S);
+    uint32_t last = axis->stroke.ramp_ticks + axis->stroke.cruise_ticks;
+    if (axis->work.sweeps.stroke == 0 || axis->stroke.tick <= first || axis->stroke.tick > last) {
+        return;
+    }
+    int kind = (axis->command.speed > 0 ? 1 : 0) + (axis->work.sweeps.stroke > 2 ? 2 : 0);
+    int bin = bin_of(axis, axis->theta);
+    axis->work.sweeps.sum[kind][bin] += axis->torque;
+    axis->work.sweeps.samples[kind][bin]++;
+}
+
+/** Write the mean torques of the four strokes. Return 0 if the bin has too few samples. */
+static int means_of_bin(const dahl_commission_t *axis, int bin, float mean[STROKES])
+{
+    for (int kind = 0; kind < STROKES; kind++) {
+        uint16_t samples = axis->work.sweeps.samples[kind][bin];
+        if (samples < MIN_SAMPLES) {
+            return 0;
+        }
+        mean[kind] = axis->work.sweeps.sum[kind][bin] / (float)samples;
+    }
+    return 1;
+}
+
+static void use_bin(dahl_commission_t *axis, int bin, summary_t *summary)
+{
+    const int speed = axis->work.sweeps.speed;
+    float mean[STROKES];
+    if (!means_of_bin(axis, bin, mean)) {
+        return;
+    }
+    float first = (mean[1] - mean[0]) / 2, second = (mean[3] - mean[2]) / 2, friction = (first + second) / 2;
+    float load = (mean[0] + mean[1] + mean[2] + mean[3]) / 4;
+    if (speed == 0) {
+        axis->table.friction[bin] = friction;
+    }
+    axis->result.load[bin] += (load - axis->result.load[bin]) / (float)(speed + 1);
+    summary->friction += friction;
+    summary->reference += axis->table.friction[bin];
+    summary->change += second - first;
+    summary->square += (second - first) * (second - first);
+    summary->bins++;
+    if (axis->table.least == 0 || friction < axis->table.least) {
+        axis->table.least = friction;
+    }
+    if (speed < SPEEDS - 1) { /* the fastest speed is viscous */
+        axis->table.most = dahl_larger(axis->table.most, friction);
+    }
+}
+
+/** Empty bins at the ends get the values of their neighbours. */
+static void fill_ends(dahl_commission_t *axis)
+{
+    for (int k = 0; k < 2 * BINS; k++) {
+        int bin = k < BINS ? k : 2 * BINS - 1 - k, from = k < BINS ? bin - 1 : bin + 1;
+        if (from >= 0 && from < BINS && axis->table.friction[bin] == 0) {
+            axis->table.friction[bin] = axis->table.friction[from];
+            axis->result.load[bin] = axis->result.load[from];
+        }
+    }
+}
+
+/** The friction is known now, so the torque limit comes down. */
+static void lower_torque_limit(dahl_commission_t *axis)
+{
+    float most = 0;
+    for (int bin = 0; bin < BINS; bin++) {
+        most = dahl_larger(most, axis->table.friction[bin] + dahl_absolute(axis->result.load[bin]));
+    }
+    most = TORQUE_MARGIN * most + MAX_ACCELERATION * axis->config.inertia;
+    axis->command.torque_limit = dahl_smaller(axis->config.torque_limit, most);
+}
+
+/** Compare the passes. Return 0 if the friction does not repeat. */
+static int repeats(dahl_commission_t *axis, const summary_t *summary)
+{
+    const float bins = (float)summary->bins, level = axis->table.level[axis->work.sweeps.speed];
+    float shift = summary->change / bins;
+    float scatter = dahl_root(dahl_larger(0, summary->square / bins - shift * shift)) / 2;
+    axis->table.scatter = dahl_larger(axis->table.scatter, scatter);
+    axis->table.noise[axis->work.sweeps.speed] = dahl_absolute(shift) / 2 + 2 * scatter / dahl_root(bins);
+    return level > 0 && dahl_absolute(shift) <= MAX_SHIFT * level && scatter <= MAX_SCATTER * level;
+}
+
+/** Evaluate one speed. Return 0 if the loop does not reach it, or after a refusal. */
+static int finish_speed(dahl_commission_t *axis)
+{
+    const int speed = axis->work.sweeps.speed;
+    summary_t summary = {0};
+    for (int bin = 0; bin < BINS; bin++) {
+        use_bin(axis, bin, &summary);
+    }
+    if (summary.bins < (speed == 0 ? BINS / 2 : MIN_BINS)) {
+        if (speed == 0) {
+            dahl_refuse(axis, DAHL_COMMISSION_NO_DATA);
+        }
+        return 0;
+    }
+    if (speed == 0) {
+        fill_ends(axis);
+        lower_torque_limit(axis);
+        summary.reference = summary.friction;
+    }
+    float slowest = speed == 0 ? summary.friction / (float)summary.bins : axis->table.level[0];
+    axis->table.level[speed] = slowest + (summary.friction - summary.reference) / (float)summary.bins;
+    if (!repeats(axis, &summary)) {
+        dahl_refuse(axis, DAHL_COMMISSION_VARIES);
+        return 0;
+    }
+    return 1;
+}
+
+/** Friction over speed: a straight line. The interval of its slope has the scatter and the lack of fit. */
+static void fit_line(dahl_commission_t *axis)
+{
+    float n = 0, v = 0, f = 0, vv = 0, vf = 0, error = 0, fastest = speeds[0];
+    for (int k = 0; k < SPEEDS && axis->table.level[k] != 0; k++) {
+        n += 1;
+        v += speeds[k];
+        f += axis->table.level[k];
+        vv += speeds[k] * speeds[k];
+        vf += speeds[k] * axis->table.level[k];
+        fastest = speeds[k];
+    }
+    float slope = n > 1 ? (n * vf - v * f) / (n * vv - v * v) : 0;
+    axis->result.Fc.best = (f - dahl_larger(0, slope) * v) / n;
+    for (int k = 0; k < SPEEDS && axis->table.level[k] != 0; k++) {
+        float gap = axis->table.level[k] - f / n - slope * (speeds[k] - v / n);
+        error = dahl_larger(error, dahl_absolute(gap) + axis->table.noise[k]);
+    }
+    error = n > 1 ? 2 * error / (fastest - speeds[0]) : axis->result.Fc.best / speeds[0];
+    axis->result.viscous.best = dahl_larger(0, slope);
+    axis->result.viscous.least = dahl_larger(0, slope - error);
+    axis->result.viscous.most = dahl_larger(0, slope + error);
+}
+
+/** Strokes of one speed have ended: evaluate, then the next speed or the next stage. */
+static void next_speed(dahl_commission_t *axis)
+{
+    int is_reached = finish_speed(axis);
+    if (axis->command.stage == DAHL_COMMISSION_REFUSED) {
+        return;
+    }
+    uint8_t speed = (uint8_t)(axis->work.sweeps.speed + 1);
+    if (is_reached && speed < SPEEDS) {
+        for (int bin = 0; bin < BINS; bin++) {
+            for (int kind = 0; kind < STROKES; kind++) {
+                axis->work.sweeps.sum[kind][bin] = 0;
+                axis->work.sweeps.samples[kind][bin] = 0;
+            }
+        }
+        axis->work.sweeps.speed = speed;
+        axis->work.sweeps.stroke = 0;
+        return;
+    }
+    fit_line(axis);
+    dahl_enter(axis, DAHL_COMMISSION_CYCLE);
+    dahl_return_to_middle(axis);
+}
+
+void dahl_sweeps_tick(dahl_commission_t *axis)
+{
+    const float travel = axis->config.travel;
+    if (axis->stage_ticks == 1) {
+        dahl_stroke_to(axis, travel, speeds[0], ACCELERATION);
+    }
+    add_sample(axis);
+    if (!dahl_stroke_tick(axis)) {
+        return;
+    }
+    if (axis->work.sweeps.stroke == STROKES) {
+        next_speed(axis);
+    }
+    if (axis->command.stage == DAHL_COMMISSION_SWEEPS) {
+        float end = ++axis->work.sweeps.stroke & 1 ? -travel : travel;
+        dahl_stroke_to(axis, end, speeds[axis->work.sweeps.speed], ACCELERATION);
+    }
+}
