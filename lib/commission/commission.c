@@ -99,7 +99,7 @@ static void stage_tick(dahl_commission_t *axis, int32_t dcounts)
         dahl_breakaway_tick(axis);
         break;
     case DAHL_COMMISSION_INERTIA:
-        dahl_inertia_tick(axis);
+        dahl_inertia_tick(axis, dcounts);
         break;
     case DAHL_COMMISSION_KICK:
         dahl_kick_tick(axis, dcounts);

@@ -67,7 +67,7 @@ void dahl_rest_tick(dahl_commission_t *axis);
 void dahl_sweeps_tick(dahl_commission_t *axis);
 void dahl_cycle_tick(dahl_commission_t *axis);
 void dahl_breakaway_tick(dahl_commission_t *axis);
-void dahl_inertia_tick(dahl_commission_t *axis);
+void dahl_inertia_tick(dahl_commission_t *axis, int32_t dcounts);
 void dahl_kick_tick(dahl_commission_t *axis, int32_t dcounts);
 
 #endif

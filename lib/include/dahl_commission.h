@@ -35,7 +35,7 @@
  * 2. Sweeps: to and fro at three speeds; friction, load and viscous friction by angle.
  * 3. Cycle: a torque below the friction, without the loop; the presliding stiffness.
  * 4. Breakaway: a torque ramp in both directions.
- * 5. Inertia: a motion of two frequencies; inertia and delay.
+ * 5. Inertia: strokes with two sines on them; inertia and delay.
  * 6. Kick: compensation on, short pushes. A swing lengthens length_long or lowers the gain.
  *
  * @par Safety
@@ -55,8 +55,8 @@
  * to 15 % looks like a load; Fc.least and length.most allow for it.
  *
  * @par Properties
- * Floats, no heap, no global variable, no libm. One tick costs at most about 120 multiply-adds; the
- * tick that ends the stage INERTIA solves five equations five times (about 600 multiply-adds).
+ * Floats, no heap, no global variable, no libm. A tick costs at most about 60 multiply-adds and 4
+ * divisions. The tick that ends a sweep evaluates the bins, about 300 operations.
  */
 #ifndef DAHL_COMMISSION_H
 #define DAHL_COMMISSION_H
@@ -71,8 +71,8 @@ extern "C" {
 #define DAHL_COMMISSION_BINS 14
 /** Speeds of the sweeps. */
 #define DAHL_COMMISSION_SPEEDS 3
-/** Candidates of the time from command to motion. */
-#define DAHL_COMMISSION_LAGS 7
+/** Sines of the stage INERTIA. */
+#define DAHL_COMMISSION_SINES 2
 /** [rad/s] Fastest sweep. */
 #define DAHL_COMMISSION_SPEED_MAX 2.5f
 
@@ -208,10 +208,11 @@ typedef struct {
             float start, peak;
         } breakaway;
         struct {
-            float matrix[15], rhs[DAHL_COMMISSION_LAGS][5], square[DAHL_COMMISSION_LAGS];
-            float torque[DAHL_COMMISSION_LAGS], filter[4], angle, speed, bristle, peak, share;
-            float frequency, amplitude, acceleration, rotor[4], turn[4];
-            uint32_t stride, samples;
+            dahl_commission_command_t base; /* without the sines */
+            float sine[DAHL_COMMISSION_SINES][2], turn[DAHL_COMMISSION_SINES][2];
+            float torque[DAHL_COMMISSION_SINES][2], speed[DAHL_COMMISSION_SINES][2];
+            float window[2], window_turn[2], mean_speed;
+            uint8_t stroke;
         } inertia;
         struct {
             dahl_plan_t friction;
