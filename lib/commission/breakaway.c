@@ -3,16 +3,16 @@
  * breakaway torque is the presliding length. */
 #include "commission.h"
 
-#define RATE 1.0f            /* Fc/s: a faster ramp hides the breakaway of a slow Stribeck curve */
+#define RATE 0.5f            /* Fc/s: a faster ramp hides the breakaway of a slow Stribeck curve */
 #define FAST_RATE 8.0f       /* Fc/s below FAST_SHARE */
-#define FAST_SHARE 0.5f      /* of Fc */
+#define FAST_SHARE 0.7f      /* of Fc */
 #define RELAX_S 0.1f         /* the bristles relax before the ramp */
 #define SLIDING_RAD 0.06f
 #define SLIDING_SPEED 0.5f   /* rad/s */
 #define BACKWARD_RAD 0.05f
 #define MAX_BREAKAWAY 1.9f   /* of the largest Fc */
-#define UNSEEN_BREAKAWAY 1.3f /* breakaway over that of a ramp: slow Stribeck */
-#define STEEPER 1.3f         /* steepest stiffness over that of the cycle: slip elements */
+#define UNSEEN_BREAKAWAY 1.36f /* breakaway over that of a ramp: slow Stribeck */
+#define STEEPER 1.32f        /* steepest stiffness over that of the cycle: slip elements */
 #define MIN_CYCLE_COUNTS 1.5f
 
 /** Return atanh(ratio)/ratio by its series: the mean slope of a Dahl loop up to `ratio` of Fc is 1/this of sigma0. */

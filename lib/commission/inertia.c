@@ -19,8 +19,8 @@
 #define MAX_FACTOR 5.0f       /* of the inertia over that of the configuration */
 #define MAX_PHASE 1.2f        /* tangent */
 #define MAX_SPREAD 0.3f       /* of the inertia at both frequencies */
-#define INERTIA_ERROR 0.04f   /* half interval; the spread over the frequencies comes on top */
-#define DELAY_ERROR 0.6f      /* ticks */
+#define INERTIA_ERROR 0.02f   /* half interval; the spread over the frequencies comes on top */
+#define DELAY_ERROR 0.2f      /* ticks; errors of 0.05 were seen */
 
 static const float periods[DAHL_COMMISSION_SINES] = {4, 7}; /* in a window: 16 and 28 Hz */
 

@@ -27,7 +27,7 @@ static int is_frozen_in_torque(dahl_commission_t *axis, int32_t dcounts)
         axis->watch.frozen_ticks = 0;
         return 0;
     }
-    return ++axis->watch.frozen_ticks > dahl_ticks(axis, FROZEN_S);
+    return ++axis->watch.frozen_ticks > dahl_ticks(axis, FROZEN_S) + axis->watch.count_ticks;
 }
 
 /** Loop: the reference moves, and the torque with it, but no count comes. */

@@ -15,6 +15,8 @@
 #define MAX_SHIFT 0.2f           /* of the friction between two passes, over Fc */
 #define MAX_SCATTER 0.25f        /* of the bins between two passes, over Fc */
 #define TORQUE_MARGIN 4.0f       /* of the limit over friction and load */
+#define LEVEL_ERROR 0.006f       /* of Fc: smallest error of a speed */
+#define COUNT_TIMES 4.0f         /* times of a first count that the watch on the encoder waits */
 #define MAX_ACCELERATION 225.0f  /* rad/s2 that the limit must allow */
 
 static const float speeds[SPEEDS] = {0.6f, 1.2f, DAHL_COMMISSION_SPEED_MAX};
@@ -179,10 +181,18 @@ static void fit_line(dahl_commission_t *axis)
         float gap = axis->table.level[k] - f / n - slope * (speeds[k] - v / n);
         error = dahl_larger(error, dahl_absolute(gap) + axis->table.noise[k]);
     }
+    error += LEVEL_ERROR * axis->result.Fc.best;
     error = n > 1 ? 2 * error / (fastest - speeds[0]) : axis->result.Fc.best / speeds[0];
     axis->result.viscous.best = dahl_larger(0, slope);
     axis->result.viscous.least = dahl_larger(0, slope - error);
     axis->result.viscous.most = dahl_larger(0, slope + error);
+}
+
+/** After a stop the bristles push the axis back: some counts take this time, so the watch on the encoder must wait. */
+static void set_count_time(dahl_commission_t *axis)
+{
+    float acceleration = axis->result.Fc.best / axis->config.inertia;
+    axis->watch.count_ticks = dahl_ticks(axis, COUNT_TIMES * dahl_root(2 * axis->config.theta_per_count / acceleration));
 }
 
 /** Strokes of one speed have ended: evaluate, then the next speed or the next stage. */
@@ -205,6 +215,7 @@ static void next_speed(dahl_commission_t *axis)
         return;
     }
     fit_line(axis);
+    set_count_time(axis);
     dahl_enter(axis, DAHL_COMMISSION_CYCLE);
     dahl_return_to_middle(axis);
 }

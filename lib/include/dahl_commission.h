@@ -182,6 +182,7 @@ typedef struct {
     struct {
         float angle, torque;     /**< reference and torque of the last count */
         uint32_t frozen_ticks, saturated_ticks;
+        uint32_t count_ticks; /**< friction needs up to this to turn the axis by some counts */
     } watch;
     struct {
         float friction[DAHL_COMMISSION_BINS];
