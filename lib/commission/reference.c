@@ -2,8 +2,8 @@
 /** Motions of the stages: strokes that accelerate, cruise and brake, and the way to the middle. */
 #include "commission.h"
 
-#define RETURN_SPEED 0.5f         /* rad/s */
-#define RETURN_ACCELERATION 10.0f /* rad/s2 */
+#define RETURN_SPEED 1.0f         /* rad/s */
+#define RETURN_ACCELERATION 20.0f /* rad/s2 */
 
 void dahl_track_from_here(dahl_commission_t *axis)
 {

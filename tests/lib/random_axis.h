@@ -35,7 +35,7 @@ typedef struct {
 typedef struct {
     double theta, speed, bristle, slip[SLIPS], torque, commands[LATEST];
     double integral, loop_speed, hand, most_angle, most_speed;
-    double time, first_angle;
+    double time;
     int32_t counts;
     uint8_t mode;
     uint64_t random;
@@ -166,7 +166,7 @@ static inline int32_t read_encoder(const axis_t *axis, motion_t *motion)
 static inline double loop_torque(const axis_t *axis, motion_t *motion, const dahl_commission_command_t *to, double last)
 {
     const double w = TWO_PI * LOOP_HZ, gain = axis->loop_inertia * w;
-    double error = (double)to->angle - motion->counts * axis->count - motion->first_angle;
+    double error = (double)to->angle - motion->counts * axis->count;
     double wanted = w / 5 * error + (double)to->speed - motion->loop_speed;
     if (motion->mode != DAHL_COMMISSION_TRACK) {
         motion->integral = last - gain * wanted;
@@ -199,8 +199,6 @@ static inline void start_motion(const axis_t *axis, motion_t *motion)
     }
     motion->time = 0;
     motion->counts = read_encoder(axis, motion);
-    motion->first_angle = -motion->counts * axis->count;
-    motion->first_angle = 0;
 }
 
 /* Commission the axis for `seconds` at most. */
@@ -233,6 +231,85 @@ static inline dahl_commission_t commission_axis(const axis_t *axis, motion_t *mo
         motion->most_speed = fmax(motion->most_speed, fabs(motion->speed));
     }
     return state;
+}
+
+/* A compensator on the result of a commissioning. */
+typedef struct {
+    dahl_plan_t friction;
+    dahl_state_t bristle;
+    dahl_compensator_plan_t plan;
+    dahl_compensator_t compensator;
+    float Fc;
+} compensation_t;
+
+/* Return 0 if the library rejects the parameters. */
+static inline int start_compensation(const dahl_commission_t *state, int has_load, compensation_t *compensation)
+{
+    dahl_compensator_params_t params;
+    *compensation = (compensation_t){0};
+    int is_accepted = dahl_commission_params(state, &params, has_load) == DAHL_COMPENSATOR_OK
+                      && dahl_prepare(&compensation->friction, &params.friction) == DAHL_OK
+                      && dahl_compensator_prepare(&compensation->plan, &params) == DAHL_COMPENSATOR_OK;
+    compensation->Fc = params.friction.Fc;
+    return is_accepted;
+}
+
+static inline double compensate(compensation_t *compensation, int32_t dcounts)
+{
+    int32_t move = dahl_compensator_move(&compensation->plan, &compensation->compensator, dcounts, 1);
+    int32_t ratio = dahl_step_counts_q30(&compensation->friction, &compensation->bristle, move);
+    ratio = dahl_compensator_torque(&compensation->plan, &compensation->compensator, ratio);
+    return ratio * 0x1p-30 * (double)compensation->Fc;
+}
+
+/* Push the axis by `push` N m for 30 ms at most, with compensation on. The push ends at a speed that leaves the axis in its
+ * travel. Return its largest speed in the last 0.4 s of 2.5 s. The firmware adds the table of the load, or not: has_load. */
+static inline double speed_after_push(const axis_t *axis, const dahl_commission_t *state, int has_load, double push)
+{
+    compensation_t compensation;
+    motion_t motion;
+    double most = 0, torque = 0, end_speed = sqrt(0.25 * TRAVEL * axis->Fc / axis->inertia);
+    int is_pushed = 1;
+    if (!start_compensation(state, has_load, &compensation)) {
+        return INFINITY;
+    }
+    start_motion(axis, &motion);
+    int32_t first = motion.counts, last = first;
+    while (motion.time < 2.5) {
+        int32_t counts = read_encoder(axis, &motion), moved = counts - last;
+        last = counts;
+        torque = compensate(&compensation, moved);
+        torque += has_load ? 0 : (double)dahl_commission_load(state, (float)((counts - first) * axis->count));
+        is_pushed = is_pushed && motion.time < 0.33 && fabs(motion.speed) < end_speed;
+        move_shaft(axis, &motion, torque, motion.time > 0.3 && is_pushed ? push : 0);
+        most = motion.time > 2.1 ? fmax(most, fabs(motion.speed)) : 0;
+    }
+    return most;
+}
+
+/* Return the mean torque of a hand that turns the axis to and fro by 0.2 rad, over that without compensation. */
+static inline double hand_torque_ratio(const axis_t *axis, const dahl_commission_t *state)
+{
+    compensation_t compensation;
+    motion_t motion;
+    double with = 0, without = 0, command = 0;
+    if (!start_compensation(state, 0, &compensation)) {
+        return INFINITY;
+    }
+    start_motion(axis, &motion);
+    int32_t last = motion.counts;
+    for (int tick = 0; tick < 4000; tick++) {
+        int32_t counts = read_encoder(axis, &motion);
+        double motor = command, angle = 0.2 * sin(tick * axis->period * TWO_PI / 2), moved = angle - motion.theta;
+        command = compensate(&compensation, counts - last);
+        last = counts;
+        motion.speed = moved / axis->period;
+        motion.theta = angle;
+        double torque = friction(axis, &motion, moved);
+        with += tick > 2000 ? fabs(torque - axis->torque_constant * motor) : 0;
+        without += tick > 2000 ? fabs(torque) : 0;
+    }
+    return with / without;
 }
 
 #endif
