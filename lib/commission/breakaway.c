@@ -13,6 +13,7 @@
 #define MAX_BREAKAWAY 1.9f   /* of the largest Fc */
 #define UNSEEN_BREAKAWAY 1.36f /* breakaway over that of a ramp: slow Stribeck */
 #define STEEPER 1.32f        /* steepest stiffness over that of the cycle: slip elements */
+#define HIDDEN_LOAD 0.6f     /* rad: mean of a load over its slope, that unequal friction may cancel */
 #define MIN_CYCLE_COUNTS 1.5f
 
 /** Return atanh(ratio)/ratio by its series: the mean slope of a Dahl loop up to `ratio` of Fc is 1/this of sigma0. */
@@ -45,7 +46,7 @@ static float unequal_friction(const dahl_commission_t *axis)
         slope += axis->result.load[bin] * x;
         weight += x * x;
     }
-    float most = dahl_absolute(mean) + 0.5f * dahl_absolute(slope / weight);
+    float most = dahl_absolute(mean) + HIDDEN_LOAD * dahl_absolute(slope / weight) / axis->config.travel;
     return dahl_smaller(most, UNEQUAL_SHARE * axis->result.Fc.best);
 }
 

@@ -19,6 +19,7 @@ before any move. Public names:
     VelocityTable(torque, segment_bits)   friction that depends on speed; add it to another
     Compensator(sigma0, Fc, theta_per_count, ...)   torque that cancels friction, within bounds
     Adaptation(sigma0, Fc, theta_per_count, ...)   for a Compensator: follow an Fc that drifts
+    Commission(period=..., ...).run(drive)   an axis measures its own friction, without a sensor
     Encoder(modulus, sign, largest_step).move(reading)   counts of each tick, for any wrap
     counts_between(before, now, modulus)   shortest way from one encoder reading to the next
     implausible(sigma0, Fc, theta_per_count)   a probable mistake with units, or ""
@@ -47,6 +48,7 @@ TYPE_CHECKING = False  # importing typing would double the time of `dahl --help`
 if TYPE_CHECKING:
     from dahl.binding.adaptation import Adaptation
     from dahl.binding.asymmetric import Asymmetric
+    from dahl.binding.commission import Commission
     from dahl.binding.compensator import Compensator
     from dahl.binding.elastoplastic import ElastoPlastic
     from dahl.binding.encoder import Encoder, counts_between, to_units
@@ -66,6 +68,7 @@ __all__ = [
     "Asymmetric",
     "BusError",
     "Client",
+    "Commission",
     "Compensator",
     "ElastoPlastic",
     "Encoder",
@@ -93,6 +96,7 @@ SUBMODULES = {"codec": "dahl.can.codec", "node": "dahl.can.node"}
 MODULES = {  # of the public classes and functions
     "binding.adaptation": ("Adaptation",),
     "binding.asymmetric": ("Asymmetric",),
+    "binding.commission": ("Commission",),
     "binding.compensator": ("Compensator",),
     "binding.elastoplastic": ("ElastoPlastic",),
     "binding.encoder": ("Encoder", "counts_between", "to_units"),
