@@ -112,7 +112,7 @@ typedef enum {
     DAHL_COMMISSION_TIMEOUT = -51,     /**< a stage took too long */
     DAHL_COMMISSION_NO_DATA = -52,     /**< too few samples in the bins of angle */
     DAHL_COMMISSION_VARIES = -53,      /**< friction differs between two passes */
-    DAHL_COMMISSION_BAD_INERTIA = -54, /**< the fit of the inertia fails: is config.inertia right? */
+    DAHL_COMMISSION_BAD_INERTIA = -54, /**< the fit of the inertia fails: correct config.inertia */
     DAHL_COMMISSION_COARSE = -55,      /**< presliding of less than 2 counts, or none */
     DAHL_COMMISSION_LIGHT = -56,       /**< the rotor is too light for period and delay */
     DAHL_COMMISSION_SWINGS = -57       /**< no gain comes to rest: a flexible axis? */
@@ -123,7 +123,7 @@ typedef struct {
     float period;          /**< [s] of a tick: 5e-5 .. 2e-3 */
     float theta_per_count; /**< [rad] > 0 */
     float inertia;         /**< [kg m2] of the axis, within a factor of 1.5 */
-    float travel;          /**< [rad] 0.2 .. 3: the window is +-travel about the first angle; 0.35 */
+    float travel;          /**< [rad] 0.2 .. 3: it moves +-travel about the first angle */
     float angle_limit;     /**< [rad] largest angle from the first: at least 1.5 travel */
     float speed_limit;     /**< [rad/s] largest speed: at least 5 */
     float torque_limit;    /**< [N m] largest torque: 4 times the friction is enough */
@@ -148,8 +148,8 @@ typedef struct {
 
 /** Result; valid if the stage is DONE. */
 typedef struct {
-    dahl_commission_range_t Fc;      /**< [N m] Coulomb friction; least: Fc_low over angle, speed and
-                                          direction; most: with breakaway and direction */
+    dahl_commission_range_t Fc;      /**< [N m] Coulomb friction; least: Fc_low over angle, speed
+                                          and direction; most: with breakaway and direction */
     dahl_commission_range_t length;  /**< [rad] presliding length; most: length_long */
     dahl_commission_range_t sigma0;  /**< [N m/rad] stiffness at rest; most: sigma0_high */
     dahl_commission_range_t inertia; /**< [kg m2] */

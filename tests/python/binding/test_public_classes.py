@@ -77,6 +77,8 @@ COMPENSATED = PLAN | {"period": 1e-3, "limit": 0.3, "slew": 50.0, "gain": 0.5, "
 COMPENSATED |= {"length_long": 1e-3, "reference": False, "rise": 0.2, "fall": 0.1, "pull": 0.2}
 COMPENSATED |= {"fade_speed": 3.0, "noise": 1, "play": 5, "jump": 90, "elastic": False}
 COMPENSATED |= {"sigma0_high": 120.0, "load": 0.01, "inertia": 2e-3, "delay": 2e-3}
+AXIS = {"period": 1e-3, "theta_per_count": 1e-4, "inertia": 2e-3, "torque_limit": 3.0}
+AXIS |= {"travel": 0.35, "angle_limit": 0.75, "speed_limit": 10.0}
 NODE = {"gain": 0.5, "limit": 0.25, "ramp": 0.3, "timeout": 0.02, "max_step": 7}
 NODE |= {"status_period": 0.07}
 TABLE = [0.5, 0.3, 0.25, -0.125, *(0.0625 * k for k in range(1, 13))]
@@ -90,6 +92,7 @@ KINDS = {
             PLAN | {"inertia": 2e-3, "period": 1e-3},
             lambda one: one.apply_q30(-7),
         ),
+        Kind(dahl.Commission, AXIS, lambda one: one.tick(2, 0.5)),
         Kind(dahl.Compensator, COMPENSATED, lambda one: one.move(-7)),
         Kind(dahl.Encoder, {"modulus": 65536, "sign": 1, "largest_step": 9}, lambda o: o.move(12)),
         Kind(dahl.Friction, PLANNED, step),
@@ -189,7 +192,9 @@ def test_a_parameter_outside_its_limits_is_named_with_them(kind: Kind, value: fl
         where, _, rest = str(caught.value).partition(" = ")
         place = {f"{name}[1]", f"element 1: {name}"} if isinstance(given, list) else {name}
         assert where in place and rest.startswith(f"{OUTSIDE[value]} ")
-        assert f"2^-64 <= {name} < 2^64 ({unit})" in rest
+        own = kind.of is dahl.Commission  # its ranges are narrower
+        limit = kind.of._limits[name] if own else f"2^-64 <= {name} < 2^64 ({unit})"
+        assert limit in rest
         if name == "theta_per_count" and kind.of not in (dahl.Plan, dahl.Throughput):
             with pytest.raises(dahl.Error, match=f"{name} = 0 "):
                 kind.make(**{name: 0})

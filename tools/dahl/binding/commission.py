@@ -11,18 +11,23 @@ from numpy.typing import NDArray
 
 from dahl.binding import checks
 from dahl.binding.compensator import Compensator
-from dahl.binding.copies import Copied
+from dahl.binding.copies import Copied, content
 from dahl.binding.library import c
+from dahl.binding.parameters import HasParameters, Parameter
 from dahl.errors import InputError, RunError
 
 MODES = ("off", "track", "torque")
 STAGES = ("rest", "sweeps", "cycle", "breakaway", "inertia", "kick", "done", "refused")
 RANGES = ("Fc", "length", "sigma0", "inertia", "delay", "viscous")
 VALUES = ("load_error", "load_most", "breakaway", "gain", "seconds")
-LIMITS = (
-    "period 5e-5 .. 2e-3 s, theta_per_count 1e-9 .. 0.01 rad, travel 0.2 .. 3 rad, angle_limit from"
-    " 1.5 travel to 100 rad, speed_limit 5 .. 1000 rad/s, inertia and torque_limit 1e-9 .. 1e9"
-)
+RANGES_OF_VALUES = {  # of dahl_commission_start()
+    "period": (5e-5, 2e-3),
+    "theta_per_count": (1e-9, 0.01),
+    "inertia": (1e-9, 1e9),
+    "torque_limit": (1e-9, 1e9),
+    "travel": (0.2, 3.0),
+    "speed_limit": (5.0, 1000.0),
+}
 REASONS = {
     "ABORTED": "aborted",
     "ANGLE": "the angle left angle_limit; hold the load, or clear a wider range",
@@ -66,7 +71,7 @@ class Command(NamedTuple):
 Drive = Callable[[Command], tuple[int, float]]
 
 
-class Commission(Copied):
+class Commission(HasParameters, Copied):
     """Measure the friction of an axis with its own motor and encoder (dahl_commission_t).
 
     period           s      of a tick
@@ -86,6 +91,14 @@ class Commission(Copied):
     ('off', 'rest')
     """
 
+    period = Parameter("5e-5 <= period <= 2e-3 (s)")
+    theta_per_count = Parameter("1e-9 <= theta_per_count <= 0.01 (rad)")
+    inertia = Parameter("1e-9 <= inertia <= 1e9 (kg m2)")
+    torque_limit = Parameter("1e-9 <= torque_limit <= 1e9 (N m)")
+    travel = Parameter("0.2 <= travel <= 3 (rad)")
+    angle_limit = Parameter("1.5 travel <= angle_limit <= 100 (rad)")
+    speed_limit = Parameter("5 <= speed_limit <= 1000 (rad/s)")
+
     def __init__(
         self,
         *,
@@ -98,15 +111,22 @@ class Commission(Copied):
         speed_limit: float = 10.0,
     ) -> None:
         given = dict(period=period, theta_per_count=theta_per_count, inertia=inertia)
-        given |= dict(travel=travel, speed_limit=speed_limit, torque_limit=torque_limit)
+        given |= dict(torque_limit=torque_limit, travel=travel)
         given["angle_limit"] = 2 * travel if angle_limit is None else angle_limit
-        values = {name: checks.finite(name, value, "SI") for name, value in given.items()}
+        self._set_values(given | {"speed_limit": speed_limit})
         self._state = c.new("dahl_commission_t *")
         self._command = c.new("dahl_commission_command_t *")
-        config = c.new("dahl_commission_config_t *", values)
+        config = c.new("dahl_commission_config_t *", self._values)
         if c.dahl_commission_start(self._state, config) != c.DAHL_COMMISSION_OK:
-            shown = ", ".join(f"{name} = {value:g}" for name, value in values.items())
-            raise InputError(f"{shown}: a value is outside {LIMITS}")
+            raise InputError(self._refusal())
+
+    def _refusal(self) -> str:
+        """Return the value and the limit that the library refused."""
+        ranges = {**RANGES_OF_VALUES, "angle_limit": (1.5 * self.travel, 100.0)}
+        for name, (least, most) in ranges.items():
+            if not np.float32(least) <= np.float32(self._values[name]) <= np.float32(most):
+                return f"{name} = {self._values[name]:g} is outside {self._limits[name]}"
+        return f"{self._shown_values()} is outside the limits of the library"
 
     @property
     def stage(self) -> str:
@@ -138,8 +158,8 @@ class Commission(Copied):
         c.dahl_commission_abort(self._state)
 
     def run(self, drive: Drive) -> dict[str, Any]:
-        """Commission the axis behind `drive`, and return its result. The last command is "off", also
-        if the drive raises. Raises dahl.RunError if the axis is refused.
+        """Commission the axis behind `drive`, and return its result. The last command is "off",
+        also if the drive raises. Raises dahl.RunError if the axis is refused.
         """
         command = self.tick(0, 0.0)
         try:
@@ -200,3 +220,13 @@ class Commission(Copied):
             elastic=bool(params.elastic),
             **{name: getattr(params, name) for name in names},
         )
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Commission):
+            return NotImplemented
+        return content(self._state) == content(other._state)
+
+    __hash__ = None  # type: ignore[assignment]  # it changes with each tick
+
+    def __repr__(self) -> str:
+        return f"Commission({self._shown_values()})"
