@@ -19,6 +19,7 @@
 #define MAX_FACTOR 5.0f       /* of the inertia over that of the configuration */
 #define MAX_PHASE 1.2f        /* tangent */
 #define MAX_SPREAD 0.3f       /* of the inertia at both frequencies */
+#define ELASTIC_SPREAD 0.04f  /* a shaft makes the load lighter or heavier at the faster sine */
 #define INERTIA_ERROR 0.02f   /* half interval; the spread over the frequencies comes on top */
 #define DELAY_ERROR 0.2f      /* ticks; errors of 0.05 were seen */
 
@@ -134,6 +135,7 @@ static void write_result(dahl_commission_t *axis, const float size[], const floa
         inertia[k] = size[k] * turn[0] / w[k];
     }
     float best = (inertia[0] + inertia[1]) / 2, spread = dahl_absolute(inertia[1] - inertia[0]);
+    result->elastic = spread > ELASTIC_SPREAD * best;
     float error = INERTIA_ERROR * best + spread / 2;
     result->inertia = (dahl_commission_range_t){best - error, best, best + error};
     delay = dahl_larger(0.1f * period, delay);

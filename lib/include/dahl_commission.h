@@ -163,7 +163,10 @@ typedef struct {
     float gain;                      /**< [1] largest gain that came to rest after all kicks */
     float seconds;                   /**< [s] duration */
     uint16_t noise, play;            /**< [count] */
-    uint8_t elastic;                 /**< 1: the kicks had to lengthen length_long */
+    uint8_t elastic;                 /**< 1: the inertia differs between the two sines, or the kicks
+                                          had to lengthen length_long. A stiff shaft (above about
+                                          100 Hz) is not seen. `inertia` is that of rotor and load:
+                                          replace its least value by that of the rotor alone. */
 } dahl_commission_result_t;
 
 /** State of one axis: at most 1 kB. Read `result`; the other fields are private. */

@@ -12,7 +12,6 @@
 #include "dahl_commission.h"
 
 #define TWO_PI 6.283185307179586
-#define LOOP_HZ 35.0
 #define TRAVEL 0.35
 #define SUBSTEP 4e-5 /* s */
 
@@ -26,7 +25,8 @@ typedef struct {
     double inertia, gravity, gravity_phase, cogging, cogging_n, torque_constant;
     double period, count, lag, noise, eccentric;
     int delay;
-    double loop_inertia;
+    double loop_inertia, loop_hz;
+    double load_inertia, shaft, shaft_damping, load_share; /* a second mass with Dahl's friction; 0: a rigid axis */
     /* faults */
     double limit, stop, hand, hand_from, hand_to, freeze_at, sign; /* N m, rad, N m, s */
     uint64_t seed;
@@ -34,6 +34,7 @@ typedef struct {
 
 typedef struct {
     double theta, speed, bristle, slip[SLIPS], torque, commands[LATEST];
+    double load_theta, load_speed, load_bristle;
     double integral, loop_speed, hand, most_angle, most_speed;
     double time;
     int32_t counts;
@@ -58,7 +59,7 @@ static inline axis_t random_axis(uint64_t number)
         random_u32(s);
     }
     double kind = uniform(s, 0, 1);
-    axis_t axis = {.kind = kind < 0.25 ? AXIS_DAHL : kind < 0.75 ? AXIS_LUGRE : AXIS_SLIP, .sign = 1, .period = 1e-3};
+    axis_t axis = {.kind = kind < 0.25 ? AXIS_DAHL : kind < 0.75 ? AXIS_LUGRE : AXIS_SLIP, .sign = 1, .period = 1e-3, .loop_hz = 35};
     axis.Fc = log_uniform(s, 0.03, 2);
     axis.inertia = axis.Fc / log_uniform(s, 60, 600);
     axis.breakaway = axis.kind == AXIS_LUGRE ? uniform(s, 1, 1.5) : 1;
@@ -82,6 +83,22 @@ static inline axis_t random_axis(uint64_t number)
     axis.lag = uniform(s, 1e-4, 5e-4);
     axis.loop_inertia = axis.inertia / axis.torque_constant * uniform(s, 0.7, 1.4);
     axis.seed = seed;
+    return axis;
+}
+
+/* The same axis with a part of inertia and friction behind a shaft that rings at 30 to 200 Hz. The loop is softer. */
+static inline axis_t flexible_axis(uint64_t number)
+{
+    axis_t axis = random_axis(number);
+    uint64_t seed = axis.seed + 1;
+    double share = uniform(&seed, 0.2, 0.8), hz = log_uniform(&seed, 30, 200);
+    double reduced = axis.inertia * share * (1 - share), w = TWO_PI * hz;
+    axis.load_inertia = axis.inertia * share;
+    axis.inertia -= axis.load_inertia;
+    axis.shaft = reduced * w * w;
+    axis.shaft_damping = 2 * uniform(&seed, 0.01, 0.05) * reduced * w;
+    axis.load_share = uniform(&seed, 0, 1);
+    axis.loop_hz = fmin(35, hz / 5);
     return axis;
 }
 
@@ -133,6 +150,21 @@ static inline double friction(const axis_t *axis, motion_t *motion, double moved
     return motion->bristle + axis->damping * rate + viscous;
 }
 
+/* One substep of the second mass. Return the torque of the shaft on the motor. */
+static inline double move_load(const axis_t *axis, motion_t *motion, double dt)
+{
+    double moved = motion->load_speed * dt, limit = axis->load_share * axis->Fc;
+    double shaft = axis->shaft * (motion->theta - motion->load_theta)
+                   + axis->shaft_damping * (motion->speed - motion->load_speed);
+    double goal = limit * ((moved > 0) - (moved < 0));
+    motion->load_theta += moved;
+    if (limit > 0) {
+        motion->load_bristle = goal + (motion->load_bristle - goal) * exp(-axis->load_share * axis->sigma0 * fabs(moved) / limit);
+    }
+    motion->load_speed += dt * (shaft - motion->load_bristle - load_torque(axis, motion->load_theta)) / axis->load_inertia;
+    return shaft;
+}
+
 /* One tick of the shaft under a command. */
 static inline void move_shaft(const axis_t *axis, motion_t *motion, double command, double outside)
 {
@@ -148,7 +180,11 @@ static inline void move_shaft(const axis_t *axis, motion_t *motion, double comma
         if (axis->stop > 0 && beyond > 0) {
             torque -= copysign(200 * axis->Fc * beyond / 0.05, motion->theta) + 0.02 * axis->sigma0 * 0.01 * motion->speed;
         }
-        torque -= load_torque(axis, motion->theta) + friction(axis, motion, moved);
+        if (axis->load_inertia > 0) {
+            torque -= move_load(axis, motion, dt) + (1 - axis->load_share) * friction(axis, motion, moved);
+        } else {
+            torque -= load_torque(axis, motion->theta) + friction(axis, motion, moved);
+        }
         motion->speed += dt * torque / axis->inertia;
     }
     motion->time += axis->period;
@@ -165,7 +201,7 @@ static inline int32_t read_encoder(const axis_t *axis, motion_t *motion)
 /* Cascade of position and speed, with feed-forward of the inertia; it does not wind up. */
 static inline double loop_torque(const axis_t *axis, motion_t *motion, const dahl_commission_command_t *to, double last)
 {
-    const double w = TWO_PI * LOOP_HZ, gain = axis->loop_inertia * w;
+    const double w = TWO_PI * axis->loop_hz, gain = axis->loop_inertia * w;
     double error = (double)to->angle - motion->counts * axis->count;
     double wanted = w / 5 * error + (double)to->speed - motion->loop_speed;
     if (motion->mode != DAHL_COMMISSION_TRACK) {
@@ -196,6 +232,7 @@ static inline void start_motion(const axis_t *axis, motion_t *motion)
     for (int k = 0; k < 200; k++) { /* the load settles on the bristles, if it can */
         move_shaft(axis, motion, 0, 0);
         motion->speed *= 0.9;
+        motion->load_speed *= 0.9;
     }
     motion->time = 0;
     motion->counts = read_encoder(axis, motion);
