@@ -3,7 +3,7 @@
  * @file dahl_commission.h
  * @brief Measure the friction of an axis with its own motor and encoder, without a torque sensor.
  *
- * Use it once, before the compensator is switched on. It moves the axis for about 22 s and returns
+ * Use it once, before the compensator is switched on. It moves the axis for about 24 s and returns
  * the parameters of dahl_compensator.h, each with an interval. It needs an encoder, a torque (or
  * current) command, and a position loop. It stores no log.
  *
