@@ -77,7 +77,7 @@ static int open_loopback(open_bus_t *opened, const bus_config_t *config, const c
     if (address != NULL) {
         return bad_spec(config->spec);
     }
-    loopback_open(&loopback, config->bitrate, config->clock);
+    loopback_open(&loopback, config->clock);
     *opened = (open_bus_t){.bus = &loopback.bus, .name = BUS_NAME};
     return 0;
 }

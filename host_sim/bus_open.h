@@ -19,7 +19,6 @@ typedef struct {
     const char *spec;
     dahl_can_clock_t clock;
     bool is_patient;     /* wait for slow clients instead of dropping them (virtual time) */
-    uint32_t bitrate;    /* of loopback, bit/s; 0: frames occupy no time */
     const uint32_t *ids; /* ids to pass if the kernel can filter; NULL: all */
     size_t id_count;
 } bus_config_t;

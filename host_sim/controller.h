@@ -6,7 +6,7 @@
  *   cascade  a P loop of the angle with gain p around a PI loop of the speed with gains d and i:
  *            kp = p d, kd = d, ki = p i, ki_speed = i
  *
- * Python calls it too (tools/dahl/sim/shaft.py), so it is in libdahl.so and has its prefix.
+ * Python calls it too (tools/dahl/sim/compensation.py), so it is in libdahl.so and has its prefix.
  */
 #ifndef CONTROLLER_H
 #define CONTROLLER_H

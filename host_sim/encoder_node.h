@@ -35,7 +35,7 @@ typedef struct {
     uint64_t last_ns;   /* latency of the last answer */
     int32_t torque_q30; /* of the last answer */
     uint64_t torque_of; /* sequence number of the frame that it answers, plus 1 */
-    const scene_load_t *load; /* of the node's friction; NULL: constant */
+    const run_load_t *load; /* of the node's friction; NULL: constant */
     uint32_t load_sent;       /* last value sent, of DAHL_NODE_ONE */
     uint64_t loads;           /* load frames sent */
     faults_t *faults;         /* faults of its frames on the bus; NULL: without */

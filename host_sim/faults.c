@@ -19,8 +19,8 @@ enum {
 };
 
 const char *const fault_names[FAULT_KINDS] = {
-#define SCENE_FAULT(NAME, name, ...) #name,
-#include "scene_keys.def"
+#define RUN_FAULT(NAME, name) #name,
+#include "run_keys.def"
 };
 
 typedef struct {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * faults: inject faults into the EncoderState frames of an encoder, with the rates of [faults] and a seed. SCENE_FAULT in
- * scene_keys.def lists the faults and the counters of the node that each increments. A frame has one fault at most. `expected`
+ * faults: inject faults into the EncoderState frames of an encoder, with given rates and a seed. keys.csv lists the
+ * faults and the counters of the node that each increments. A frame has one fault at most. `expected`
  * holds the counts that the node must have, so that both can be compared.
  *
  * No fault may hide another one. At most 6 consecutive frames are missing. A good frame follows each late frame, glitch and
@@ -18,8 +18,8 @@
 #include "dahl_node.h"
 
 typedef enum {
-#define SCENE_FAULT(NAME, ...) FAULT_##NAME,
-#include "scene_keys.def"
+#define RUN_FAULT(NAME, name) FAULT_##NAME,
+#include "run_keys.def"
     FAULT_KINDS
 } fault_t;
 

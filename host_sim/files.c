@@ -8,28 +8,12 @@
 
 #include "stderr_messages.h"
 
-/* Length of the folder part of a path, with its last slash. */
-static int folder_length(const char *path)
+int files_find_counts(char path[FILES_PATH], const char *run_file, const char *counts)
 {
-    const char *slash = strrchr(path, '/');
-    return slash == NULL ? 0 : (int)(slash - path) + 1;
-}
-
-int files_find_log(char path[FILES_PATH], const options_t *options, const scene_t *scene)
-{
-    const char *file = options->log_file != NULL ? options->log_file : scene->motion.file;
-    const char *folder = options->data != NULL ? options->data : options->scene;
-    int length = options->data != NULL ? (int)strlen(folder) : folder_length(folder);
-    path[0] = '\0';
-    if (!scene->has_motion || scene->motion.kind != MOTION_LOG) {
-        return 0;
-    }
-    if (options->log_file != NULL || file[0] == '/') {
-        length = 0;
-    }
-    bool is_joined = length == 0 || folder[length - 1] == '/';
-    length = snprintf(path, FILES_PATH, "%.*s%s%s", length, folder, is_joined ? "" : "/", file);
-    return length < (int)FILES_PATH ? 0 : log_error("%s: path too long", file);
+    const char *slash = strrchr(run_file, '/');
+    int folder = slash == NULL || counts[0] == '/' ? 0 : (int)(slash - run_file) + 1;
+    int length = snprintf(path, FILES_PATH, "%.*s%s", folder, run_file, counts);
+    return length < (int)FILES_PATH ? 0 : log_error("%s: path too long", counts);
 }
 
 typedef struct {
@@ -96,14 +80,14 @@ static int check_one(const named_t *written, const named_t *others, size_t count
     return 0;
 }
 
-int files_check(const options_t *options, const char *measured_log)
+int files_check(const options_t *options, const char *counts)
 {
-    bool is_stdout = options->summary != NULL && strcmp(options->summary, "-") == 0;
-    const named_t files[] = {{"--scene", options->scene},
-                             {"the measured log", measured_log},
+    bool is_stdout = options->counters != NULL && strcmp(options->counters, "-") == 0;
+    const named_t files[] = {{"run file", options->run_file},
+                             {"counts", counts},
                              {"--log", options->log},
                              {"--trace", options->trace},
-                             {"--summary", is_stdout ? NULL : options->summary}};
+                             {"--counters", is_stdout ? NULL : options->counters}};
     for (size_t i = 2; i < sizeof files / sizeof files[0]; i++) {
         if (check_one(&files[i], files, i) != 0) {
             return -1;

@@ -1,18 +1,16 @@
 /* SPDX-License-Identifier: MIT */
-/* files: find the files of a run, and ensure that no output overwrites an input or another output. */
+/* files: find the file of counts, and ensure that no output overwrites an input or another output. */
 #ifndef FILES_H
 #define FILES_H
 
 #include "options.h"
-#include "scene.h"
 
-#define FILES_PATH 1024u
+#define FILES_PATH 2048u
 
-/* Find the scene's measured log: --log-file, or [motion] file in --data DIR, or else in the folder of the scene file; "" if the
- * scene has no log. Returns 0, or -1 after one error line: the path is too long. */
-int files_find_log(char path[FILES_PATH], const options_t *options, const scene_t *scene);
+/* Join the folder of the run file and the name of the file of counts. Returns 0, or -1 after one error line: too long. */
+int files_find_counts(char path[FILES_PATH], const char *run_file, const char *counts);
 
-/* Returns 0, or -1 after one error line: an output is also an input or another output. */
-int files_check(const options_t *options, const char *measured_log);
+/* counts: "" if no file is read. Returns 0, or -1 after one error line: an output is also an input or another output. */
+int files_check(const options_t *options, const char *counts);
 
 #endif

@@ -36,17 +36,3 @@ void histogram_merge(histogram_t *histogram, const histogram_t *other)
     histogram->count += other->count;
     histogram->max = other->max > histogram->max ? other->max : histogram->max;
 }
-
-uint64_t histogram_quantile(const histogram_t *histogram, double quantile)
-{
-    double rank = quantile * (double)histogram->count;
-    uint64_t seen = 0;
-    for (size_t bin = 0; bin < HISTOGRAM_BINS; bin++) {
-        seen += histogram->bins[bin];
-        if (seen > 0 && (double)seen >= rank) {
-            uint64_t edge = histogram_edge(bin);
-            return edge < histogram->max ? edge : histogram->max;
-        }
-    }
-    return histogram->max;
-}

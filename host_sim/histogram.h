@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * histogram: quantiles of durations in fixed memory, for runs of any length. Each octave has 32 bins, so the error of a
- * quantile is below 3.2 %, from 1 ns to centuries. The maximum is exact.
+ * histogram: durations in fixed memory, for runs of any length. Each octave has 32 bins, so the error of a quantile is below
+ * 3.2 %, from 1 ns to centuries. The maximum is exact.
  */
 #ifndef HISTOGRAM_H
 #define HISTOGRAM_H
@@ -25,8 +25,5 @@ void histogram_merge(histogram_t *histogram, const histogram_t *other);
 
 /* Upper edge of a bin, in ns. */
 uint64_t histogram_edge(size_t bin);
-
-/* Upper edge of the bin that holds the quantile, at most the maximum; 0 if empty. 0 <= quantile <= 1. */
-uint64_t histogram_quantile(const histogram_t *histogram, double quantile);
 
 #endif

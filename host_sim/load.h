@@ -6,10 +6,10 @@
 #include <math.h>
 
 #include "dahl_node.h"
-#include "scene.h"
+#include "run_file.h"
 
 /* min(limit, rest + |x|/full), in units of 1/DAHL_NODE_ONE; x in the unit of full. */
-static inline uint32_t load_of(const scene_load_t *load, double x, double limit)
+static inline uint32_t load_of(const run_load_t *load, double x, double limit)
 {
     return (uint32_t)lround(fmin(limit, load->rest + fabs(x) / load->full) * DAHL_NODE_ONE);
 }

@@ -6,7 +6,6 @@
 #include <stdio.h>
 #include <time.h>
 
-#include "frame_bits.h"
 #include "stderr_messages.h"
 
 enum { ID_KIND = 0x7F0, ID_NUMBER = 0x00F };
@@ -16,8 +15,6 @@ enum {
     WAIT_US = 10000,        /* of one receive() while the loop waits for other programs */
     MAX_DRAIN_FRAMES = 1000 /* that are received after the run */
 };
-
-static const double LOAD_WARN = 0.7; /* share of the bus; above, low priorities wait noticeably */
 
 #define CATCH_UP_NS (PERIOD_NS * 3 / 4) /* from a late tick to the next */
 #define STALL_NS NS_PER_S
@@ -100,13 +97,6 @@ static void pass_to_nodes(loop_t *loop, const dahl_can_frame_t *frame)
     }
 }
 
-static void count_bus_bits(loop_t *loop, const dahl_can_frame_t *frame)
-{
-    uint64_t bits = can_frame_bits(frame);
-    loop->bits += bits;
-    loop->second_bits += bits;
-}
-
 static void dispatch(loop_t *loop, dahl_can_frame_t *frame)
 {
     uint64_t now = clock_now(loop->clock);
@@ -119,9 +109,6 @@ static void dispatch(loop_t *loop, dahl_can_frame_t *frame)
     }
     loop->error_frames += (frame->flags & DAHL_CAN_FRAME_ERROR) != 0 ? 1u : 0u;
     loop->cut_frames += (frame->flags & DAHL_CAN_FRAME_CUT) != 0 ? 1u : 0u;
-    if (loop->bitrate > 0) {
-        count_bus_bits(loop, frame);
-    }
     for (uint32_t i = 0; i < loop->encoder_count; i++) {
         encoder_receive(&loop->encoders[i], frame, now);
     }
@@ -139,37 +126,6 @@ static bool receive(loop_t *loop, uint32_t timeout_us)
         dispatch(loop, &frame);
     }
     return result == DAHL_CAN_BUS_OK;
-}
-
-static double bus_load(const loop_t *loop, uint64_t bits, uint64_t ticks)
-{
-    return (double)bits * TICKS_PER_SECOND / ((double)loop->bitrate * (double)ticks);
-}
-
-/* Close the present second of the bus load after this many ticks: a second of them, or a shorter run. */
-static void end_load_second(loop_t *loop, uint64_t ticks)
-{
-    double load = bus_load(loop, loop->second_bits, ticks);
-    if (load > LOAD_WARN && loop->peak_load <= LOAD_WARN) {
-        char text[100];
-        snprintf(text, sizeof text, "bus load %.0f %% at %u bit/s: above %.0f %%, frames will wait for each other",
-                 100 * load, (unsigned)loop->bitrate, 100 * LOAD_WARN);
-        log_warning(text);
-    }
-    loop->peak_load = load > loop->peak_load ? load : loop->peak_load;
-    loop->second_bits = 0;
-    loop->second_end = loop->ticks + TICKS_PER_SECOND;
-}
-
-/* Call it at the last tick: frames that still wait would occupy the bus after the run. */
-static void end_load(loop_t *loop)
-{
-    if (loop->bitrate > 0 && loop->ticks > 0) {
-        loop->load = bus_load(loop, loop->bits, loop->ticks);
-        if (loop->ticks < TICKS_PER_SECOND) {
-            end_load_second(loop, loop->ticks);
-        }
-    }
 }
 
 /* An event of one node's controller; the other nodes do not receive it. */
@@ -246,9 +202,6 @@ static void tick(loop_t *loop)
         send_load(loop, &loop->encoders[i]);
         send_count(loop, &loop->encoders[i], &counts[i]);
     }
-    if (loop->bitrate > 0 && loop->ticks >= loop->second_end) {
-        end_load_second(loop, TICKS_PER_SECOND);
-    }
 }
 
 static bool is_idle(loop_t *loop)
@@ -272,13 +225,10 @@ static void wait_for_clients(loop_t *loop)
     }
 }
 
-/* Receive all frames that arrive before `end_ns`. Without a bit rate, these are all frames that were sent. */
-static void run_until(loop_t *loop, uint64_t end_ns)
+/* Receive all frames that were sent. */
+static void receive_all(loop_t *loop)
 {
-    bool has_frame = true;
-    while (has_frame && !loop->is_bus_gone) {
-        uint32_t left_us = (uint32_t)((end_ns - loop->clock->virtual_ns) / NS_PER_US);
-        has_frame = receive(loop, loop->is_timed ? left_us : loop->echoes > 0 ? WAIT_US : 0);
+    while (!loop->is_bus_gone && receive(loop, loop->echoes > 0 ? WAIT_US : 0)) {
     }
     loop->echoes = 0;
 }
@@ -288,13 +238,9 @@ static void run_virtual(loop_t *loop)
     uint64_t end_ns = 0;
     while (!is_done(loop)) {
         tick(loop);
+        receive_all(loop);
         end_ns += PERIOD_NS;
-        run_until(loop, end_ns);
         loop->clock->virtual_ns = end_ns;
-    }
-    end_load(loop);
-    for (uint64_t ticks = 0; loop->is_timed && ticks < UNANSWERED_TICKS; ticks++) {
-        run_until(loop, end_ns += PERIOD_NS);
     }
 }
 
@@ -392,7 +338,6 @@ static void run_real(loop_t *loop)
         }
         receive(loop, now >= next && is_waiting ? WAIT_US : us_until(next));
     }
-    end_load(loop);
     if (loop->encoder_count > 0) {
         settle(loop);
     }
@@ -401,7 +346,6 @@ static void run_real(loop_t *loop)
 
 void loop_run(loop_t *loop)
 {
-    loop->second_end = TICKS_PER_SECOND;
     wait_for_clients(loop);
     uint64_t start = read_clock(CLOCK_MONOTONIC);
     if (loop->clock->is_virtual) {

@@ -5,7 +5,7 @@
  *
  * docs/loop.md (Timing) describes the clocks. In real time, late ticks follow each other after 3/4 of a period until the
  * schedule is met again; a stall of more than a second shifts the schedule. Lockstep waits LOOP_PATIENCE_NS at most. In virtual
- * time, the clock stands still between ticks, except while frames occupy a bus with a bit rate.
+ * time, the clock stands still between ticks.
  */
 #ifndef LOOP_H
 #define LOOP_H
@@ -40,8 +40,6 @@ typedef struct {
     uint32_t encoder_count;
     candump_t *log;
     volatile sig_atomic_t *stop; /* set by a signal handler: end early, with whole files */
-    uint32_t bitrate;            /* to compute the load of the bus, bit/s; 0: the load is not computed */
-    bool is_timed;               /* frames occupy the bus */
     uint64_t max_ticks;          /* UINT64_MAX: no limit */
     uint32_t wait_clients;       /* clients to wait for before the first tick */
     bool until_idle;             /* end when all clients have left */
@@ -58,11 +56,6 @@ typedef struct {
     uint64_t error_frames;
     uint64_t cut_frames;    /* CAN FD frames of more than 8 bytes */
     uint64_t echoes;        /* own frames that have not come back yet; virtual time */
-    uint64_t bits;          /* of all frames on the bus */
-    uint64_t second_bits;   /* of those in the present second */
-    uint64_t second_end;    /* tick */
-    double load;            /* of the bus, over the whole run */
-    double peak_load;       /* of the second with the most bits */
     histogram_t late;       /* lateness of ticks; real time */
     uint64_t late_ticks;    /* ticks that missed their deadline; real time */
 } loop_t;

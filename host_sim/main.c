@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* dahl-loop: an actuator loop on a CAN bus. Read options and scene, open bus and files, run, write the results. */
+/* dahl-loop: an actuator loop on a CAN bus. Read options and run file, open bus and files, run, write the results. */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <math.h>
@@ -10,21 +10,21 @@
 #include <unistd.h>
 
 #include "bus_open.h"
+#include "counters.h"
 #include "files.h"
 #include "loop.h"
 #include "stderr_messages.h"
 #include "options.h"
-#include "scene.h"
+#include "run_file.h"
 #include "setup.h"
-#include "summary.h"
 #include "timing.h"
 
 enum { IDS_PER_NODE = 4, TIMER_SLACK_NS = 1000 }; /* the kernel's default slack of 50 us would delay the ticks */
 
 typedef struct {
     options_t options;
-    scene_t scene;
-    char log_path[FILES_PATH];
+    run_t run;
+    char counts_path[FILES_PATH];
     setup_t setup;
     candump_t log;
     sim_clock_t clock;
@@ -122,12 +122,11 @@ static int open_bus(program_t *p)
     open_bus_t opened;
     uint32_t ids[IDS_PER_NODE * DAHL_FRAMES_NODES];
     sim_clock_start(&p->clock, p->options.is_virtual);
-    bool needs_all = p->options.log != NULL || p->options.is_virtual || p->options.bitrate > 0;
+    bool needs_all = p->options.log != NULL || p->options.is_virtual;
     bus_config_t config = {
         .spec = p->options.bus,
         .clock = sim_clock_interface(&p->clock),
         .is_patient = p->options.is_virtual,
-        .bitrate = p->options.bitrate,
         .ids = needs_all ? NULL : ids,
         .id_count = list_ids(p, ids),
     };
@@ -152,8 +151,6 @@ static void configure_loop(program_t *p)
     p->loop.wait_clients = options->wait_clients;
     p->loop.until_idle = options->until_idle;
     p->loop.is_lockstep = options->lockstep;
-    p->loop.bitrate = options->bitrate;
-    p->loop.is_timed = options->bitrate > 0 && strcmp(options->bus, "loopback") == 0;
 }
 
 static void note_cut_frames(const program_t *p)
@@ -178,9 +175,9 @@ static int write_results(program_t *p)
         log_error("--trace %s: %s", p->options.trace, strerror(errno));
         code = EXIT_RUNTIME;
     }
-    if (p->options.summary != NULL && !summary_write(p->options.summary, &p->options, &p->scene, &p->loop,
-                                                     p->scene.has_control ? &p->setup.plant : NULL)) {
-        log_error("--summary %s: %s", p->options.summary, strerror(errno));
+    const plant_t *plant = p->run.has_control && p->setup.encoder_count > 0 ? &p->setup.plant : NULL;
+    if (p->options.counters != NULL && !counters_write(p->options.counters, &p->loop, plant)) {
+        log_error("--counters %s: %s", p->options.counters, strerror(errno));
         code = EXIT_RUNTIME;
     }
     return code;
@@ -192,7 +189,7 @@ static void note_early_end(const program_t *p)
     const encoder_t *first = &p->setup.encoders[0];
     if (p->options.seconds > 0 && first->has_ended && !first->has_failed) {
         char text[120];
-        snprintf(text, sizeof text, "--seconds %g: the scene's motion ended after %g s", p->options.seconds,
+        snprintf(text, sizeof text, "--seconds %g: the motion ended after %g s", p->options.seconds,
                  loop_seconds(&p->loop));
         log_warning(text);
     }
@@ -226,15 +223,17 @@ static int run(program_t *p)
 static int prepare(program_t *p)
 {
     const options_t *options = &p->options;
-    if (!scene_read(&p->scene, options->scene, options->sets, options->set_count)) {
+    if (!run_file_read(&p->run, options->run_file)) {
         return EXIT_BAD_INPUT;
     }
-    if (files_find_log(p->log_path, options, &p->scene) != 0 || files_check(options, p->log_path) != 0) {
+    bool has_counts = p->run.motion.number == MOTION_COUNTS;
+    if ((has_counts && files_find_counts(p->counts_path, options->run_file, p->run.motion.file) != 0) ||
+        files_check(options, p->counts_path) != 0) {
         return EXIT_BAD_INPUT;
     }
     p->setup.options = options;
-    p->setup.scene = &p->scene;
-    p->setup.log_path = p->log_path;
+    p->setup.run = &p->run;
+    p->setup.counts_path = p->counts_path;
     return setup_create(&p->setup) == 0 ? 0 : EXIT_BAD_INPUT;
 }
 

@@ -6,7 +6,7 @@
 #include "splitmix.h"
 #include "timing.h"
 
-/* Of steering: ranges of the random numbers, as shares of the scene's values; a tremor's duration in s. */
+/* Of steering: ranges of the random numbers, as shares of the given values; a tremor's duration in s. */
 static const double SWEEP_MIN = 0.4, SWEEP_MAX = 1.0, SWEEP_TIME_MIN = 0.6, SWEEP_TIME_MAX = 1.4;
 static const double TREMOR_MIN_S = 0.02, TREMOR_MAX_S = 0.12, PAUSE_MAX = 2.0;
 
@@ -22,7 +22,7 @@ static double random_between(motion_t *self, double low, double high)
 
 static double leg_end(const motion_t *self, int leg)
 {
-    const double ends[4] = {0, self->scene->theta1, self->scene->theta2, self->scene->theta3};
+    const double ends[4] = {0, self->run->theta1, self->run->theta2, self->run->theta3};
     return ends[leg];
 }
 
@@ -30,7 +30,7 @@ static void next_leg(motion_t *self)
 {
     self->leg++;
     self->tick = 1;
-    self->hold = to_ticks(self->scene->hold_s);
+    self->hold = to_ticks(self->run->hold_s);
 }
 
 static int next_segment(motion_t *self, int64_t *count)
@@ -40,7 +40,7 @@ static int next_segment(motion_t *self, int64_t *count)
     }
     double from = leg_end(self, self->leg);
     double to = leg_end(self, self->leg + 1);
-    double travel = self->scene->speed * (double)self->tick / TICKS_PER_SECOND;
+    double travel = self->run->speed * (double)self->tick / TICKS_PER_SECOND;
     bool has_arrived = travel >= fabs(to - from);
     *count = llround(has_arrived ? to : from + (to > from ? travel : -travel));
     if (!has_arrived) {
@@ -63,11 +63,11 @@ static void new_sweep(motion_t *self)
 {
     motion_move_t *sweep = &self->sweep;
     sweep->from = sweep->to;
-    sweep->to = self->side * random_between(self, SWEEP_MIN, SWEEP_MAX) * self->scene->amplitude;
+    sweep->to = self->side * random_between(self, SWEEP_MIN, SWEEP_MAX) * self->run->amplitude;
     sweep->tick = 0;
-    sweep->ticks = to_ticks(self->scene->sweep_s * random_between(self, SWEEP_TIME_MIN, SWEEP_TIME_MAX)) + 1;
+    sweep->ticks = to_ticks(self->run->sweep_s * random_between(self, SWEEP_TIME_MIN, SWEEP_TIME_MAX)) + 1;
     self->side = -self->side;
-    self->hold = to_ticks(self->scene->hold_s * random_between(self, 0.0, 1.0));
+    self->hold = to_ticks(self->run->hold_s * random_between(self, 0.0, 1.0));
 }
 
 static double next_sweep(motion_t *self)
@@ -85,7 +85,7 @@ static double next_sweep(motion_t *self)
 
 static void new_bump(motion_t *self)
 {
-    self->bump = random_between(self, -1.0, 1.0) * self->scene->tremor;
+    self->bump = random_between(self, -1.0, 1.0) * self->run->tremor;
     self->bump_ticks = to_ticks(random_between(self, TREMOR_MIN_S, TREMOR_MAX_S));
     self->bump_tick = 0;
 }
@@ -93,7 +93,7 @@ static void new_bump(motion_t *self)
 static void end_bump(motion_t *self)
 {
     self->bump_ticks = 0;
-    self->bump_tick = to_ticks(random_between(self, 0.0, PAUSE_MAX) * self->scene->tremor_s);
+    self->bump_tick = to_ticks(random_between(self, 0.0, PAUSE_MAX) * self->run->tremor_s);
 }
 
 static double next_bump(motion_t *self)
@@ -125,28 +125,27 @@ static int next_steering(motion_t *self, int64_t *count)
 static int next_row(motion_t *self, int64_t *count)
 {
     int32_t row_count = 0;
-    int result = recording_next(&self->recording, &row_count, &self->load);
+    int result = counts_next(&self->counts, &row_count, &self->load);
     *count = row_count;
     return result;
 }
 
-bool motion_open(motion_t *self, const scene_motion_t *scene, const char *path, const char *load, uint64_t seed)
+bool motion_open(motion_t *self, const run_motion_t *run, const char *path, uint64_t seed)
 {
-    const recording_columns_t columns = {scene->angle, scene->time, load, scene->counts_per_unit};
-    *self = (motion_t){.scene = scene, .random = seed, .side = 1};
-    switch (scene->kind) {
+    *self = (motion_t){.run = run, .random = seed, .side = 1};
+    switch (run->number) {
     case MOTION_SEGMENTS:
         self->next = next_segment;
-        self->hold = to_ticks(scene->hold_s);
+        self->hold = to_ticks(run->hold_s);
         return true;
     case MOTION_STEERING:
         self->next = next_steering;
-        self->ticks = to_ticks(scene->seconds);
+        self->ticks = to_ticks(run->seconds);
         end_bump(self);
         return true;
     default:
         self->next = next_row;
-        return recording_open(&self->recording, path, &columns);
+        return counts_open(&self->counts, path);
     }
 }
 
@@ -155,14 +154,14 @@ int motion_next(motion_t *self, int32_t *count)
     int64_t from_start = 0;
     int result = self->next(self, &from_start);
     if (result == 1) {
-        *count = (int32_t)(uint32_t)((uint64_t)from_start + (uint64_t)(int64_t)self->scene->start_count);
+        *count = (int32_t)(uint32_t)((uint64_t)from_start + (uint64_t)(int64_t)self->run->start_count);
     }
     return result;
 }
 
 void motion_close(motion_t *self)
 {
-    if (self->scene != NULL && self->scene->kind == MOTION_LOG) {
-        recording_close(&self->recording);
+    if (self->run != NULL && self->run->number == MOTION_COUNTS) {
+        counts_close(&self->counts);
     }
 }

@@ -5,7 +5,7 @@
  *
  *   segments  the three of the paper at constant speed: 0 to theta1, back to theta2, to theta3, each after a rest of hold_s
  *   steering  slow sweeps between random targets, as in parking, with small random reversals (tremor)
- *   log       a column of a measured file, one row each tick
+ *   counts    a file of counts, one each tick
  */
 #ifndef MOTION_H
 #define MOTION_H
@@ -13,8 +13,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "recording.h"
-#include "scene.h"
+#include "counts.h"
+#include "run_file.h"
 
 typedef struct motion motion_t;
 
@@ -26,7 +26,7 @@ typedef struct {
 
 struct motion {
     int (*next)(motion_t *self, int64_t *count); /* 1, 0 at the end, -1 after an error */
-    const scene_motion_t *scene;
+    const run_motion_t *run;
     uint64_t random;
     uint64_t tick, ticks;
     uint64_t hold; /* ticks left to rest */
@@ -35,12 +35,12 @@ struct motion {
     motion_move_t sweep;
     double bump;                      /* amplitude of the present tremor, counts */
     uint64_t bump_tick, bump_ticks;   /* if bump_ticks is 0: bump_tick counts down to the next tremor */
-    double load;                      /* of this tick, in the unit of the log's column, or N m of a motor */
-    recording_t recording;
+    double load;                      /* of this tick, x in the file of counts, or N m of a motor */
+    counts_t counts;
 };
 
-/* For kind = log, path is the log file and load its column of a load, or "". False: one error line was printed. */
-bool motion_open(motion_t *self, const scene_motion_t *scene, const char *path, const char *load, uint64_t seed);
+/* path: of the file of kind counts. False: one error line was printed. */
+bool motion_open(motion_t *self, const run_motion_t *run, const char *path, uint64_t seed);
 
 /* Return 1 and the count of the next tick, modulo 2^32; 0 at the end; -1 after one error line. */
 int motion_next(motion_t *self, int32_t *count);

@@ -15,58 +15,49 @@
 #define SOCKETCAND "socketcand:"
 
 static const char help[] =
-    "usage: dahl-loop --scene FILE [options]\n"
+    "usage: dahl-loop RUN_FILE [options]\n"
     "Run an actuator loop on a CAN bus: an encoder sends counts at 1 kHz, a friction node answers each with a torque.\n"
     "\n"
-    "  --scene FILE       INI file of the run (see host_sim/scenes and scene_keys.def); only parts with a section run\n"
+    "  RUN_FILE           lines section.key = value; host_sim/steering.run is an example, host_sim/keys.csv lists all keys.\n"
+    "                     Only parts with a key run. `dahl loop --scene NAME` makes it from a scene\n"
     "  --bus SPEC         loopback (default)      inside this process\n"
     "                     socketcan:IF            a CAN interface of the kernel, e.g. socketcan:vcan0\n"
     "                     socketcand:PORT         serve up to 16 python-can clients on 127.0.0.1:PORT, bus vcan0; 0: any\n"
     "                                             free port; a client that is not in raw mode after 5 s is dropped\n"
     "                     socketcand:HOST:PORT    join such a server; PORT/CHANNEL names its bus if it is not vcan0\n"
-    "  --bitrate N        bit/s: compute the load of the bus and warn above 70 %; on loopback, frames also occupy the bus\n"
-    "                     and wait for frames with a lower id\n"
-    "  --nodes N          N encoders and N nodes, 1 to 16; numbers start at the scene's node, each has its own seed\n"
-    "  --set S.KEY=VALUE  override a key of the scene, e.g. --set friction.gain=0.9\n"
-    "  --role ROLE        both (default), encoder or node: the part of the scene that this process runs\n"
+    "  --nodes N          N encoders and N nodes, 1 to 16; numbers start at friction.node, each has its own seed\n"
+    "  --role ROLE        both (default), encoder or node: the part of the loop that this process runs\n"
     "  --virtual          virtual time: as fast as possible; the same seed gives the same log, byte for byte\n"
     "  --lockstep         an encoder waits for each answer, a node's clock for each count, 2 s at most, so that neither a\n"
     "                     slow node nor a busy machine loses frames\n"
-    "  --seconds S        end after S seconds of ticks, or earlier with the scene's motion\n"
+    "  --seconds S        end after S seconds of ticks, or earlier with the motion\n"
     "  --seed N           seed of random motions and faults (default 1)\n"
     "  --log FILE         write each frame of the bus as candump -L does; if the reader of a pipe is too slow, whole lines\n"
     "                     are omitted and counted, and the exit code is 1; CAN FD frames of more than 8 bytes are left out\n"
     "                     and counted\n"
-    "  --trace FILE       write angle, velocity and torques of [rotor] as CSV, a row each tick\n"
-    "  --summary FILE     write counts and latencies as JSON; - for stdout, after the line with the port of a served bus\n"
+    "  --trace FILE       write angle, velocity and torques of the rotor as CSV, a row each tick\n"
+    "  --counters FILE    write all counters as lines key = value; - for stdout, after the line with the port of a served bus\n"
     "  --wait-clients N   start when N clients are on the served bus\n"
     "  --until-idle       end when all clients of the served bus have left\n"
     "  --with-parent PID  end when process PID, which started this one, has ended ($$ in a shell)\n"
-    "  --data DIR         folder of [motion] file, instead of the folder of the scene\n"
-    "  --log-file FILE    measured log, instead of [motion] file\n"
     "  --help, --version\n"
     "\n"
     "SIGINT (Ctrl-C), SIGTERM, SIGHUP and similar signals end a run early, with whole files. Exit code: 0; 1 if the bus or a\n"
-    "file failed; 2 for bad input. Examples, from the project's folder:\n"
-    "  build/host/host_sim/dahl-loop --scene host_sim/scenes/steering.ini --virtual --log build/run.log --summary -\n"
-    "  build/host/host_sim/dahl-loop --scene host_sim/scenes/steering.ini --set motion.seconds=1e9 --bus socketcand:28600 \\\n"
-    "      --wait-clients 1 --until-idle --with-parent $$ &    waits for its first client, ends with its last or the shell\n";
+    "file failed; 2 for bad input. Example, from the project's folder; it waits for its first client and ends with its last:\n"
+    "  build/host/host_sim/dahl-loop host_sim/steering.run --bus socketcand:28600 --wait-clients 1 --until-idle &\n";
 
-enum { OPTION_FIRST = 256, SCENE, BUS, ROLE, VIRTUAL, SECONDS, SEED, LOG, SUMMARY, WAIT, IDLE, DATA, LOG_FILE, LOCKSTEP, TRACE,
-       SET, NODES, BITRATE, PARENT, HELP, VERSION };
+enum { OPTION_FIRST = 256, BUS, NODES, ROLE, VIRTUAL, LOCKSTEP, SECONDS, SEED, LOG, TRACE, COUNTERS, WAIT, IDLE, PARENT, HELP,
+       VERSION };
 
 static const struct option long_options[] = {
-    {"scene", required_argument, NULL, SCENE},       {"bus", required_argument, NULL, BUS},
+    {"bus", required_argument, NULL, BUS},           {"nodes", required_argument, NULL, NODES},
     {"role", required_argument, NULL, ROLE},         {"virtual", no_argument, NULL, VIRTUAL},
-    {"seconds", required_argument, NULL, SECONDS},   {"seed", required_argument, NULL, SEED},
-    {"log", required_argument, NULL, LOG},           {"summary", required_argument, NULL, SUMMARY},
+    {"lockstep", no_argument, NULL, LOCKSTEP},       {"seconds", required_argument, NULL, SECONDS},
+    {"seed", required_argument, NULL, SEED},         {"log", required_argument, NULL, LOG},
+    {"trace", required_argument, NULL, TRACE},       {"counters", required_argument, NULL, COUNTERS},
     {"wait-clients", required_argument, NULL, WAIT}, {"until-idle", no_argument, NULL, IDLE},
-    {"data", required_argument, NULL, DATA},         {"log-file", required_argument, NULL, LOG_FILE},
-    {"lockstep", no_argument, NULL, LOCKSTEP},       {"help", no_argument, NULL, HELP},
-    {"trace", required_argument, NULL, TRACE},       {"set", required_argument, NULL, SET},
-    {"nodes", required_argument, NULL, NODES},       {"bitrate", required_argument, NULL, BITRATE},
-    {"with-parent", required_argument, NULL, PARENT}, {"version", no_argument, NULL, VERSION},
-    {NULL, 0, NULL, 0},
+    {"with-parent", required_argument, NULL, PARENT}, {"help", no_argument, NULL, HELP},
+    {"version", no_argument, NULL, VERSION},         {NULL, 0, NULL, 0},
 };
 
 static int parse_role(options_t *options, const char *text)
@@ -110,15 +101,6 @@ static int parse_uint32(const char *name, const char *text, uint32_t low, uint32
     return result;
 }
 
-static int parse_set(options_t *options, const char *text)
-{
-    if (options->set_count == OPTIONS_SETS) {
-        return log_error("--set %s: more than %d of them", text, OPTIONS_SETS);
-    }
-    options->sets[options->set_count++] = text;
-    return 0;
-}
-
 static int parse_flag(options_t *options, int which)
 {
     switch (which) {
@@ -155,12 +137,8 @@ static int parse_value(options_t *options, int which, const char *value)
         return parse_uint32("wait-clients", value, 0, 16, &options->wait_clients);
     case NODES:
         return parse_uint32("nodes", value, 1, 16, &options->nodes);
-    case BITRATE:
-        return parse_uint32("bitrate", value, 10000, 1000000, &options->bitrate);
     case PARENT:
         return parse_uint32("with-parent", value, 1, INT32_MAX, &options->parent);
-    case SET:
-        return parse_set(options, value);
     default:
         return parse_flag(options, which);
     }
@@ -170,18 +148,12 @@ static int parse_value(options_t *options, int which, const char *value)
 static const char **text_of(options_t *options, int which)
 {
     switch (which) {
-    case SCENE:
-        return &options->scene;
     case BUS:
         return &options->bus;
     case LOG:
         return &options->log;
-    case SUMMARY:
-        return &options->summary;
-    case DATA:
-        return &options->data;
-    case LOG_FILE:
-        return &options->log_file;
+    case COUNTERS:
+        return &options->counters;
     case TRACE:
         return &options->trace;
     default:
@@ -232,9 +204,6 @@ static int check_virtual(const options_t *options)
 
 static int check(const options_t *options)
 {
-    if (options->scene == NULL) {
-        return log_error("no --scene FILE; see dahl-loop --help");
-    }
     if ((options->wait_clients > 0 || options->until_idle) && !is_server(options)) {
         return log_error("--wait-clients and --until-idle need --bus socketcand:PORT, not %s", options->bus);
     }
@@ -252,6 +221,10 @@ int options_read(options_t *options, int argc, char **argv)
             return result;
         }
     }
+    if (optind == argc) {
+        return log_error("no RUN_FILE; see dahl-loop --help");
+    }
+    options->run_file = argv[optind++];
     if (optind < argc) {
         return log_error("unexpected argument %s; see dahl-loop --help", argv[optind]);
     }

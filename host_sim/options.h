@@ -6,18 +6,12 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define OPTIONS_SETS 32
-
 typedef struct {
-    const char *scene;
+    const char *run_file;
     const char *bus;      /* "loopback" if absent */
     const char *log;      /* NULL: not written */
-    const char *summary;  /* NULL: not written; "-": stdout */
-    const char *data;     /* folder of the scene's log file; NULL: that of the scene */
-    const char *log_file; /* NULL: the scene's [motion] file */
     const char *trace;    /* NULL: not written */
-    const char *sets[OPTIONS_SETS]; /* "section.key=value" */
-    int set_count;
+    const char *counters; /* NULL: not written; "-": stdout */
     bool run_encoder, run_node;
     bool is_virtual;
     bool until_idle;
@@ -26,7 +20,6 @@ typedef struct {
     uint64_t seed;
     uint32_t wait_clients;
     uint32_t nodes;
-    uint32_t bitrate; /* bit/s; 0: the load is not computed, and frames occupy no time on loopback */
     uint32_t parent;  /* end with this process; 0: run on */
 } options_t;
 

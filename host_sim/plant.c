@@ -26,7 +26,7 @@ static int sign_of(double value)
 
 static double theta_per_count(const plant_t *p)
 {
-    return (double)(float)p->scene->friction.theta_per_count;
+    return (double)(float)p->run->friction.theta_per_count;
 }
 
 static double exact_count(const plant_t *p)
@@ -55,7 +55,7 @@ static double answered_torque(const plant_t *p)
 {
     const encoder_t *e = p->encoder;
     bool is_fresh = e->torque_of > 0 && e->sent - e->torque_of < FRESH_TICKS;
-    return is_fresh ? ldexp(e->torque_q30, -30) * (double)(float)p->scene->friction.Fc : 0;
+    return is_fresh ? ldexp(e->torque_q30, -30) * (double)(float)p->run->friction.total_Fc : 0;
 }
 
 static double control_torque(plant_t *p)
@@ -65,12 +65,12 @@ static double control_torque(plant_t *p)
     p->last_error = error;
     p->compensation = answered_torque(p);
     double feedback = theta_per_count(p) * dahl_controller_torque(&p->controller, error, p->rate);
-    return clamp(feedback + p->compensation, p->scene->control.torque_limit);
+    return clamp(feedback + p->compensation, p->run->control.torque_limit);
 }
 
 static double motor_torque(const plant_t *p)
 {
-    const scene_motor_t *m = &p->scene->motor;
+    const run_motor_t *m = &p->run->motor;
     return m->bias + m->amplitude * sin(TWO_PI * m->frequency * PERIOD_S * (double)p->ticks);
 }
 
@@ -97,7 +97,7 @@ static void write_row(plant_t *p)
     int result = fprintf(p->trace, "%.3f,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g", (double)p->ticks * PERIOD_S,
                          (double)p->reference_count * theta_per_count(p), r->theta, r->omega, p->torque, r->friction,
                          p->compensation);
-    if (result >= 0 && p->scene->has_hand) {
+    if (result >= 0 && p->run->has_hand) {
         result = fprintf(p->trace, ",%.17g", dahl_rotor_hand_torque(r));
     }
     if (result < 0 || fputc('\n', p->trace) == EOF) {
@@ -105,12 +105,12 @@ static void write_row(plant_t *p)
     }
 }
 
-/* If the scene has a [load], the bearing is loaded by the motor's torque. dahl_clamped_step() lowers a load of 2 to 2 - 2^-30. */
+/* With a load, the bearing is loaded by the motor's torque. dahl_clamped_step() lowers a load of 2 to 2 - 2^-30. */
 static void set_load(plant_t *p, double torque)
 {
-    const scene_load_t *load = &p->scene->load;
+    const run_load_t *load = &p->run->load;
     p->motion.load = torque;
-    if (p->scene->has_load) {
+    if (p->run->has_load) {
         p->rotor.load_q30 = load_of(load, torque, load->rotor_limit) << 14;
     }
 }
@@ -152,7 +152,7 @@ static int next_driven(motion_t *self, int64_t *count)
     if (!is_in_range(p)) {
         return -1;
     }
-    if (p->ticks >= (uint64_t)llround(p->scene->motor.seconds / PERIOD_S)) {
+    if (p->ticks >= (uint64_t)llround(p->run->motor.seconds / PERIOD_S)) {
         return 0;
     }
     *count = measured_count(p);
@@ -161,17 +161,17 @@ static int next_driven(motion_t *self, int64_t *count)
     return 1;
 }
 
-bool plant_open(plant_t *plant, const scene_t *scene, motion_t *reference, const encoder_t *encoder)
+bool plant_open(plant_t *plant, const run_t *run, motion_t *reference, const encoder_t *encoder)
 {
-    const scene_rotor_t *r = &scene->rotor;
-    *plant = (plant_t){.scene = scene, .reference = reference, .encoder = encoder};
-    plant->controller = (controller_t){.kp = scene->control.kp, .kd = scene->control.kd};
-    plant->motion = (motion_t){.next = reference != NULL ? next_controlled : next_driven, .scene = &scene->motion};
+    const run_rotor_t *r = &run->rotor;
+    *plant = (plant_t){.run = run, .reference = reference, .encoder = encoder};
+    plant->controller = (controller_t){.kp = run->control.kp, .kd = run->control.kd};
+    plant->motion = (motion_t){.next = reference != NULL ? next_controlled : next_driven, .run = &run->motion};
     if (dahl_rotor_open(&plant->rotor, r->inertia, r->viscous, r->sigma0, r->Fc) != DAHL_OK) {
         log_error("[rotor] sigma0 = %.9g, Fc = %.9g: dahl_prepare refuses", r->sigma0, r->Fc);
         return false;
     }
-    plant->rotor.hand = scene->has_hand ? &scene->hand : NULL;
+    plant->rotor.hand = run->has_hand ? &run->hand : NULL;
     return true;
 }
 
@@ -182,7 +182,7 @@ bool plant_trace(plant_t *plant, const char *path)
         return false;
     }
     fputs("time_s,reference_rad,angle_rad,velocity_rad_s,motor_Nm,friction_Nm,compensation_Nm", plant->trace);
-    fputs(plant->scene->has_hand ? ",hand_Nm\n" : "\n", plant->trace);
+    fputs(plant->run->has_hand ? ",hand_Nm\n" : "\n", plant->trace);
     return true;
 }
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * plant: a rotor with its motor, as a motion. Each tick advances it by one period. A scene drives it by one of
+ * plant: a rotor with its motor, as a motion. Each tick advances it by one period. It is driven by one of
  *
  *   [motor]    a torque over time, bias + amplitude sin(2 pi frequency t). The encoder sends the angle of the shaft.
- *   [control]  a PD controller on the encoder's counts, which follows the scene's [motion], plus the friction torque that the
+ *   [control]  a PD controller on the encoder's counts, which follows the motion, plus the friction torque that the
  *              node answers. The encoder sends the *reference*: feed-forward on the reference angle has no feedback, so it
  *              cannot chatter. The torque counts as 0 if the last answer is 3 ticks old or older.
  *
@@ -18,11 +18,11 @@
 #include "encoder_node.h"
 #include "motion.h"
 #include "rotor.h"
-#include "scene.h"
+#include "run_file.h"
 
 typedef struct {
     motion_t motion; /* first, so that a motion_t * is a plant_t *; the encoder reads it */
-    const scene_t *scene;
+    const run_t *run;
     motion_t *reference;      /* NULL: [motor] */
     const encoder_t *encoder; /* with the last answer */
     FILE *trace;              /* NULL: not written */
@@ -44,7 +44,7 @@ typedef struct {
 } plant_t;
 
 /* reference: an open motion, or NULL for [motor]. False: one error line was printed. */
-bool plant_open(plant_t *plant, const scene_t *scene, motion_t *reference, const encoder_t *encoder);
+bool plant_open(plant_t *plant, const run_t *run, motion_t *reference, const encoder_t *encoder);
 
 /* Open the trace: a CSV row of time, angles, velocity and torques for each tick. Returns false with errno set on failure. */
 bool plant_trace(plant_t *plant, const char *path);

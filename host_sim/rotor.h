@@ -6,7 +6,8 @@
  * Integration: half steps in speed around an exact step of the friction. It is of second order in ROTOR_STEP_S, and stable if
  * the inertia is at least dahl_rotor_least_inertia().
  *
- * Python calls these functions too (tools/dahl/sim/shaft.py), so they are in libdahl.so and have its prefix.
+ * Python calls these functions too (compensation.py and park_steer.py in tools/dahl/sim), so they are in libdahl.so and have
+ * its prefix.
  */
 #ifndef ROTOR_H
 #define ROTOR_H

@@ -12,17 +12,11 @@ static uint32_t to_us(double ms)
     return (uint32_t)lround(ms * US_PER_MS);
 }
 
-static uint32_t timeout_us(const setup_t *s)
-{
-    double given_ms = s->scene->friction.timeout_ms;
-    return given_ms > 0 ? to_us(given_ms) : DAHL_NODE_TIMEOUT_US;
-}
-
 static void configure_node(const setup_t *s, dahl_node_t *node)
 {
-    const scene_friction_t *f = &s->scene->friction;
-    node->status_us = s->scene->has_status ? to_us(s->scene->status_period_ms) : 0;
-    node->timeout_us = timeout_us(s);
+    const run_friction_t *f = &s->run->friction;
+    node->status_us = s->run->has_status ? to_us(s->run->status.period_ms) : 0;
+    node->timeout_us = to_us(s->run->friction.timeout_ms);
     node->gain = (uint32_t)lround(f->gain * DAHL_NODE_ONE);
     node->limit = (uint32_t)lround(f->limit * DAHL_NODE_ONE);
     node->ramp_us = to_us(f->ramp_ms);
@@ -32,15 +26,15 @@ static void configure_node(const setup_t *s, dahl_node_t *node)
 
 static int create_node(setup_t *s, dahl_node_t *node, uint8_t number)
 {
-    const scene_friction_t *f = &s->scene->friction;
-    dahl_params_t params = {(float)f->sigma0, (float)f->Fc, (float)f->theta_per_count};
+    const run_friction_t *f = &s->run->friction;
+    dahl_params_t params = {(float)f->total_sigma0, (float)f->total_Fc, (float)f->theta_per_count};
     dahl_err_t result = dahl_node_init(node, &params, number);
     if (result == DAHL_OK) {
         result = models_use(node, &s->models[number], f);
     }
     if (result != DAHL_OK) {
-        return log_error("%s: [friction] sigma0 = %.9g, Fc = %.9g, theta_per_count = %.9g: dahl_prepare refuses (%d)",
-                         s->options->scene, f->sigma0, f->Fc, f->theta_per_count, (int)result);
+        return log_error("%s: friction.sigma0 = %.9g, Fc = %.9g, theta_per_count = %.9g: the model refuses (dahl_err_t %d)",
+                         s->options->run_file, f->total_sigma0, f->total_Fc, f->theta_per_count, (int)result);
     }
     configure_node(s, node);
     return 0;
@@ -48,7 +42,7 @@ static int create_node(setup_t *s, dahl_node_t *node, uint8_t number)
 
 uint8_t setup_number(const setup_t *s, uint32_t i)
 {
-    return (uint8_t)((uint32_t)s->scene->friction.node + i);
+    return (uint8_t)((uint32_t)s->run->friction.node + i);
 }
 
 static int create_nodes(setup_t *s)
@@ -64,8 +58,8 @@ static int create_nodes(setup_t *s)
 
 static int create_plant(setup_t *s)
 {
-    motion_t *reference = s->scene->has_control ? &s->motions[0] : NULL;
-    if (!plant_open(&s->plant, s->scene, reference, &s->encoders[0])) {
+    motion_t *reference = s->run->has_control ? &s->motions[0] : NULL;
+    if (!plant_open(&s->plant, s->run, reference, &s->encoders[0])) {
         return -1;
     }
     s->encoders[0].motion = &s->plant.motion;
@@ -78,15 +72,15 @@ static int create_encoder(setup_t *s, uint32_t i)
     uint64_t seed = s->options->seed + i;
     encoder->motion = &s->motions[i];
     encoder->node = setup_number(s, i);
-    if (s->scene->has_motion && !motion_open(&s->motions[i], &s->scene->motion, s->log_path, s->scene->load.column, seed)) {
+    if (s->run->has_motion && !motion_open(&s->motions[i], &s->run->motion, s->counts_path, seed)) {
         return -1;
     }
-    if (s->scene->has_load) {
-        encoder->load = &s->scene->load;
+    if (s->run->has_load) {
+        encoder->load = &s->run->load;
         encoder->load_sent = DAHL_NODE_ONE;
     }
-    if (s->scene->has_faults) {
-        faults_open(&s->faults[i], s->scene->faults, ~seed, timeout_us(s));
+    if (s->run->has_faults) {
+        faults_open(&s->faults[i], s->run->faults, ~seed, to_us(s->run->friction.timeout_ms));
         encoder->faults = &s->faults[i];
     }
     return 0;
@@ -100,24 +94,24 @@ static int create_encoders(setup_t *s)
             return -1;
         }
     }
-    return s->scene->has_rotor ? create_plant(s) : 0;
+    return s->run->has_rotor ? create_plant(s) : 0;
 }
 
 static int check_numbers(const setup_t *s)
 {
     unsigned nodes = s->options->nodes;
     if (setup_number(s, nodes - 1) >= DAHL_FRAMES_NODES) {
-        return log_error("--nodes %u: with the scene's first node %u, numbers would pass %u", nodes,
-                         (unsigned)s->scene->friction.node, (unsigned)DAHL_FRAMES_NODES - 1);
+        return log_error("--nodes %u: with friction.node = %u, numbers would pass %u", nodes,
+                         (unsigned)s->run->friction.node, (unsigned)DAHL_FRAMES_NODES - 1);
     }
-    if (nodes > 1 && s->scene->has_rotor) {
-        return log_error("--nodes %u: a scene with a [rotor] has one", nodes);
+    if (nodes > 1 && s->run->has_rotor) {
+        return log_error("--nodes %u: a run with a rotor has one", nodes);
     }
-    if (s->options->trace != NULL && !s->scene->has_rotor) {
-        return log_error("--trace %s: %s has no [rotor] to trace", s->options->trace, s->options->scene);
+    if (s->options->trace != NULL && !s->run->has_rotor) {
+        return log_error("--trace %s: %s has no rotor to trace", s->options->trace, s->options->run_file);
     }
     if (s->options->trace != NULL && !s->options->run_encoder) {
-        return log_error("--trace %s: --role node runs no [rotor] to trace", s->options->trace);
+        return log_error("--trace %s: --role node runs no rotor to trace", s->options->trace);
     }
     return 0;
 }
@@ -125,7 +119,7 @@ static int check_numbers(const setup_t *s)
 static int check_roles(const setup_t *s, bool has_node, bool has_encoder)
 {
     if (!has_node && !has_encoder) {
-        return log_error("%s: has no [%s], which this --role must run", s->options->scene,
+        return log_error("%s: has no %s, which this --role must run", s->options->run_file,
                          s->options->run_node ? "friction" : "motion");
     }
     if (!has_encoder && s->options->is_virtual && !(s->options->seconds > 0)) {
@@ -136,8 +130,8 @@ static int check_roles(const setup_t *s, bool has_node, bool has_encoder)
 
 int setup_create(setup_t *s)
 {
-    bool has_node = s->options->run_node && s->scene->has_friction;
-    bool has_encoder = s->options->run_encoder && (s->scene->has_motion || s->scene->has_motor);
+    bool has_node = s->options->run_node && s->run->has_friction;
+    bool has_encoder = s->options->run_encoder && (s->run->has_motion || s->run->has_motor);
     int result = check_roles(s, has_node, has_encoder);
     if (result == 0 && has_node) {
         result = create_nodes(s);

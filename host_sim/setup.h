@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* setup: create the nodes, encoders, faults and the shaft of a run, from a scene and the options. */
+/* setup: create the nodes, encoders, faults and the shaft of a run, from a run file and the options. */
 #ifndef SETUP_H
 #define SETUP_H
 
@@ -11,17 +11,17 @@
 #include "dahl_node.h"
 #include "options.h"
 #include "plant.h"
-#include "scene.h"
+#include "run_file.h"
 
-/* All zeros but options, scene and log_path, before setup_create. Large: make it static. */
+/* All zeros but options, run and counts_path, before setup_create. Large: make it static. */
 typedef struct {
     const options_t *options;
-    const scene_t *scene;
-    const char *log_path; /* of the measured log */
+    const run_t *run;
+    const char *counts_path; /* of a motion of kind counts */
     uint32_t node_count;
     uint32_t encoder_count;
     dahl_node_t nodes[DAHL_FRAMES_NODES];
-    model_memory_t models[DAHL_FRAMES_NODES]; /* used if the scene's model is not dahl */
+    model_memory_t models[DAHL_FRAMES_NODES]; /* used if the model is not dahl */
     motion_t motions[DAHL_FRAMES_NODES];
     encoder_t encoders[DAHL_FRAMES_NODES];
     faults_t faults[DAHL_FRAMES_NODES];

@@ -4,8 +4,6 @@
 #include <stdarg.h>
 #include <stdio.h>
 
-#include "utf8.h"
-
 /* Text from a file may hold control characters. Replace them, so that a message is always one line. */
 static void replace_controls(char *text)
 {
@@ -21,7 +19,6 @@ __attribute__((format(printf, 2, 0))) static void print(const char *kind, const 
     char text[2048];
     vsnprintf(text, sizeof text, format, arguments);
     replace_controls(text);
-    utf8_repair(text);
     fprintf(stderr, "%s: %s\n", kind, text);
 }
 

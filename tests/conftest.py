@@ -4,8 +4,6 @@
 A missing build is a failure. Measured data that is out of reach is a skip.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -174,6 +172,14 @@ def dahl_loop() -> Path:
     path = built("host_sim", "dahl-loop")
     os.environ.setdefault("DAHL_LOOP", str(path))
     return path
+
+
+@pytest.fixture(scope="module", autouse=True)
+def build_of_python_tests(request: pytest.FixtureRequest) -> None:
+    """Let each test of tests/python find the built library and dahl-loop."""
+    if request.path.is_relative_to(ROOT / "tests" / "python"):
+        request.getfixturevalue("library")
+        request.getfixturevalue("dahl_loop")
 
 
 @pytest.fixture(scope="session")

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Programs that tests start, and C that they compile."""
 
-from __future__ import annotations
-
 import ctypes
 import subprocess
 from pathlib import Path

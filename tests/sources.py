@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The C files of the product by purpose, found by folder, so that a new file needs no change."""
 
-from __future__ import annotations
-
 import functools
 from pathlib import Path
 
@@ -19,7 +17,7 @@ def _found(*folders: str, kind: str = "c") -> list[Path]:
 CORE = _found("lib/arith", "lib/model")  # one element, as firmware links it
 PARTS = [path for name in ("compensator", "cores", "parts") for path in _found(f"lib/{name}")]
 ALL = [*CORE, *PARTS, *_found("lib/batch", "lib/float")]
-NODE = [path for path in _found("lib", "port", "host_sim") if path.stem in ("node", "frames")]
+NODE = _found("lib/node")
 FOLDERS = sorted(
     {path.parent for path in _found("lib", kind="h")} | {ROOT / "port", ROOT / "host_sim"}
 )

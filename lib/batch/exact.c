@@ -67,21 +67,13 @@ void dahl_batch_parallel_counts(const dahl_part_t *parts, uint32_t count, const 
             F[t] = dahl_##name##_step_counts(plan, state, dcounts[t]);                                                         \
         }                                                                                                                      \
     }
-DAHL_FRAMES_DIRECTED_MODELS(RUN_COUNTS)
+DAHL_BRISTLE_MODELS(RUN_COUNTS)
 
 void dahl_batch_loaded_counts(const dahl_plan_t *plan, dahl_loaded_state_t *state, const int32_t *dcounts,
                               const uint32_t *load_q30, float *F, size_t n)
 {
     for (size_t t = 0; t < n; t++) {
         F[t] = dahl_loaded_step_counts(plan, state, dcounts[t], load_q30[t]);
-    }
-}
-
-void dahl_batch_elastoplastic_counts(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state, const int32_t *dcounts,
-                                     float *F, size_t n)
-{
-    for (size_t t = 0; t < n; t++) {
-        F[t] = dahl_elastoplastic_step_counts(plan, state, dcounts[t]);
     }
 }
 

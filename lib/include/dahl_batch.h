@@ -19,7 +19,6 @@
 
 #include <stddef.h>
 #include "dahl.h"
-#include "dahl_frames.h"
 #include "dahl_parts.h"
 
 #ifdef __cplusplus
@@ -57,18 +56,14 @@ void dahl_batch_slip_counts(const dahl_slip_plan_t *plan, dahl_slip_state_t *sta
 /** dahl_parallel_step_counts() for each tick. */
 void dahl_batch_parallel_counts(const dahl_part_t *parts, uint32_t count, const int32_t *dcounts,
                                 float *F, size_t n);
-/** dahl_batch_NAME_counts(): dahl_NAME_step_counts() for each tick, of a model with one Fc for each
- * direction. */
+/** dahl_batch_NAME_counts(): dahl_NAME_step_counts() for each tick, of DAHL_BRISTLE_MODELS. */
 #define DAHL_BATCH_COUNTS(name, ...) \
     void dahl_batch_##name##_counts(const dahl_##name##_plan_t *plan, dahl_state_t *state, \
                                     const int32_t *dcounts, float *F, size_t n);
-DAHL_FRAMES_DIRECTED_MODELS(DAHL_BATCH_COUNTS)
+DAHL_BRISTLE_MODELS(DAHL_BATCH_COUNTS)
 /** dahl_loaded_step_counts() for each tick, with the load load_q30[t]. */
 void dahl_batch_loaded_counts(const dahl_plan_t *plan, dahl_loaded_state_t *state,
                               const int32_t *dcounts, const uint32_t *load_q30, float *F, size_t n);
-/** dahl_elastoplastic_step_counts() for each tick. */
-void dahl_batch_elastoplastic_counts(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state,
-                                     const int32_t *dcounts, float *F, size_t n);
 /** dahl_work_step_counts() for each tick. */
 void dahl_batch_work_counts(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work,
                             const int32_t *dcounts, float *F, size_t n);

@@ -32,6 +32,7 @@
 #include <stdint.h>
 
 #include "dahl_can_bus.h"
+#include "dahl_parts.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -140,50 +141,15 @@ typedef enum {
     DAHL_FRAMES_PARAM_NONE = 255   /**< in a reply: unknown parameter; the value is its number */
 } dahl_frames_param_t;
 
-/** The friction models that a node can answer by, except the Dahl element: one row each. Scenes,
- * the Python package, dahl.dbc and docs/loop.md read this table.
- *
- *     MODEL(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning)
- *
- * - name: in scenes and options. Its calls are dahl_name_..., those of the Dahl element dahl_...
- * - NAME: DAHL_FRAMES_MODEL_NAME is its number.
- * - Class: in dahl.dbc and of the Python package, where the Dahl element is a Plan.
- * - number: value of parameter Model. If sigma0s is 0, the number of elements is added.
- * - sigma0s: how many sigma0 [N m/rad]; 0: one for each of 1 .. DAHL_SLIP_MAX elements.
- * - Fcs: how many Fc [N m]; 0: one for each element; 2: one for each direction. The torque ratio
- *   refers to their sum, of two directions to the larger Fc.
- * - plan: 1 if it has a type dahl_name_plan_t, which may be constant in flash.
- * - key: its own key in [friction] of a scene; "" if there is none.
- * - meaning: of that key, or of other data that the model needs. */
-/* clang-format off */
-#define DAHL_FRAMES_OTHER_MODELS(MODEL) \
-    MODEL(slip, SLIP, Slip, 0, 0, 0, 1, "", "") \
-    MODEL(parallel, PARALLEL, Parallel, 32, 0, 0, 0, "kinds", "`dahl` or `slip` for each element") \
-    MODEL(elastoplastic, ELASTOPLASTIC, ElastoPlastic, 17, 1, 1, 1, "breakaway", "a fraction of Fc") \
-    MODEL(loaded, LOADED, Loaded, 18, 1, 1, 0, "", \
-          "a section `[load]`; `sigma0` and `Fc` hold at load 1") \
-    DAHL_FRAMES_DIRECTED_MODELS(MODEL)
-
-/** Rows of the models with one Fc for each direction and the state of one bristle. Their log call,
- * scenes, tests and benchmarks read these rows. Each must have:
- * - dahl_name_params_t: sigma0, Fc_forward, Fc_backward, theta_per_count, all float
- * - the calls dahl_name_prepare(), dahl_name_step_counts(), dahl_name_step_counts_q30() and
- *   dahl_node_use_name(), with the arguments that those of `asymmetric` have */
-#define DAHL_FRAMES_DIRECTED_MODELS(MODEL) \
-    MODEL(asymmetric, ASYMMETRIC, Asymmetric, 16, 1, 2, 1, "", "")
-/* clang-format on */
-
-/** All models: the Dahl element and DAHL_FRAMES_OTHER_MODELS. */
-#define DAHL_FRAMES_MODELS(MODEL) \
-    MODEL(dahl, DAHL, Dahl, 0, 1, 1, 1, "", "") \
-    DAHL_FRAMES_OTHER_MODELS(MODEL)
+/** The table of models in dahl_parts.h. */
+#define DAHL_FRAMES_MODELS(MODEL) DAHL_MODELS(MODEL)
 
 /** One value of parameter Model. */
 #define DAHL_FRAMES_MODEL(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning) \
     DAHL_FRAMES_MODEL_##NAME = (number),
 
 /** Values of parameter Model: DAHL_FRAMES_MODEL_NAME of each row. */
-enum { DAHL_FRAMES_MODELS(DAHL_FRAMES_MODEL) };
+enum { DAHL_MODELS(DAHL_FRAMES_MODEL) };
 
 /** Kinds of ParamWrite. To change several of Sigma0, Fc and ThetaPerCount, write all but the last
  * with HOLD and the last with WRITE. They apply together or not at all: a rejected write drops the

@@ -126,15 +126,11 @@ typedef struct {
     uint8_t out_of_step; /**< repeated, wrong sequence, jumps, timeouts and bus-offs */
 } dahl_node_tally_t;
 
-/** A friction model that replaces the Dahl element. A dahl_node_use_... call sets it. */
-typedef struct dahl_node_model {
-    /** Moves by dcounts and returns torque over Fc in Q30. */
-    int32_t (*step_q30)(struct dahl_node_model *model, int32_t dcounts);
-    /** Sets the relaxed state. */
-    void (*relax)(struct dahl_node_model *model);
-    uint32_t kind;     /**< value of parameter Model, DAHL_FRAMES_MODEL_... */
-    uint32_t load_q30; /**< [Q30] load of the next move, written by the node; only Loaded reads
-                            it */
+/** A friction model that replaces the Dahl element, followed by its plan and its state.
+ * dahl_node_use() sets it. */
+typedef struct {
+    const dahl_model_q30_t *calls; /**< calls of the model */
+    uint32_t kind;                 /**< value of parameter Model, DAHL_FRAMES_MODEL_... */
 } dahl_node_model_t;
 
 /** A node. The members gain .. status_us may be changed after dahl_node_init(). */
@@ -192,60 +188,87 @@ DAHL_NODISCARD dahl_err_t dahl_node_init(dahl_node_t *node, const dahl_params_t 
 
 /**
  * @name Other models (dahl_parts.h)
- * Call one after dahl_node_init(). The node then answers with this relaxed model. The storage must
- * live as long as the node. Parameter Model returns the model; writing Fc, Sigma0 or ThetaPerCount
- * is rejected with OutOfRange. If a call fails, it returns the error of the prepare function and
- * changes nothing. A model that is not called is not linked.
+ * Call dahl_node_use() or a wrapper of it after dahl_node_init(). The node then answers with this
+ * relaxed model. The storage must live as long as the node. Parameter Model returns the model;
+ * writing Fc, Sigma0 or ThetaPerCount is rejected with OutOfRange. If a call fails, it returns the
+ * error of the prepare function and changes nothing. A model that is not called is not linked.
  */
 /** @{ */
 
-/** Slip elements of a node. */
-typedef struct {
-    dahl_node_model_t model; /**< must be first */
-    dahl_slip_plan_t plan;   /**< plan */
-    dahl_slip_state_t state; /**< state */
-} dahl_node_slip_t;
+/** Defines dahl_node_NAME_t, the storage of model NAME for a node. */
+#define DAHL_NODE_STORAGE(name, ...) \
+    typedef struct { \
+        dahl_node_model_t model;   /**< must be first */ \
+        dahl_##name##_plan_t plan; /**< plan */ \
+        dahl_##name##_state_t state; /**< state */ \
+    } dahl_node_##name##_t;
+DAHL_OTHER_MODELS(DAHL_NODE_STORAGE)
 
-/** Use slip elements. The answer is a fraction of the sum of Fc. Fc and Sigma0 return their
- * sums. */
-DAHL_NODISCARD dahl_err_t dahl_node_use_slip(dahl_node_t *node, dahl_node_slip_t *slip,
-                                             const dahl_slip_params_t *params);
+/**
+ * Use a model. The answer is a fraction of Fc, of the sum of Fc, or of the larger Fc of two
+ * directions; Fc and Sigma0 return these numbers.
+ * @verbatim
+ *   static dahl_node_slip_t slip;
+ *   err = dahl_node_use(&node, &slip.model, &dahl_model_slip_q30, &params);
+ * @endverbatim
+ * @param node    node
+ * @param storage member `model` of dahl_node_NAME_t
+ * @param model   dahl_model_NAME_q30 of the same NAME; model `loaded` follows parameter Load,
+ *   0 .. 1, which starts at 1
+ * @param params  parameters; of `loaded` those at load 1
+ * @return as the prepare function of the model
+ */
+DAHL_NODISCARD dahl_err_t dahl_node_use(dahl_node_t *node, dahl_node_model_t *storage,
+                                        const dahl_model_q30_t *model,
+                                        const dahl_model_params_t *params);
 
-/** Asymmetric friction of a node. */
-typedef struct {
-    dahl_node_model_t model;     /**< must be first */
-    dahl_asymmetric_plan_t plan; /**< plan */
-    dahl_state_t state;          /**< state */
-} dahl_node_asymmetric_t;
+/** Use slip elements. */
+DAHL_NODISCARD static inline dahl_err_t dahl_node_use_slip(dahl_node_t *node,
+                                                           dahl_node_slip_t *slip,
+                                                           const dahl_slip_params_t *params)
+{
+    dahl_model_params_t all;
+    all.each = *params;
+    return dahl_node_use(node, &slip->model, &dahl_model_slip_q30, &all);
+}
 
-/** Use asymmetric friction. The answer is a fraction of the larger Fc, which Fc returns. */
-DAHL_NODISCARD dahl_err_t dahl_node_use_asymmetric(dahl_node_t *node,
-                                                   dahl_node_asymmetric_t *storage,
-                                                   const dahl_asymmetric_params_t *params);
-
-/** Elasto-plastic friction of a node. */
-typedef struct {
-    dahl_node_model_t model;        /**< must be first */
-    dahl_elastoplastic_plan_t plan; /**< plan */
-    dahl_state_t state;             /**< state */
-} dahl_node_elastoplastic_t;
+/** Use asymmetric friction. */
+DAHL_NODISCARD static inline dahl_err_t
+dahl_node_use_asymmetric(dahl_node_t *node, dahl_node_asymmetric_t *storage,
+                         const dahl_asymmetric_params_t *params)
+{
+    dahl_model_params_t all;
+    all.each.theta_per_count = params->theta_per_count;
+    all.each.sigma0[0] = params->sigma0;
+    all.each.Fc[0] = params->Fc_forward;
+    all.each.Fc[1] = params->Fc_backward;
+    return dahl_node_use(node, &storage->model, &dahl_model_asymmetric_q30, &all);
+}
 
 /** Use elasto-plastic friction, without creep below breakaway. */
-DAHL_NODISCARD dahl_err_t dahl_node_use_elastoplastic(dahl_node_t *node,
-                                                      dahl_node_elastoplastic_t *storage,
-                                                      const dahl_params_t *params, float breakaway);
+DAHL_NODISCARD static inline dahl_err_t
+dahl_node_use_elastoplastic(dahl_node_t *node, dahl_node_elastoplastic_t *storage,
+                            const dahl_params_t *params, float breakaway)
+{
+    dahl_model_params_t all;
+    all.each.theta_per_count = params->theta_per_count;
+    all.each.sigma0[0] = params->sigma0;
+    all.each.Fc[0] = params->Fc;
+    all.own = breakaway;
+    return dahl_node_use(node, &storage->model, &dahl_model_elastoplastic_q30, &all);
+}
 
-/** Loaded friction of a node. */
-typedef struct {
-    dahl_node_model_t model;   /**< must be first */
-    dahl_plan_t plan;          /**< plan */
-    dahl_loaded_state_t state; /**< state */
-} dahl_node_loaded_t;
-
-/** Use friction whose Fc and sigma0 scale with parameter Load, 0 .. 1, which starts at 1. params
- * are those at load 1; the answer is a fraction of their Fc. */
-DAHL_NODISCARD dahl_err_t dahl_node_use_loaded(dahl_node_t *node, dahl_node_loaded_t *storage,
-                                               const dahl_params_t *params);
+/** Use friction whose Fc and sigma0 scale with parameter Load. params are those at load 1. */
+DAHL_NODISCARD static inline dahl_err_t dahl_node_use_loaded(dahl_node_t *node,
+                                                             dahl_node_loaded_t *storage,
+                                                             const dahl_params_t *params)
+{
+    dahl_model_params_t all;
+    all.each.theta_per_count = params->theta_per_count;
+    all.each.sigma0[0] = params->sigma0;
+    all.each.Fc[0] = params->Fc;
+    return dahl_node_use(node, &storage->model, &dahl_model_loaded_q30, &all);
+}
 
 /** Parameters of dahl_node_use_parallel(). */
 typedef struct {
@@ -256,22 +279,21 @@ typedef struct {
     float Fc[DAHL_SLIP_MAX];     /**< [N m] Coulomb torque of each element */
 } dahl_node_parallel_params_t;
 
-/** Elements in parallel of a node. */
-typedef struct {
-    dahl_node_model_t model;           /**< must be first */
-    uint32_t bearings;                 /**< number of Dahl elements */
-    dahl_slip_plan_t slip;             /**< plan of the slip elements */
-    dahl_slip_state_t slip_state;      /**< state of the slip elements */
-    uint64_t slip_share;               /**< [Q62] share of the slip elements in the sum of Fc */
-    dahl_plan_t plan[DAHL_SLIP_MAX];   /**< plans of the Dahl elements */
-    dahl_state_t state[DAHL_SLIP_MAX]; /**< states of the Dahl elements */
-    uint64_t share[DAHL_SLIP_MAX];     /**< [Q62] shares of the Dahl elements */
-} dahl_node_parallel_t;
-
-/** Use Dahl and slip elements on one shaft. The answer is a fraction of the sum of Fc. Fc and
- * Sigma0 return their sums. Error: 1e-9 plus that of the elements. */
-DAHL_NODISCARD dahl_err_t dahl_node_use_parallel(dahl_node_t *node, dahl_node_parallel_t *storage,
-                                                 const dahl_node_parallel_params_t *params);
+/** Use Dahl and slip elements on one shaft. Error: 1e-9 plus that of the elements. */
+DAHL_NODISCARD static inline dahl_err_t
+dahl_node_use_parallel(dahl_node_t *node, dahl_node_parallel_t *storage,
+                       const dahl_node_parallel_params_t *params)
+{
+    dahl_model_params_t all;
+    all.slips = params->slips;
+    all.each.elements = params->elements;
+    all.each.theta_per_count = params->theta_per_count;
+    for (uint32_t k = 0; k < DAHL_SLIP_MAX; k++) {
+        all.each.sigma0[k] = params->sigma0[k];
+        all.each.Fc[k] = params->Fc[k];
+    }
+    return dahl_node_use(node, &storage->model, &dahl_model_parallel_q30, &all);
+}
 /** @} */
 
 /**

@@ -368,6 +368,9 @@ typedef struct {
     dahl_q64_t backward[23]; /**< the same for backward moves */
 } dahl_asymmetric_plan_t;
 
+/** State of asymmetric friction: w = F / larger Fc. */
+typedef dahl_state_t dahl_asymmetric_state_t;
+
 /**
  * Prepare asymmetric friction.
  * @param[out] plan   plan to write; unchanged if the call fails
@@ -417,6 +420,9 @@ typedef struct {
     dahl_state_t bristle; /**< w = F / (load Fc) */
     uint32_t load_q30;    /**< [Q30] load of the last tick */
 } dahl_loaded_state_t;
+
+/** Plan for the load 1, from dahl_prepare(). */
+typedef dahl_plan_t dahl_loaded_plan_t;
 
 /**
  * Move by counts under a load and return the torque.
@@ -491,6 +497,9 @@ typedef struct {
     uint32_t counts_max;    /**< this many counts travel 1 to 2; 0 if one count travels more */
 } dahl_elastoplastic_plan_t;
 
+/** State of an elasto-plastic element: w = F/Fc. */
+typedef dahl_state_t dahl_elastoplastic_state_t;
+
 /**
  * Prepare an elasto-plastic element.
  * @param[out] plan      plan to write; unchanged if the call fails
@@ -522,6 +531,132 @@ float dahl_elastoplastic_step_counts(const dahl_elastoplastic_plan_t *plan, dahl
  */
 int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan,
                                            dahl_state_t *state, int32_t dcounts);
+/** @} */
+
+/**
+ * @name Model chosen at run time
+ * The calls of one model as a constant object, for a program that learns the model from a file or
+ * an option. A firmware that knows its model calls dahl_NAME_step_counts() directly.
+ * @verbatim
+ *   static dahl_any_plan_t plan;
+ *   static dahl_any_state_t state;                                 // all zeros: relaxed
+ *   const dahl_model_t *model = &dahl_model_slip;
+ *   dahl_model_params_t params = {{2, 1e-4f, {100, 300}, {0.5f, 0.2f}}, 0, 0}; // two elements
+ *   if (model->q30->prepare(&plan, &params) != DAHL_OK) { stop(); }
+ *   each tick:  F = model->step(&plan, &state, dcounts, 1u << 30);    // load 1
+ * @endverbatim
+ * Only the models that a program names are linked. Link with --gc-sections, so that
+ * dahl_model_NAME_q30 links no float form.
+ */
+/** @{ */
+
+/** The friction models: one row each. Nodes, simulators, log calls, scenes, the Python package,
+ * dahl.dbc and the pages read this table.
+ *
+ *     MODEL(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning)
+ *
+ * - name: in scenes and options. Its types are dahl_name_plan_t and dahl_name_state_t, and its
+ *   objects dahl_model_name and dahl_model_name_q30. Those of the Dahl element are dahl_plan_t,
+ *   dahl_state_t, dahl_model_dahl and dahl_model_dahl_q30.
+ * - NAME: DAHL_FRAMES_MODEL_NAME is its number.
+ * - Class: in dahl.dbc and of the Python package, where the Dahl element is a Plan.
+ * - number: value of parameter Model of a node. If sigma0s is 0, the node adds its number of
+ *   elements.
+ * - sigma0s: how many sigma0 [N m/rad]; 0: one for each of 1 .. DAHL_SLIP_MAX elements.
+ * - Fcs: how many Fc [N m]; 0: one for each element; 2: one for each direction. The torque ratio
+ *   is F divided by the sum of all Fc. For two directions, it is F divided by the larger Fc.
+ * - plan: 1 if `dahl plan --model` can write its plan as a constant for flash.
+ * - key: its own key in [friction] of a scene; "" if there is none.
+ * - meaning: what that key sets, or other data that the model needs. */
+/* clang-format off */
+#define DAHL_OTHER_MODELS(MODEL) \
+    MODEL(slip, SLIP, Slip, 0, 0, 0, 1, "", "") \
+    MODEL(parallel, PARALLEL, Parallel, 32, 0, 0, 0, "kinds", "`dahl` or `slip` for each element") \
+    MODEL(loaded, LOADED, Loaded, 18, 1, 1, 0, "", \
+          "a section `[load]`; `sigma0` and `Fc` hold at load 1") \
+    DAHL_BRISTLE_MODELS(MODEL)
+
+/** Rows of the models with the state of one bristle, a dahl_state_t, and the calls
+ * dahl_name_step_counts(plan, state, dcounts) and dahl_name_step_counts_q30(). Their log calls,
+ * tests and benchmarks read these rows. */
+#define DAHL_BRISTLE_MODELS(MODEL) \
+    MODEL(elastoplastic, ELASTOPLASTIC, ElastoPlastic, 17, 1, 1, 1, "breakaway", "a fraction of Fc") \
+    MODEL(asymmetric, ASYMMETRIC, Asymmetric, 16, 1, 2, 1, "", "")
+/* clang-format on */
+
+/** All models: the Dahl element and DAHL_OTHER_MODELS. */
+#define DAHL_MODELS(MODEL) \
+    MODEL(dahl, DAHL, Dahl, 0, 1, 1, 1, "", "") \
+    DAHL_OTHER_MODELS(MODEL)
+
+/** Parameters of any model. */
+typedef struct {
+    dahl_slip_params_t each; /**< theta_per_count, and sigma0 and Fc of each element. With two Fc
+                                  and one sigma0, Fc[0] is forward and Fc[1] is backward. Only
+                                  models whose sigma0s is 0 read `elements` */
+    uint32_t slips;          /**< only `parallel` reads it. Bit k set: element k slips, otherwise it
+                                  is a Dahl element */
+    float own;               /**< value of the model's own key: breakaway of `elastoplastic` */
+} dahl_model_params_t;
+
+/** Calls of a model. Ticks use integers only. A state of all zeros is relaxed. */
+typedef struct {
+    /** Prepares a plan. If a parameter is rejected, it returns the reason and leaves the plan
+     * unchanged. The ranges are those of the model's own prepare function. */
+    dahl_err_t (*prepare)(void *plan, const dahl_model_params_t *params);
+    /** Moves by counts and returns the torque ratio in Q30. Only `loaded` reads load_q30, the load
+     * as in dahl_loaded_step_counts(); 2^30 is load 1. */
+    int32_t (*step_q30)(const void *plan, void *state, int32_t dcounts, uint32_t load_q30);
+    uint16_t plan_bytes;  /**< [byte] size of the plan; the state may follow it directly */
+    uint16_t state_bytes; /**< [byte] size of the state */
+    uint8_t number;       /**< number in its row of DAHL_MODELS */
+    uint8_t sigma0s;      /**< sigma0s in its row */
+    uint8_t Fcs;          /**< Fcs in its row */
+} dahl_model_q30_t;
+
+/** Calls of a model. */
+typedef struct {
+    const dahl_model_q30_t *q30; /**< its calls in integers */
+    /** Moves by counts and returns F [N m]. load_q30 as in step_q30. */
+    float (*step)(const void *plan, void *state, int32_t dcounts, uint32_t load_q30);
+} dahl_model_t;
+
+/** Declares the objects of one model. */
+#define DAHL_DECLARE_MODEL(name, ...) \
+    extern const dahl_model_q30_t dahl_model_##name##_q30; \
+    extern const dahl_model_t dahl_model_##name;
+DAHL_MODELS(DAHL_DECLARE_MODEL)
+
+/** Plan of the model `parallel`. */
+typedef struct {
+    uint32_t bearings;               /**< number of Dahl elements */
+    dahl_slip_plan_t slip;           /**< plan of the slip elements */
+    uint64_t slip_share;             /**< [Q62] share of the slip elements in the sum of Fc */
+    dahl_plan_t plan[DAHL_SLIP_MAX]; /**< plans of the Dahl elements */
+    uint64_t share[DAHL_SLIP_MAX];   /**< [Q62] shares of the Dahl elements */
+} dahl_parallel_plan_t;
+
+/** State of the model `parallel`. */
+typedef struct {
+    dahl_slip_state_t slip;            /**< state of the slip elements */
+    dahl_state_t state[DAHL_SLIP_MAX]; /**< states of the Dahl elements */
+} dahl_parallel_state_t;
+
+/** Member of dahl_any_plan_t. */
+#define DAHL_ANY_PLAN(name, ...) dahl_##name##_plan_t name;
+/** Plan of any model. */
+typedef union {
+    dahl_plan_t dahl; /**< of the Dahl element */
+    DAHL_OTHER_MODELS(DAHL_ANY_PLAN)
+} dahl_any_plan_t;
+
+/** Member of dahl_any_state_t. */
+#define DAHL_ANY_STATE(name, ...) dahl_##name##_state_t name;
+/** State of any model. Any bits are safe; all zeros are relaxed. */
+typedef union {
+    dahl_state_t dahl; /**< of the Dahl element */
+    DAHL_OTHER_MODELS(DAHL_ANY_STATE)
+} dahl_any_state_t;
 /** @} */
 
 #ifdef __cplusplus

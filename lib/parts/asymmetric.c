@@ -17,6 +17,7 @@
 #include "../model/prepare_table.h"
 #include "../model/torque.h"
 #include "dahl_parts.h"
+#include "model.h"
 
 static inline uint32_t gap_forward(const dahl_asymmetric_plan_t *plan, uint64_t w)
 {
@@ -151,3 +152,14 @@ DAHL_COLD dahl_err_t dahl_asymmetric_prepare(dahl_asymmetric_plan_t *plan, const
     }
     return (dahl_err_t)err;
 }
+
+static DAHL_COLD dahl_err_t prepare_asymmetric(void *plan, const dahl_model_params_t *params)
+{
+    dahl_asymmetric_params_t directed;
+    directed.sigma0 = params->each.sigma0[0];
+    directed.Fc_forward = params->each.Fc[0];
+    directed.Fc_backward = params->each.Fc[1];
+    directed.theta_per_count = params->each.theta_per_count;
+    return dahl_asymmetric_prepare((dahl_asymmetric_plan_t *)plan, &directed);
+}
+DAHL_DEFINE_MODEL_BY_COUNTS(asymmetric)

@@ -15,6 +15,7 @@
 #include "../model/prepare_table.h"
 #include "../model/torque.h"
 #include "dahl_parts.h"
+#include "model.h"
 
 #define COARSE_BITS 5 /* the travel of a count is in Q62; if it is 2 or more, in Q57 */
 
@@ -198,3 +199,10 @@ DAHL_COLD dahl_err_t dahl_elastoplastic_prepare(dahl_elastoplastic_plan_t *plan,
     }
     return (dahl_err_t)err;
 }
+
+static DAHL_COLD dahl_err_t prepare_elastoplastic(void *plan, const dahl_model_params_t *params)
+{
+    const dahl_params_t one = dahl_element_params(params, 0);
+    return dahl_elastoplastic_prepare((dahl_elastoplastic_plan_t *)plan, &one, params->own);
+}
+DAHL_DEFINE_MODEL_BY_COUNTS(elastoplastic)

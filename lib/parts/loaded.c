@@ -6,6 +6,7 @@
 #include "../model/bristle_update.h"
 #include "../model/torque.h"
 #include "dahl_parts.h"
+#include "model.h"
 
 #define LOAD_MAX (DAHL_TOP_BIT - 1)
 #define MIN_EXPONENT (-64 - 31) /* exponent of Fc = 2^-64 N m as a real */
@@ -111,3 +112,21 @@ int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t
     state->load_q30 = load;
     return move_and_scale(plan, &state->bristle, dcounts, load);
 }
+
+static DAHL_COLD dahl_err_t prepare_loaded(void *plan, const dahl_model_params_t *params)
+{
+    const dahl_params_t one = dahl_element_params(params, 0);
+    return dahl_prepare((dahl_plan_t *)plan, &one);
+}
+
+static float step_loaded(const void *plan, void *state, int32_t dcounts, uint32_t load_q30)
+{
+    return dahl_loaded_step_counts((const dahl_plan_t *)plan, (dahl_loaded_state_t *)state, dcounts, load_q30);
+}
+
+static int32_t step_loaded_q30(const void *plan, void *state, int32_t dcounts, uint32_t load_q30)
+{
+    return dahl_loaded_step_counts_q30((const dahl_plan_t *)plan, (dahl_loaded_state_t *)state, dcounts, load_q30);
+}
+
+DAHL_DEFINE_MODEL(loaded, dahl_loaded_plan_t, dahl_loaded_state_t)

@@ -8,6 +8,7 @@
 #include "../model/bristle_update.h"
 #include "../model/check_params.h"
 #include "../model/torque.h"
+#include "model.h"
 #include "shift.h"
 
 #define SHIFT_MAX 31 /* one count then moves from one limit to the other or further */
@@ -234,3 +235,9 @@ int64_t dahl_slip_part_move(const void *plan, void *state, int32_t dcounts)
 {
     return (int64_t)move_slip((const dahl_slip_plan_t *)plan, (dahl_slip_state_t *)state, dcounts);
 }
+
+static DAHL_COLD dahl_err_t prepare_slip(void *plan, const dahl_model_params_t *params)
+{
+    return dahl_slip_prepare((dahl_slip_plan_t *)plan, &params->each);
+}
+DAHL_DEFINE_MODEL_BY_COUNTS(slip)

@@ -104,22 +104,22 @@ bool fmu_set_time(fmu_t *m, const char *call, double time)
 static void read_parameters(friction_t *f, const fmu_start_t *start, const double *value)
 {
     *f = (friction_t){.model = friction_find(start->model),
-                      .params = {.elements = start->Fcs, .theta_per_count = (float)value[FMU_THETA]},
-                      .breakaway = (float)value[FMU_BREAKAWAY],
-                      .slips = start->slips,
+                      .params = {.each = {.elements = start->Fcs, .theta_per_count = (float)value[FMU_THETA]},
+                                 .slips = start->slips,
+                                 .own = (float)value[FMU_BREAKAWAY]},
                       .is_stiffness_fixed = start->fixed_stiffness != 0};
     for (uint32_t k = 0; k < start->Fcs; k++) {
-        f->params.sigma0[k] = (float)value[FMU_SIGMA0 + k];
-        f->params.Fc[k] = (float)value[FMU_FC + k];
+        f->params.each.sigma0[k] = (float)value[FMU_SIGMA0 + k];
+        f->params.each.Fc[k] = (float)value[FMU_FC + k];
     }
 }
 
 /* Return the torque after a long move. Its rounding may differ from that of the sum of Fc. */
 static double largest_torque(const friction_t *f)
 {
-    friction_state_t state[DAHL_SLIP_MAX] = {0};
-    const float forward = friction_move(f, state, (double)INFINITY, 1.0);
-    const float backward = friction_move(f, state, (double)-INFINITY, 1.0);
+    friction_state_t state = {.word = {0}};
+    const float forward = friction_move(f, &state, (double)INFINITY, 1.0);
+    const float backward = friction_move(f, &state, (double)-INFINITY, 1.0);
     return (double)(forward > -backward ? forward : -backward);
 }
 
@@ -145,7 +145,7 @@ static bool prepare(fmu_t *m, const char *call)
     friction_t friction;
     read_parameters(&friction, &m->start, m->now.value);
     if (friction_prepare(&friction) != DAHL_OK) {
-        return fail_travel(m, call, (double)friction.params.theta_per_count);
+        return fail_travel(m, call, (double)friction.params.each.theta_per_count);
     }
     m->friction = friction;
     m->largest_torque = largest_torque(&friction);
@@ -220,7 +220,7 @@ bool fmu_step(fmu_t *m, const char *call, double time, double duration)
     }
     double *value = m->now.value;
     const double end = friction_position(&m->friction, value[FMU_ANGLE]);
-    value[FMU_TORQUE] = (double)friction_move(&m->friction, m->now.state, end - m->now.position, value[FMU_LOAD]);
+    value[FMU_TORQUE] = (double)friction_move(&m->friction, &m->now.state, end - m->now.position, value[FMU_LOAD]);
     value[FMU_RATIO] = value[FMU_TORQUE] / m->largest_torque;
     m->now.position = end;
     return true;

@@ -39,7 +39,7 @@ typedef struct {
     uint64_t mode;
     double position; /* [rad], or [counts] if theta_per_count is not 0: where the last step ended */
     double value[FMU_VALUES];
-    friction_state_t state[DAHL_SLIP_MAX];
+    friction_state_t state;
 } fmu_state_t;
 
 typedef struct fmu fmu_t;

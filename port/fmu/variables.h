@@ -12,7 +12,7 @@ enum {
     FMU_TORQUE = 2,                      /* [N m] output */
     FMU_RATIO = 3,                       /* output, torque over the largest torque at load 1 */
     FMU_THETA = 4,                       /* [rad] theta_per_count; 0: moves by angle */
-    FMU_BREAKAWAY = 5,                   /* [Fc] of the model elastoplastic */
+    FMU_BREAKAWAY = 5,                   /* [Fc] of the model with this key */
     FMU_SIGMA0 = 6,                      /* [N m/rad] of each element */
     FMU_FC = FMU_SIGMA0 + DAHL_SLIP_MAX, /* [N m] of each element, or of each direction */
     FMU_TIME = FMU_FC + DAHL_SLIP_MAX,   /* [s] of FMI 3.0 */
@@ -23,7 +23,7 @@ enum {
 typedef struct {
     char mark[16];            /* tools/dahl/simulators/fmu.py finds this block in the shared object by it */
     char guid[40];            /* that of modelDescription.xml */
-    char model[16];           /* name in DAHL_FRAMES_MODELS */
+    char model[16];           /* name in DAHL_MODELS */
     uint32_t sigma0s, Fcs;    /* numbers of sigma0 and Fc */
     uint32_t slips;           /* of the model parallel: bit k is set if element k slips */
     uint32_t fixed_stiffness; /* of the model loaded: 1 if only Fc follows the load */

@@ -14,7 +14,7 @@
 /* A number, or a list of them. */
 typedef struct {
     const char *key;
-    const char *model; /* the only one with this key; NULL: any model */
+    const char *model; /* the only one with this key; NULL: that of the row of DAHL_MODELS with this key, else any model */
     bool is_needed;
     uint32_t max_values;
     double low, high; /* both allowed */
@@ -23,12 +23,12 @@ typedef struct {
 
 enum { SIGMA0, FC, THETA, BREAKAWAY, FULL, REST, RANGES };
 #define MEMBER(name) offsetof(instance_t, name)
-/* breakaway, full and rest as in host_sim/scene_keys.def */
+/* breakaway, full and rest as in host_sim/keys.csv */
 static const range_t ranges[RANGES] = {
-    [SIGMA0] = {"sigma0", NULL, true, DAHL_SLIP_MAX, PARAM_MIN, PARAM_MAX, MEMBER(friction.params.sigma0)},
-    [FC] = {"Fc", NULL, true, DAHL_SLIP_MAX, PARAM_MIN, PARAM_MAX, MEMBER(friction.params.Fc)},
-    [THETA] = {"theta_per_count", NULL, false, 1, PARAM_MIN, PARAM_MAX, MEMBER(friction.params.theta_per_count)},
-    [BREAKAWAY] = {"breakaway", "elastoplastic", true, 1, 1e-37, 0x1.fffffep-1, MEMBER(friction.breakaway)},
+    [SIGMA0] = {"sigma0", NULL, true, DAHL_SLIP_MAX, PARAM_MIN, PARAM_MAX, MEMBER(friction.params.each.sigma0)},
+    [FC] = {"Fc", NULL, true, DAHL_SLIP_MAX, PARAM_MIN, PARAM_MAX, MEMBER(friction.params.each.Fc)},
+    [THETA] = {"theta_per_count", NULL, false, 1, PARAM_MIN, PARAM_MAX, MEMBER(friction.params.each.theta_per_count)},
+    [BREAKAWAY] = {"breakaway", NULL, true, 1, 1e-37, 0x1.fffffep-1, MEMBER(friction.params.own)},
     [FULL] = {"full", "loaded", true, 1, 1e-9, 1e12, MEMBER(full)},
     [REST] = {"rest", "loaded", false, 1, 0.0, 1.0, MEMBER(rest)},
 };
@@ -98,6 +98,16 @@ static uint32_t read_numbers(const config_t *c, const range_t *range, float *to)
     return count;
 }
 
+/* Return the name of the model with this key of its own, or NULL. */
+static const char *find_owner(const char *key)
+{
+    uint32_t model = 0;
+    while (model < FRICTION_MODELS && strcmp(friction_models[model].key, key) != 0) {
+        model++;
+    }
+    return model < FRICTION_MODELS ? friction_models[model].name : NULL;
+}
+
 static void check_owner(const config_t *c, const char *model, const char *key, const char *owner, bool is_needed)
 {
     const bool is_owner = owner == NULL || strcmp(owner, model) == 0;
@@ -124,7 +134,7 @@ static uint32_t read_kinds(const config_t *c, friction_t *f)
             fail(c, "kinds = %s has more than %u words", text_of(c, "kinds"), (unsigned)DAHL_SLIP_MAX);
             return 0;
         }
-        f->slips |= (uint32_t)is_slip << count;
+        f->params.slips |= (uint32_t)is_slip << count;
     }
     return count;
 }
@@ -132,8 +142,9 @@ static uint32_t read_kinds(const config_t *c, friction_t *f)
 /* Check the numbers of sigma0, Fc and kinds against the model. */
 static void check_counts(const config_t *c, const friction_model_t *model, uint32_t sigma0s, uint32_t Fcs, uint32_t kinds)
 {
-    const uint32_t needed_Fcs = model->Fcs != 0 ? model->Fcs : Fcs;
-    const uint32_t needed_sigma0s = model->sigma0s != 0 ? model->sigma0s : Fcs;
+    const dahl_model_q30_t *calls = model->calls->q30;
+    const uint32_t needed_Fcs = calls->Fcs != 0 ? calls->Fcs : Fcs;
+    const uint32_t needed_sigma0s = calls->sigma0s != 0 ? calls->sigma0s : Fcs;
     if (sigma0s != needed_sigma0s || Fcs != needed_Fcs) {
         fail(c, "model = %s does not fit %u sigma0 and %u Fc", model->name, sigma0s, Fcs);
     }
@@ -148,14 +159,15 @@ static void read_friction(const config_t *c, instance_t *self)
     const friction_model_t *model = &friction_models[f->model];
     uint32_t counts[RANGES];
     for (int i = 0; i < RANGES; i++) {
-        check_owner(c, model->name, ranges[i].key, ranges[i].model, ranges[i].is_needed);
+        const char *owner = ranges[i].model != NULL ? ranges[i].model : find_owner(ranges[i].key);
+        check_owner(c, model->name, ranges[i].key, owner, ranges[i].is_needed);
         counts[i] = read_numbers(c, &ranges[i], (float *)(void *)((char *)self + ranges[i].offset));
     }
-    check_owner(c, model->name, "kinds", "parallel", true);
+    check_owner(c, model->name, "kinds", find_owner("kinds"), true);
     check_counts(c, model, counts[SIGMA0], counts[FC], read_kinds(c, f));
-    f->params.elements = counts[FC];
+    f->params.each.elements = counts[FC];
     if (friction_prepare(f) != DAHL_OK) {
-        fail(c, "theta_per_count = %g is outside 2^-30 .. 2^20 of Fc/sigma0", (double)f->params.theta_per_count);
+        fail(c, "theta_per_count = %g is outside 2^-30 .. 2^20 of Fc/sigma0", (double)f->params.each.theta_per_count);
     }
 }
 
@@ -193,7 +205,7 @@ void attributes_read(const mjModel *m, int instance, instance_t *self)
     const char *name = *text_of(&c, "model") != '\0' ? text_of(&c, "model") : "dahl";
     *self = (instance_t){.friction.model = friction_find(name)};
     if (self->friction.model == FRICTION_MODELS) {
-        fail(&c, "model = %s is none of" DAHL_FRAMES_MODELS(NAME), name);
+        fail(&c, "model = %s is none of" DAHL_MODELS(NAME), name);
         return;
     }
     read_object(&c, self);

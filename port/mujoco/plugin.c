@@ -37,24 +37,18 @@ static void place(const mjData *d, const instance_t *self, mjtNum *state, double
     state[LOAD] = (double)self->rest;
 }
 
-/* Return the number of 32-bit words of the friction's state. */
-static uint32_t count_words(const friction_t *f)
-{
-    return friction_count_states(f) * FRICTION_STATE_WORDS;
-}
-
 static void save(mjtNum *numbers, const friction_t *f, const friction_state_t *from)
 {
-    for (uint32_t k = 0, words = count_words(f); k < words; k++) {
-        numbers[k] = from[k / FRICTION_STATE_WORDS].word[k % FRICTION_STATE_WORDS];
+    for (uint32_t k = 0; k < friction_count_words(f); k++) {
+        numbers[k] = from->word[k];
     }
 }
 
 static void restore(friction_state_t *to, const friction_t *f, const mjtNum *numbers)
 {
-    for (uint32_t k = 0, words = count_words(f); k < words; k++) {
+    for (uint32_t k = 0; k < friction_count_words(f); k++) {
         const bool is_word = numbers[k] >= 0.0 && numbers[k] <= UINT32_MAX;
-        to[k / FRICTION_STATE_WORDS].word[k % FRICTION_STATE_WORDS] = is_word ? (uint32_t)numbers[k] : 0;
+        to->word[k] = is_word ? (uint32_t)numbers[k] : 0;
     }
 }
 
@@ -95,8 +89,8 @@ static void compute(const mjModel *m, mjData *d, int instance, int capability)
     if (is_start(m, d, state)) {
         place(d, self, state, position);
     }
-    friction_state_t unused[DAHL_SLIP_MAX];
-    const double F = move_from(self, state, position, unused);
+    friction_state_t unused;
+    const double F = move_from(self, state, position, &unused);
     if (self->joint >= 0) {
         subtract_force(m, d, m->jnt_dofadr[self->joint], F);
         return;
@@ -121,9 +115,9 @@ static void advance(const mjModel *m, mjData *d, int instance)
     if (state[PHASE] < PLACED) { /* compute() was not called: passive forces are disabled */
         place(d, self, state, position);
     }
-    friction_state_t moved[DAHL_SLIP_MAX];
-    (void)move_from(self, state, position, moved);
-    save(state + HEADER, &self->friction, moved);
+    friction_state_t moved;
+    (void)move_from(self, state, position, &moved);
+    save(state + HEADER, &self->friction, &moved);
     state[PHASE] = MOVING;
     state[POSITION] = position;
     if (self->full > 0.0f) {
@@ -135,7 +129,7 @@ static int nstate(const mjModel *m, int instance)
 {
     instance_t self;
     attributes_read(m, instance, &self);
-    return HEADER + (int)count_words(&self.friction);
+    return HEADER + (int)friction_count_words(&self.friction);
 }
 
 static int init(const mjModel *m, mjData *d, int instance)

@@ -5,44 +5,31 @@
 
 #include <stdbool.h>
 
-#include "dahl_frames.h"
 #include "dahl_parts.h"
 
 #define FRICTION_ENUM(name, NAME, ...) FRICTION_##NAME,
-enum { DAHL_FRAMES_MODELS(FRICTION_ENUM) FRICTION_MODELS };
+enum { DAHL_MODELS(FRICTION_ENUM) FRICTION_MODELS };
 
 typedef struct {
-    const char *name;
-    uint32_t sigma0s, Fcs; /* numbers of sigma0 and Fc; 0: one for each element */
+    const char *name, *key; /* key: of the member `own` of its parameters; "" if there is none */
+    const dahl_model_t *calls;
 } friction_model_t;
 extern const friction_model_t friction_models[FRICTION_MODELS];
 
-#define FRICTION_PLAN(name, ...) dahl_##name##_plan_t name;
-typedef union {
-    dahl_plan_t dahl; /* also of loaded */
-    dahl_slip_plan_t slip;
-    dahl_elastoplastic_plan_t elastoplastic;
-    DAHL_FRAMES_DIRECTED_MODELS(FRICTION_PLAN)
-} friction_plan_t;
-
 /* Set the members above Fc, then call friction_prepare(). */
 typedef struct {
-    uint32_t model;            /* FRICTION_... */
-    dahl_slip_params_t params; /* of any model: sigma0 and Fc of each element or direction; elements is the number of Fc */
-    float breakaway;           /* [Fc] of elastoplastic */
-    uint32_t slips;            /* of parallel: bit k is set if element k slips, else it is a Dahl element */
-    bool is_stiffness_fixed;   /* of loaded: sigma0 does not follow the load, and moves are by angle */
-    double Fc;                 /* [N m] torque at a ratio of 1: the sum, or the larger one of two directions */
-    friction_plan_t plan[DAHL_SLIP_MAX]; /* of each part; only parallel has more than one */
-    int32_t share[DAHL_SLIP_MAX];        /* of each part of parallel */
+    uint32_t model;             /* FRICTION_... */
+    dahl_model_params_t params; /* `elements` is the number of Fc */
+    bool is_stiffness_fixed;    /* of loaded: sigma0 does not follow the load, and moves are by angle */
+    double Fc;                  /* [N m] torque at a ratio of 1: the sum, or the larger one of two directions */
+    dahl_any_plan_t plan;
 } friction_t;
 
-#define FRICTION_STATE_WORDS DAHL_SLIP_MAX /* those of dahl_slip_state_t, the larger state */
+#define FRICTION_STATE_WORDS (sizeof(dahl_any_state_t) / sizeof(uint32_t))
 
-/* State of one part. Any bits are safe; all zeros are relaxed. */
+/* All zeros are relaxed. */
 typedef union {
-    dahl_loaded_state_t bristle; /* of all but slip elements */
-    dahl_slip_state_t slip;
+    dahl_any_state_t any;
     uint32_t word[FRICTION_STATE_WORDS]; /* all bits, to save and restore them */
 } friction_state_t;
 
@@ -53,8 +40,8 @@ uint32_t friction_find(const char *name);
  * presliding length Fc/sigma0, so that a count changes F by at most 1e-6 of Fc. Return the error of the library. */
 dahl_err_t friction_prepare(friction_t *f);
 
-/* Return the length of the array of states: one state for each part. */
-uint32_t friction_count_states(const friction_t *f);
+/* Return how many words of the state the model uses. */
+uint32_t friction_count_words(const friction_t *f);
 
 /* Return the position at an angle: the nearest count, or the angle itself if the model moves by angle. */
 double friction_position(const friction_t *f, double angle);

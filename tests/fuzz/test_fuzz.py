@@ -7,8 +7,6 @@ The properties are in tests/fuzz/*.c. Programs and inputs are in build/fuzz. An 
 property stays there as NAME/crash-... and is a seed of each later run.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess
@@ -40,8 +38,8 @@ FUZZERS = {
     "receiver": Fuzzer(300, 400_000),
     "slcan": Fuzzer(128, 500_000),
     "socketcand": Fuzzer(256, 100_000),
-    "scene": Fuzzer(1200, 250_000),
-    "recording": Fuzzer(512, 300_000),
+    "run_file": Fuzzer(1200, 250_000),
+    "counts": Fuzzer(512, 300_000),
 }
 
 
@@ -73,8 +71,6 @@ def fuzz(program: Path, found: Path, *options: str) -> subprocess.CompletedProce
     for folder in (crashes, found):
         folder.mkdir(parents=True, exist_ok=True)
     seeds = [HERE / "corpus" / name, crashes]
-    if name == "scene":
-        seeds.append(ROOT / "host_sim/scenes")
     words = [f"-dict={path}" for path in HERE.glob(f"{name}.dict")]
     words += [f"-artifact_prefix={crashes}/", f"-max_len={FUZZERS[name].length}"]
     words += ["-timeout=60", "-rss_limit_mb=2048", "-malloc_limit_mb=1024", *options]

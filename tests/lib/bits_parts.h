@@ -1,13 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 /* Golden bits of the parts: for each parameter set of bits.h the hash of each torque, Q30 value and state, over all hard
- * motions in turn. DAHL_FRAMES_DIRECTED_MODELS gives the models with one Fc for each direction; any other new part is a
- * function and a row of the table. */
+ * motions in turn. DAHL_BRISTLE_MODELS has the models with the state of one bristle; any other new part is a function and a
+ * row of the table. */
 #ifndef BITS_PARTS_H
 #define BITS_PARTS_H
 
 #include "bits.h"
 #include "dahl_compensator.h"
-#include "dahl_frames.h"
 #include "dahl_parts.h"
 
 #define BITS_PARTS_TICKS (BITS_TICKS / 200) /* an AVR needs a minute for them */
@@ -112,28 +111,31 @@ static inline void bits_beside(bits_of_part_t *run)
     }
 }
 
-/* Elements by counts with the state of one bristle, whose prepare has these arguments. */
-#define BITS_OF_BRISTLE(name, ...)                                                                                             \
+/* A model with the state of one bristle. The second Fc is that of the backward direction. */
+static inline void bits_of_model(bits_of_part_t *run, const dahl_model_t *model)
+{
+    const dahl_params_t *p = run->params;
+    const dahl_model_params_t params = {{1, p->theta_per_count, {p->sigma0}, {p->Fc, 0.5f * p->Fc}}, 0, 0.7f};
+    dahl_any_plan_t plan;
+    dahl_state_t torque = {0}, q30 = {0};
+    motion_t motion = MOTION_START;
+    if (model->q30->prepare(&plan, &params) != DAHL_OK) {
+        return;
+    }
+    for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {
+        int32_t d = run->next(&motion);
+        run->hash = bits_fold(run->hash, bits_of_float(model->step(&plan, &torque, d, 0)));
+        run->hash = bits_fold(run->hash, (uint32_t)model->q30->step_q30(&plan, &q30, d, 0));
+        run->hash = bits_fold(run->hash, (uint64_t)q30.w);
+    }
+}
+
+#define BITS_OF_MODEL(name, ...)                                                                                               \
     static inline void bits_##name(bits_of_part_t *run)                                                                        \
     {                                                                                                                          \
-        const dahl_params_t *p = run->params;                                                                                  \
-        dahl_##name##_plan_t plan;                                                                                             \
-        dahl_state_t torque = {0}, q30 = {0};                                                                                  \
-        motion_t motion = MOTION_START;                                                                                        \
-        if (dahl_##name##_prepare(&plan, __VA_ARGS__) != DAHL_OK) {                                                            \
-            return;                                                                                                            \
-        }                                                                                                                      \
-        for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {                                                                       \
-            int32_t d = run->next(&motion);                                                                                    \
-            run->hash = bits_fold(run->hash, bits_of_float(dahl_##name##_step_counts(&plan, &torque, d)));                     \
-            run->hash = bits_fold(run->hash, (uint32_t)dahl_##name##_step_counts_q30(&plan, &q30, d));                         \
-            run->hash = bits_fold(run->hash, (uint64_t)q30.w);                                                                 \
-        }                                                                                                                      \
+        bits_of_model(run, &dahl_model_##name);                                                                                \
     }
-#define BITS_DIRECTED(name, ...)                                                                                               \
-    BITS_OF_BRISTLE(name, &(dahl_##name##_params_t){p->sigma0, p->Fc, 0.5f * p->Fc, p->theta_per_count})
-DAHL_FRAMES_DIRECTED_MODELS(BITS_DIRECTED)
-BITS_OF_BRISTLE(elastoplastic, p, 0.7f)
+DAHL_BRISTLE_MODELS(BITS_OF_MODEL)
 
 static inline void bits_loaded(bits_of_part_t *run)
 {
@@ -263,11 +265,10 @@ static const struct {
     {"slip", bits_slip},
     {"mix", bits_mix},
     {"beside", bits_beside},
-    DAHL_FRAMES_DIRECTED_MODELS(BITS_ROW)
     {"loaded", bits_loaded},
-    {"elastoplastic", bits_elastoplastic},
     {"clamped", bits_clamped},
     {"compensator", bits_compensator},
+    DAHL_BRISTLE_MODELS(BITS_ROW)
 };
 
 #define BITS_PARTS_RUNS (BITS_PARAMS * (sizeof bits_parts / sizeof bits_parts[0]))

@@ -6,7 +6,6 @@
 
 #include <string.h>
 
-#include "dahl_frames.h"
 #include "dahl_parts.h"
 #include "motions.h"
 #include "reference.h"
@@ -28,27 +27,8 @@ typedef struct {
     uint32_t load_q30;
 } move_t;
 
-#define PLAN_OF(name, ...) dahl_##name##_plan_t name;
-typedef union {
-    dahl_plan_t dahl;
-    dahl_slip_plan_t slip;
-    DAHL_FRAMES_DIRECTED_MODELS(PLAN_OF)
-    dahl_elastoplastic_plan_t elastoplastic;
-    struct {
-        dahl_plan_t dahl;
-        dahl_slip_plan_t slip;
-    } mix;
-} any_plan_t;
-
-typedef union {
-    dahl_state_t dahl;
-    dahl_slip_state_t slip;
-    dahl_loaded_state_t loaded;
-    struct {
-        dahl_state_t dahl;
-        dahl_slip_state_t slip;
-    } mix;
-} any_state_t;
+typedef dahl_any_plan_t any_plan_t;
+typedef dahl_any_state_t any_state_t;
 
 /* Slip elements: the deflections in counts, which end at Fc/(sigma0 theta). */
 typedef struct {
@@ -86,27 +66,34 @@ typedef struct {
     more_t more;
 } model_t;
 
-/* Define NAME_step and NAME_q30 of a model that depends on counts alone, from its call and its members of plan and state. */
-#define FOLLOWS_COUNTS(name, call, plan_of, state_of)                                                                             \
-    static inline float name##_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)                    \
+/* Parameters of a model of one element: its two Fc, for each direction, and its own key. Other models read fewer. */
+static inline dahl_model_params_t element_params(const set_t *set)
+{
+    const dahl_params_t p = set->p;
+    const dahl_model_params_t params = {{1, p.theta_per_count, {p.sigma0}, {p.Fc, p.Fc * set->more}}, 0, set->more};
+    return params;
+}
+
+/* Define WORD_prepare, WORD_step and WORD_q30 of dahl_model_NAME, whose parameters the function `params_of` returns. */
+#define MODEL_CALLS(word, name, params_of)                                                                                        \
+    static inline dahl_err_t word##_prepare(any_plan_t *plan, const set_t *set)                                                   \
+    {                                                                                                                             \
+        const dahl_model_params_t params = params_of(set);                                                                        \
+        return dahl_model_##name.q30->prepare(plan, &params);                                                                     \
+    }                                                                                                                             \
+    static inline float word##_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)                    \
     {                                                                                                                             \
         (void)set;                                                                                                                \
-        return call(&plan->plan_of, &state->state_of, move.counts);                                                               \
+        return dahl_model_##name.step(plan, state, move.counts, move.load_q30);                                                   \
     }                                                                                                                             \
-    static inline int32_t name##_q30(const any_plan_t *plan, any_state_t *state, move_t move)                                     \
+    static inline int32_t word##_q30(const any_plan_t *plan, any_state_t *state, move_t move)                                     \
     {                                                                                                                             \
-        return call##_q30(&plan->plan_of, &state->state_of, move.counts);                                                         \
+        return dahl_model_##name.q30->step_q30(plan, state, move.counts, move.load_q30);                                          \
     }
-FOLLOWS_COUNTS(dahl_model, dahl_step_counts, dahl, dahl)
-FOLLOWS_COUNTS(slip, dahl_slip_step_counts, slip, slip)
-FOLLOWS_COUNTS(elastoplastic, dahl_elastoplastic_step_counts, elastoplastic, dahl)
 
 /* --- Dahl's element, by counts and by angle ----------------------------------------------------------------------- */
 
-static inline dahl_err_t dahl_model_prepare(any_plan_t *plan, const set_t *set)
-{
-    return dahl_prepare(&plan->dahl, &set->p);
-}
+MODEL_CALLS(dahl_model, dahl, element_params)
 
 static inline dahl_err_t angle_prepare(any_plan_t *plan, const set_t *set)
 {
@@ -164,11 +151,13 @@ static inline dahl_slip_params_t slip_params(const set_t *set)
     return params;
 }
 
-static inline dahl_err_t slip_prepare(any_plan_t *plan, const set_t *set)
+static inline dahl_model_params_t elements_params(const set_t *set)
 {
-    const dahl_slip_params_t params = slip_params(set);
-    return dahl_slip_prepare(&plan->slip, &params);
+    const dahl_model_params_t params = {slip_params(set), 0, 0};
+    return params;
 }
+
+MODEL_CALLS(slip, slip, elements_params)
 
 static inline slip_reference_t slip_reference(const dahl_slip_params_t *params)
 {
@@ -204,20 +193,20 @@ static inline long double slip_exact(exact_t *exact, move_t move)
 static inline dahl_err_t mix_prepare(any_plan_t *plan, const set_t *set)
 {
     const dahl_slip_params_t params = slip_params(set);
-    dahl_err_t slip = dahl_slip_prepare(&plan->mix.slip, &params), dahl = dahl_prepare(&plan->mix.dahl, &set->p);
+    dahl_err_t slip = dahl_slip_prepare(&plan->parallel.slip, &params), dahl = dahl_prepare(&plan->parallel.plan[0], &set->p);
     return slip != DAHL_OK ? slip : dahl;
 }
 
 static inline float mix_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)
 {
-    const dahl_part_t parts[] = {DAHL_PART(&plan->mix.dahl, &state->mix.dahl), DAHL_SLIP_PART(&plan->mix.slip, &state->mix.slip)};
+    const dahl_part_t parts[] = {DAHL_PART(&plan->parallel.plan[0], &state->parallel.state[0]), DAHL_SLIP_PART(&plan->parallel.slip, &state->parallel.slip)};
     (void)set;
     return dahl_parallel_step_counts(parts, 2, move.counts);
 }
 
 static inline int32_t mix_q30(const any_plan_t *plan, any_state_t *state, move_t move)
 {
-    const dahl_part_t parts[] = {DAHL_PART(&plan->mix.dahl, &state->mix.dahl), DAHL_SLIP_PART(&plan->mix.slip, &state->mix.slip)};
+    const dahl_part_t parts[] = {DAHL_PART(&plan->parallel.plan[0], &state->parallel.state[0]), DAHL_SLIP_PART(&plan->parallel.slip, &state->parallel.slip)};
     int32_t shares[2];
     dahl_parallel_shares(shares, parts, 2);
     return dahl_parallel_step_counts_q30(parts, shares, 2, move.counts);
@@ -237,15 +226,7 @@ static inline dahl_asymmetric_params_t asymmetric_params(const set_t *set)
     return params;
 }
 
-/* Define NAME_prepare, NAME_step and NAME_q30 of each model with one Fc for each direction. */
-#define DIRECTED(name, ...)                                                                                                    \
-    static inline dahl_err_t name##_prepare(any_plan_t *plan, const set_t *set)                                                \
-    {                                                                                                                          \
-        const dahl_##name##_params_t params = {set->p.sigma0, set->p.Fc, set->p.Fc * set->more, set->p.theta_per_count};       \
-        return dahl_##name##_prepare(&plan->name, &params);                                                                    \
-    }                                                                                                                          \
-    FOLLOWS_COUNTS(name, dahl_##name##_step_counts, name, dahl)
-DAHL_FRAMES_DIRECTED_MODELS(DIRECTED)
+MODEL_CALLS(asymmetric, asymmetric, element_params)
 
 /* The curve ends at the Fc of its direction, with the presliding length of that direction. */
 static inline long double asymmetric_exact(exact_t *exact, move_t move)
@@ -266,16 +247,7 @@ static inline long double asymmetric_loss(const stroke_t *x)
 
 /* --- loaded: Fc and sigma0 follow the load; clamped: Fc alone ------------------------------------------------------ */
 
-static inline float loaded_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)
-{
-    (void)set;
-    return dahl_loaded_step_counts(&plan->dahl, &state->loaded, move.counts, move.load_q30);
-}
-
-static inline int32_t loaded_q30(const any_plan_t *plan, any_state_t *state, move_t move)
-{
-    return dahl_loaded_step_counts_q30(&plan->dahl, &state->loaded, move.counts, move.load_q30);
-}
+MODEL_CALLS(loaded, loaded, element_params)
 
 static inline uint32_t load_in_range(move_t move)
 {
@@ -320,10 +292,7 @@ static inline long double clamped_exact(exact_t *exact, move_t move)
 
 /* --- elasto-plastic ------------------------------------------------------------------------------------------------ */
 
-static inline dahl_err_t breakaway_prepare(any_plan_t *plan, const set_t *set)
-{
-    return dahl_elastoplastic_prepare(&plan->elastoplastic, &set->p, set->more);
-}
+MODEL_CALLS(elastoplastic, elastoplastic, element_params)
 
 /* Up to the breakaway b, w changes linearly. Beyond it, the gap to Fc shrinks with the rate 1/(1 - b). */
 static inline long double elastoplastic_exact(exact_t *exact, move_t move)
@@ -356,11 +325,11 @@ static const model_t models[] = {
      .more = MORE_IS_ELEMENTS},
     {"asymmetric", asymmetric_prepare, asymmetric_step, asymmetric_q30, asymmetric_exact, asymmetric_loss,
      DAHL_ULP_PARTS, DAHL_ASYMMETRIC_ERROR_Q30, .more = MORE_IS_RATIO},
-    {"loaded", dahl_model_prepare, loaded_step, loaded_q30, loaded_exact, loaded_loss, DAHL_ULP_PARTS,
+    {"loaded", loaded_prepare, loaded_step, loaded_q30, loaded_exact, loaded_loss, DAHL_ULP_PARTS,
      DAHL_LOADED_ERROR_Q30, .has_load = 1},
     {"clamped", angle_prepare, clamped_step, NULL, clamped_exact, clamped_loss, DAHL_ULP_ANGLE, 0, .by_angle = 1,
      .has_load = 2},
-    {"elastoplastic", breakaway_prepare, elastoplastic_step, elastoplastic_q30, elastoplastic_exact,
+    {"elastoplastic", elastoplastic_prepare, elastoplastic_step, elastoplastic_q30, elastoplastic_exact,
      elastoplastic_loss, DAHL_ULP_PARTS, DAHL_ELASTOPLASTIC_ERROR_Q30, .more = MORE_IS_BREAKAWAY},
 };
 enum { MODELS = sizeof models / sizeof models[0] };

@@ -17,33 +17,27 @@ static void slip_log(const any_plan_t *plan, any_state_t *state)
 
 static void mix_log(const any_plan_t *plan, any_state_t *state)
 {
-    const dahl_part_t parts[] = {dahl_batch_part(&plan->mix.dahl, &state->mix.dahl), dahl_batch_slip_part(&plan->mix.slip, &state->mix.slip)};
+    const dahl_part_t parts[] = {dahl_batch_part(&plan->parallel.plan[0], &state->parallel.state[0]), dahl_batch_slip_part(&plan->parallel.slip, &state->parallel.slip)};
     dahl_batch_parallel_counts(parts, 2, dcounts, F, TICKS);
 }
 
-#define DIRECTED_LOG(name, ...)                                                                                                \
+#define BRISTLE_LOG(name, ...)                                                                                                 \
     static void name##_log(const any_plan_t *plan, any_state_t *state)                                                         \
     {                                                                                                                          \
         dahl_batch_##name##_counts(&plan->name, &state->dahl, dcounts, F, TICKS);                                              \
     }
-DAHL_FRAMES_DIRECTED_MODELS(DIRECTED_LOG)
+DAHL_BRISTLE_MODELS(BRISTLE_LOG)
 
 static void loaded_log(const any_plan_t *plan, any_state_t *state)
 {
     dahl_batch_loaded_counts(&plan->dahl, &state->loaded, dcounts, load, F, TICKS);
 }
 
-static void elastoplastic_log(const any_plan_t *plan, any_state_t *state)
-{
-    dahl_batch_elastoplastic_counts(&plan->elastoplastic, &state->dahl, dcounts, F, TICKS);
-}
-
-#define DIRECTED_ROW(name, ...) {name##_step, name##_log},
+#define BRISTLE_ROW(name, ...) {name##_step, name##_log},
 static const struct {
     float (*step)(const any_plan_t *, any_state_t *, const set_t *, move_t);
     void (*log)(const any_plan_t *, any_state_t *);
-} logs[] = {{slip_step, slip_log}, {mix_step, mix_log}, {loaded_step, loaded_log}, {elastoplastic_step, elastoplastic_log},
-            DAHL_FRAMES_DIRECTED_MODELS(DIRECTED_ROW)};
+} logs[] = {{mix_step, mix_log}, {loaded_step, loaded_log}, {slip_step, slip_log}, DAHL_BRISTLE_MODELS(BRISTLE_ROW)};
 
 void setUp(void)
 {

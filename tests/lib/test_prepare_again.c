@@ -27,11 +27,17 @@ static dahl_err_t velocity(any_plan_t *plan, const set_t *set)
     return dahl_velocity_prepare((dahl_velocity_plan_t *)(void *)plan, &table);
 }
 
-static const struct {
-    prepare_t prepare;
-    float more;
-} plans[] = {{dahl_model_prepare, 0}, {slip_prepare, 1}, {asymmetric_prepare, 0.98f}, {breakaway_prepare, 0.6f}, {velocity, 0}};
-#define PLANS (sizeof plans / sizeof plans[0])
+enum { PLANS = MODELS + 1 }; /* the models, then the table over speed */
+
+static prepare_t prepare_of(size_t i)
+{
+    return i < MODELS ? models[i].prepare : velocity;
+}
+
+static float more_of(size_t i)
+{
+    return i < MODELS ? more_for(&models[i], 1, 0.98f, 0.6f) : 0;
+}
 
 static void child(prepare_t prepare, any_plan_t *plan, const set_t *params)
 {
@@ -73,8 +79,8 @@ static unsigned count_changes(prepare_t prepare, const set_t *set, long *instruc
 static void test_equal_parameters_change_nothing_at_any_moment(void)
 {
     for (size_t i = 0; i < MANY * PLANS; i++) {
-        const prepare_t prepare = plans[i / MANY].prepare;
-        const set_t set = {many[i % MANY], plans[i / MANY].more};
+        const prepare_t prepare = prepare_of(i / MANY);
+        const set_t set = {many[i % MANY], more_of(i / MANY)};
         long instructions = 0;
         if (prepare == dahl_model_prepare || set.p.theta_per_count != 0) {
             TEST_ASSERT_EQUAL_UINT(0, count_changes(prepare, &set, &instructions));
@@ -91,11 +97,11 @@ static void test_equal_parameters_give_equal_bytes(void)
         .play = 1, .jump = 200};
     dahl_compensator_plan_t stored_compensator = {0}, fresh_compensator = {0};
     for (size_t i = 0; i < PLANS; i++) {
-        const set_t set = {many[0], plans[i].more};
+        const set_t set = {many[0], more_of(i)};
         any_plan_t stored, fresh;
         memset(&stored, 0, sizeof stored);
         memset(&fresh, 0, sizeof fresh);
-        TEST_ASSERT_EQUAL_INT(DAHL_OK, plans[i].prepare(&stored, &set) | plans[i].prepare(&fresh, &set));
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, prepare_of(i)(&stored, &set) | prepare_of(i)(&fresh, &set));
         TEST_ASSERT_EQUAL_MEMORY(&stored, &fresh, sizeof stored);
     }
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_compensator_prepare(&stored_compensator, &compensation));

@@ -7,13 +7,20 @@
 #include "node_talk.h"
 
 static const dahl_params_t bearing = {100.0f, 0.5f, 1e-4f};
-static const dahl_slip_params_t springs = {3, 1e-4f, {100.0f, 60.0f, 40.0f}, {0.25f, 0.5f, 1.0f}};
 static const dahl_node_parallel_params_t mix = {4, 0x6u, 1e-4f, {100.0f, 60.0f, 40.0f, 200.0f}, {0.25f, 0.5f, 1.0f, 0.3f}};
 
+#define ROW(name, NAME, ...) {&kept.name.model, &dahl_model_##name##_q30, DAHL_FRAMES_MODEL_##NAME},
 #define KEPT(name, ...) dahl_node_##name##_t name;
 static struct {
-    DAHL_FRAMES_OTHER_MODELS(KEPT)
+    DAHL_OTHER_MODELS(KEPT)
 } kept; /* of the nodes' models */
+static const struct {
+    dahl_node_model_t *storage;
+    const dahl_model_q30_t *calls;
+    uint32_t kind;
+} models[] = {DAHL_OTHER_MODELS(ROW)};
+enum { MODELS = sizeof models / sizeof models[0], LOADED = DAHL_FRAMES_MODEL_LOADED };
+
 static uint32_t counter;
 static int32_t place;
 
@@ -42,31 +49,18 @@ static int32_t move_at(uint32_t i)
     return (int32_t)(i * i % 401u) - 200;
 }
 
-static dahl_err_t use_slip(void)
+/* Three elements, or the Fc forward and backward of `order`. All numbers are exact in units of the bus. */
+static dahl_model_params_t params_of(size_t i, int order)
 {
-    return dahl_node_use_slip(&node, &kept.slip, &springs);
+    const float first = order == 0 && models[i].calls->Fcs == 2 ? 0.25f : 0.5f, second = order == 0 ? 0.5f : 0.25f;
+    const dahl_model_params_t given = {{3, 1e-4f, {100.0f, 60.0f, 40.0f}, {first, second, 1.0f}}, 0x2u, 0.75f};
+    return given;
 }
 
-/* A model with one Fc for each direction, and the same with both exchanged. */
-#define DIRECTED(name, ...)                                                                                                    \
-    static dahl_err_t use_##name##_of(float Fc_forward, float Fc_backward)                                                     \
-    {                                                                                                                          \
-        const dahl_##name##_params_t given = {100.0f, Fc_forward, Fc_backward, 1e-4f};                                         \
-        return dahl_node_use_##name(&node, &kept.name, &given);                                                                \
-    }                                                                                                                          \
-    static dahl_err_t use_##name(void)                                                                                         \
-    {                                                                                                                          \
-        return use_##name##_of(0.3f, 0.5f);                                                                                    \
-    }                                                                                                                          \
-    static dahl_err_t use_##name##_mirrored(void)                                                                              \
-    {                                                                                                                          \
-        return use_##name##_of(0.5f, 0.3f);                                                                                    \
-    }
-DAHL_FRAMES_DIRECTED_MODELS(DIRECTED)
-
-static dahl_err_t use_elastoplastic(void)
+static dahl_err_t use(size_t i, int order)
 {
-    return dahl_node_use_elastoplastic(&node, &kept.elastoplastic, &bearing, 0.7f);
+    const dahl_model_params_t given = params_of(i, order);
+    return dahl_node_use(&node, models[i].storage, models[i].calls, &given);
 }
 
 static dahl_err_t use_loaded(void)
@@ -74,34 +68,22 @@ static dahl_err_t use_loaded(void)
     return dahl_node_use_loaded(&node, &kept.loaded, &bearing);
 }
 
-static dahl_err_t use_parallel(void)
+/* The ratio after a long way forward at 3/4 of the load. */
+static int32_t end_of(size_t i, int order)
 {
-    return dahl_node_use_parallel(&node, &kept.parallel, &mix);
+    const int32_t smaller_Fc = models[i].calls->Fcs == 2 && order == 0 ? 1 << 29 : 1 << 30;
+    return models[i].kind == LOADED ? 3 * (1 << 28) : smaller_Fc;
 }
 
-#define RATIO_OF_3_TO_5 644245120
-#define DIRECTED_ROWS(name, NAME, ...)                                                                                         \
-    {use_##name, DAHL_FRAMES_MODEL_##NAME, 100u << 10, 1u << 19, RATIO_OF_3_TO_5},                                             \
-    {use_##name##_mirrored, DAHL_FRAMES_MODEL_##NAME, 100u << 10, 1u << 19, 1 << 30},
-
-/* sigma0 and Fc are raw values. tests/python/can/test_node.py compares each torque with that of the model alone. */
-static const struct {
-    dahl_err_t (*use)(void);
-    uint32_t kind, sigma0, Fc;
-    int32_t end; /* ratio after a long way forward, at 3/4 of the load */
-} models[] = {{use_slip, DAHL_FRAMES_MODEL_SLIP + 3, 200u << 10, 7u << 18, 1 << 30},
-              DAHL_FRAMES_DIRECTED_MODELS(DIRECTED_ROWS)
-              {use_elastoplastic, DAHL_FRAMES_MODEL_ELASTOPLASTIC, 100u << 10, 1u << 19, 1 << 30},
-              {use_loaded, DAHL_FRAMES_MODEL_LOADED, 100u << 10, 1u << 19, 3 * (1 << 28)},
-              {use_parallel, DAHL_FRAMES_MODEL_PARALLEL + 4, 400u << 10, 2149581u /* 2.05 2^20 */, 1 << 30}};
-#define MODELS (sizeof models / sizeof models[0])
-
 /* A client can read the model, the sum of sigma0, and the sum or the larger Fc. It cannot write or hold them. */
-static void check_parameters(size_t i)
+static void check_parameters(size_t i, int order)
 {
-    TEST_ASSERT_EQUAL_UINT32(models[i].kind, param_now(DAHL_FRAMES_PARAM_MODEL));
-    TEST_ASSERT_EQUAL_UINT32(models[i].sigma0, param_now(DAHL_FRAMES_PARAM_SIGMA0));
-    TEST_ASSERT_EQUAL_UINT32(models[i].Fc, param_now(DAHL_FRAMES_PARAM_FC));
+    const dahl_model_params_t given = params_of(i, order);
+    const bool is_sum = models[i].calls->sigma0s == 0;
+    const float *Fc = given.each.Fc;
+    TEST_ASSERT_EQUAL_UINT32(models[i].kind + (is_sum ? 3 : 0), param_now(DAHL_FRAMES_PARAM_MODEL));
+    TEST_ASSERT_EQUAL_UINT32((is_sum ? 200u : 100u) << 10, param_now(DAHL_FRAMES_PARAM_SIGMA0));
+    TEST_ASSERT_EQUAL_UINT32((uint32_t)((is_sum ? Fc[0] + Fc[1] + Fc[2] : 0.5f) * 0x1p20f), param_now(DAHL_FRAMES_PARAM_FC));
     TEST_ASSERT_EQUAL_UINT32((uint32_t)(1e-4f * 0x1p38f), param_now(DAHL_FRAMES_PARAM_THETA));
     for (uint8_t k = 0; k < 4; k++) {
         const uint8_t param = k < 3 ? k : DAHL_FRAMES_PARAM_MODEL;
@@ -113,21 +95,51 @@ static void check_parameters(size_t i)
     }
 }
 
+/* tests/python/can/test_node.py compares each torque with that of the model alone. */
 static void test_each_model_answers_reports_its_parameters_and_restarts(void)
 {
-    for (size_t i = 0; i < MODELS; i++) {
+    for (size_t i = 0; i < 2 * MODELS; i++) {
+        const size_t model = i / 2;
+        const int order = i % 2;
         setUp();
-        TEST_ASSERT_EQUAL(DAHL_OK, models[i].use());
+        TEST_ASSERT_EQUAL(DAHL_OK, use(model, order));
         TEST_ASSERT_EQUAL_INT32(0, moved(0));
-        check_parameters(i);
-        TEST_ASSERT_EQUAL(models[i].use == use_loaded, set_param(DAHL_FRAMES_PARAM_LOAD, 3 * (DAHL_NODE_ONE / 4)));
-        TEST_ASSERT_TRUE(moved(100000) >= models[i].end - 1);
+        check_parameters(model, order);
+        TEST_ASSERT_EQUAL(models[model].kind == LOADED, set_param(DAHL_FRAMES_PARAM_LOAD, 3 * (DAHL_NODE_ONE / 4)));
+        TEST_ASSERT_TRUE(moved(100000) >= end_of(model, order) - 1);
         (void)reset(DAHL_FRAMES_RESET_RESTART);
         TEST_ASSERT_EQUAL_INT32(0, moved(0));
-        TEST_ASSERT_EQUAL_INT32(models[i].end, moved(1 << 28)); /* the restart keeps the load */
+        TEST_ASSERT_EQUAL_INT32(end_of(model, order), moved(1 << 28)); /* the restart keeps the load */
         TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_init(&node, &bearing, NUMBER));
         TEST_ASSERT_EQUAL(DAHL_FRAMES_MODEL_DAHL, param_now(DAHL_FRAMES_PARAM_MODEL));
     }
+}
+
+/* A typed call leaves the storage that dahl_node_use() leaves. */
+#define CHECK_TYPED(name, call)                                                                                                \
+    {                                                                                                                          \
+        size_t row = 0;                                                                                                        \
+        dahl_node_##name##_t typed;                                                                                            \
+        TEST_ASSERT_EQUAL(DAHL_OK, call);                                                                                      \
+        memcpy(&typed, &kept.name, sizeof typed);                                                                              \
+        memset(&kept.name.plan, 0x25, sizeof kept.name.plan);                                                                  \
+        while (models[row].storage != &kept.name.model) {                                                                      \
+            row++;                                                                                                             \
+        }                                                                                                                      \
+        TEST_ASSERT_EQUAL(DAHL_OK, use(row, 1));                                                                               \
+        TEST_ASSERT_EQUAL_MEMORY(&typed, &kept.name, sizeof typed);                                                            \
+    }
+
+static void test_typed_calls_pass_their_parameters(void)
+{
+    const dahl_slip_params_t springs = {3, 1e-4f, {100.0f, 60.0f, 40.0f}, {0.5f, 0.25f, 1.0f}};
+    const dahl_asymmetric_params_t directed = {100.0f, 0.5f, 0.25f, 1e-4f};
+    const dahl_node_parallel_params_t parallel = {3, 0x2u, 1e-4f, {100.0f, 60.0f, 40.0f}, {0.5f, 0.25f, 1.0f}};
+    CHECK_TYPED(slip, dahl_node_use_slip(&node, &kept.slip, &springs))
+    CHECK_TYPED(parallel, dahl_node_use_parallel(&node, &kept.parallel, &parallel))
+    CHECK_TYPED(elastoplastic, dahl_node_use_elastoplastic(&node, &kept.elastoplastic, &bearing, 0.75f))
+    CHECK_TYPED(loaded, use_loaded())
+    CHECK_TYPED(asymmetric, dahl_node_use_asymmetric(&node, &kept.asymmetric, &directed))
 }
 
 /* Only the loaded model accepts a load. A load of 0 relaxes the bristle. */
@@ -201,37 +213,33 @@ static void assert_refused(dahl_err_t wanted, dahl_err_t got)
     TEST_ASSERT_EACH_EQUAL_HEX8(0x25, &kept, sizeof kept);
 }
 
-#define REFUSE(name, ...) assert_refused(DAHL_ERR_PARAM, use_##name##_of(0.3f, bad[i]));
-
 static void test_bad_parameters_change_neither_node_nor_memory(void)
 {
     static const float bad[] = {0.0f, -1.0f, NAN, INFINITY};
-    dahl_node_parallel_params_t parallel = mix;
-    dahl_slip_params_t slip = springs;
     node_before = node;
-    for (size_t i = 0; i < 4; i++) {
-        const dahl_params_t one = {100.0f, bad[i], 1e-4f};
-        parallel = mix;
-        parallel.Fc[0] = bad[i]; /* one of Dahl's */
-        assert_refused(DAHL_ERR_PARAM, dahl_node_use_parallel(&node, &kept.parallel, &parallel));
-        parallel = mix;
-        parallel.sigma0[2] = bad[i]; /* one that slips */
-        assert_refused(DAHL_ERR_PARAM, dahl_node_use_parallel(&node, &kept.parallel, &parallel));
-        parallel = mix;
-        parallel.theta_per_count = bad[i];
-        assert_refused(DAHL_ERR_PARAM, dahl_node_use_parallel(&node, &kept.parallel, &parallel));
-        slip.Fc[2] = bad[i];
-        assert_refused(DAHL_ERR_PARAM, dahl_node_use_slip(&node, &kept.slip, &slip));
-        DAHL_FRAMES_DIRECTED_MODELS(REFUSE)
-        assert_refused(DAHL_ERR_PARAM, dahl_node_use_loaded(&node, &kept.loaded, &one));
-        assert_refused(DAHL_ERR_PARAM, dahl_node_use_elastoplastic(&node, &kept.elastoplastic, &one, 0.5f));
+    for (size_t i = 0; i < 4 * MODELS; i++) {
+        const size_t model = i / 4;
+        const dahl_model_q30_t *calls = models[model].calls;
+        const uint32_t Fcs = calls->Fcs == 0 ? 3 : calls->Fcs, sigma0s = calls->sigma0s == 0 ? 3 : calls->sigma0s;
+        for (uint32_t k = 0; k <= Fcs + sigma0s; k++) {
+            dahl_model_params_t given = params_of(model, 0);
+            float *changed = k < Fcs ? &given.each.Fc[k] : k < Fcs + sigma0s ? &given.each.sigma0[k - Fcs] : &given.each.theta_per_count;
+            *changed = bad[i % 4];
+            if (k < Fcs + sigma0s || i % 4 != 0 || models[model].kind != LOADED) { /* it may have no encoder */
+                assert_refused(DAHL_ERR_PARAM, dahl_node_use(&node, models[model].storage, calls, &given));
+            }
+        }
     }
-    parallel = mix;
-    slip = springs;
-    parallel.elements = 0;
-    assert_refused(DAHL_ERR_PARAM, dahl_node_use_parallel(&node, &kept.parallel, &parallel));
-    parallel.elements = slip.elements = 9;
-    assert_refused(DAHL_ERR_RANGE, dahl_node_use_parallel(&node, &kept.parallel, &parallel));
-    assert_refused(DAHL_ERR_RANGE, dahl_node_use_slip(&node, &kept.slip, &slip));
-    assert_refused(DAHL_ERR_RANGE, dahl_node_use_elastoplastic(&node, &kept.elastoplastic, &bearing, 1.0f));
+    for (size_t model = 0; model < MODELS; model++) {
+        dahl_model_params_t given = params_of(model, 0);
+        given.own = 1.0f;
+        given.each.elements = 9;
+        if (models[model].calls->sigma0s == 0 || &kept.elastoplastic.model == models[model].storage) {
+            assert_refused(DAHL_ERR_RANGE, dahl_node_use(&node, models[model].storage, models[model].calls, &given));
+        }
+        given.each.elements = 0;
+        if (models[model].calls->sigma0s == 0) {
+            assert_refused(DAHL_ERR_PARAM, dahl_node_use(&node, models[model].storage, models[model].calls, &given));
+        }
+    }
 }

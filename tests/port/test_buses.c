@@ -4,7 +4,6 @@
 #include <unity.h>
 
 #include "dahl_frames.h"
-#include "frame_bits.h"
 #include "frame_queue.h"
 #include "loopback/loopback.h"
 #include "slcan/serial_bus.h"
@@ -30,14 +29,14 @@ void setUp(void)
 {
     clock_ns = 5000;
     waited_us = 0;
-    loopback_open(&loopback, 0, (dahl_can_clock_t){.now_ns = now, .wait_us = wait_us});
+    loopback_open(&loopback, (dahl_can_clock_t){.now_ns = now, .wait_us = wait_us});
 }
 
 void tearDown(void)
 {
 }
 
-/* Without a bit rate: as many as there is room for, in the order of sending, each with the time of sending. */
+/* As many as there is room for, in the order of sending, each with the time of sending. */
 static void test_loopback_gives_back_in_order_what_it_has_room_for(void)
 {
     dahl_can_frame_t in = {.length = 8}, out;
@@ -83,7 +82,7 @@ static void test_an_empty_loopback_waits_by_the_clock(void)
     TEST_ASSERT_EQUAL(0, waited_us);
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 700));
     TEST_ASSERT_EQUAL(700, waited_us);
-    loopback_open(&loopback, 0, (dahl_can_clock_t){.now_ns = now});
+    loopback_open(&loopback, (dahl_can_clock_t){.now_ns = now});
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 700));
     TEST_ASSERT_EQUAL(700, waited_us);
     TEST_ASSERT_EQUAL(0, loopback.bus.ops->peers(&loopback.bus));
@@ -92,96 +91,6 @@ static void test_an_empty_loopback_waits_by_the_clock(void)
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&loopback.bus, &out, 0));
     TEST_ASSERT_EQUAL(5, out.id);
     TEST_ASSERT_EQUAL(9, out.data[0]);
-}
-
-static void wait_on(void *context, uint32_t us)
-{
-    (void)context;
-    clock_ns += us * UINT64_C(1000);
-}
-
-static void open_timed(uint32_t bitrate)
-{
-    loopback_open(&loopback, bitrate, (dahl_can_clock_t){.now_ns = now, .wait_us = wait_on});
-}
-
-typedef struct {
-    const dahl_can_frame_t *frames;
-    size_t count;
-    uint8_t order[6];  /* in which they are carried */
-    uint32_t pause_ns;    /* from one to the next that asks; a frame takes 45 us and more */
-} priority_case_t;
-
-/* By the standard's arbitration an id of 11 bits wins over one of 29 that begins with it. A frame on its way is not
- * interrupted; equal ids go in the order of asking. */
-static void test_the_highest_priority_of_those_that_have_asked_goes_first(void)
-{
-    static const dahl_can_frame_t at_once[] = {
-        {.id = 0x101}, {.id = 0x100u << 18, .flags = DAHL_CAN_FRAME_EXTENDED}, {.id = 0x100}, {.id = 0x7FF},
-        {.id = (0x100u << 18) - 1, .flags = DAHL_CAN_FRAME_EXTENDED}, {.id = 0x0FF}};
-    static const dahl_can_frame_t later[] = {
-        {.id = 0x300}, {.id = 0x200, .length = 1, .data = {1}}, {.id = 0x200, .length = 1, .data = {2}}, {.id = 0x100}};
-    static const priority_case_t cases[] = {{at_once, 6, {5, 4, 2, 1, 0, 3}, 0},
-                                            {later, 4, {0, 3, 1, 2}, 10000}};
-    dahl_can_frame_t out;
-    for (const priority_case_t *c = cases; c < cases + 2; c++) {
-        open_timed(1000000);
-        for (size_t i = 0; i < c->count; i++) {
-            TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&loopback.bus, &c->frames[i]));
-            clock_ns += c->pause_ns;
-        }
-        for (size_t i = 0; i < c->count; i++) {
-            TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&loopback.bus, &out, 1000));
-            TEST_ASSERT_EQUAL_HEX32(c->frames[c->order[i]].id, out.id);
-            TEST_ASSERT_EQUAL(c->frames[c->order[i]].data[0], out.data[0]);
-        }
-        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 0));
-    }
-}
-
-/* A frame that ends after the time to wait stays, and all that time passes. If a frame comes before, less passes. */
-static void test_a_timed_bus_takes_its_time(void)
-{
-    const dahl_can_frame_t in = {.id = 0x555, .length = 0}; /* 44 bits and the pause of 3, nothing to stuff but in the CRC */
-    dahl_can_frame_t out;
-    open_timed(125000);
-    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 700));
-    TEST_ASSERT_EQUAL(705000, clock_ns);
-    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&loopback.bus, &in));
-    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 300));
-    TEST_ASSERT_EQUAL(1005000, clock_ns);
-    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&loopback.bus, &out, 300));
-    TEST_ASSERT_GREATER_OR_EQUAL(705000 + 47 * 8000, clock_ns);
-    TEST_ASSERT_LESS_OR_EQUAL(705000 + 50 * 8000, clock_ns);
-    TEST_ASSERT_EQUAL(clock_ns / 1000, out.time_us);
-    TEST_ASSERT_EQUAL(DAHL_CAN_FRAME_OWN, out.flags);
-    for (size_t i = 0; i < LOOPBACK_TIMED_ROOM; i++) {
-        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&loopback.bus, &in));
-    }
-    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_BUSY, dahl_can_bus_send(&loopback.bus, &in));
-    TEST_ASSERT_EQUAL(1, loopback.bus.counts.dropped);
-    TEST_ASSERT_EQUAL(0, loopback.bus.ops->peers(&loopback.bus));
-}
-
-/* By the standard's rules, counted outside this library: a remote frame has a length and no data. */
-static void test_a_frame_takes_the_bits_of_its_form(void)
-{
-    static const struct {
-        dahl_can_frame_t frame;
-        uint32_t bits;
-    } known[] = {
-        {{.id = 0x123}, 48},
-        {{.id = 0x123, .length = 8, .flags = DAHL_CAN_FRAME_REMOTE}, 48},
-        {{.id = 0x000, .flags = DAHL_CAN_FRAME_REMOTE}, 50},
-        {{.id = 0x078, .length = 4, .data = {0x0F, 0x87, 0xC3, 0xE1}}, 89}, /* a stuff bit begins the next run */
-        {{.id = 0x000, .length = 8}, 127},
-        {{.id = 0x7FF, .length = 8, .data = {255, 255, 255, 255, 255, 255, 255, 255}}, 126},
-        {{.id = 0x12345678, .flags = DAHL_CAN_FRAME_EXTENDED}, 69},
-        {{.id = 0x12345678, .length = 3, .flags = DAHL_CAN_FRAME_EXTENDED | DAHL_CAN_FRAME_REMOTE}, 68},
-    };
-    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++) {
-        TEST_ASSERT_EQUAL_UINT32_MESSAGE(known[i].bits, can_frame_bits(&known[i].frame), "frame by number");
-    }
 }
 
 static dahl_can_frame_t taken;

@@ -10,8 +10,6 @@ The constants are those of the kernel's generator. The certified function is `mo
 test_kernel_proof.py compares its bits with the library.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -8,8 +8,6 @@ stand-in replaces it, which returns any allowed result (goto-instrument --replac
 the core run twice, because compiler.h and fixed.h have a form for GNU C and one for plain C.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """docs/accuracy.md: constants against measured worst cases, sums against the header."""
 
-from __future__ import annotations
-
 import math
 import random
 from fractions import Fraction

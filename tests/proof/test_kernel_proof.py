@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The kernel g(u) = 1 - exp(-u): a certificate for each a and each angle."""
 
-from __future__ import annotations
-
 import functools
 import math
 import sys

@@ -3,8 +3,6 @@
 against the header.
 """
 
-from __future__ import annotations
-
 import random
 from fractions import Fraction
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The constants and sums of docs/accuracy.md."""
 
-from __future__ import annotations
-
 import re
 from fractions import Fraction
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """One example of each friction model of the table: keys of a scene, and the Python object."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from dahl.binding import models
@@ -11,8 +9,8 @@ SIGMA0 = [100.0, 30.0, 50.0]  # N m/rad, of each element
 FC = [0.2, 0.7, 0.05]  # N m, of each element or direction
 THETA = 3.8e-4  # rad per count
 OWN = {"kinds": ["dahl", "slip", "dahl"], "breakaway": 0.6}  # own keys
-BRISTLES = [model for model in models.table().values() if model.has_plan and model.sigma0s]
-BRISTLES = [model for model in BRISTLES if model.name != "dahl"]  # classes derived from Bristle
+STATE_ELEMENTS = [model for model in models.table().values() if model.has_plan and model.sigma0s]
+STATE_ELEMENTS = [model for model in STATE_ELEMENTS if model.name != "dahl"]  # of a StateElement
 
 
 def numbers(model: models.Model) -> tuple[list[float], list[float]]:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Run a property on some inputs by default and on many with --long."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import hypothesis

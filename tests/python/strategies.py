@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Hypothesis strategies that several tests share: parameters of the model, plans, moves, copies."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 

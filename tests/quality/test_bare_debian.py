@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """tools/demo.sh on a bare Debian: time, disk space, and packages that it must not install."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -8,8 +8,6 @@ runs the forms for compilers without extensions, tests/target the code for ARMv6
 torque_from.c, a branch of scale.h) on a Cortex-M0.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -26,8 +24,8 @@ FLAGS = "-O0 -g -fprofile-instr-generate -fcoverage-mapping -fcoverage-mcdc"
 FEW_TICKS = "-DTEST_TICKS=20000 -DTEST_KERNEL_STRIDE=65537 -DTEST_FINEST_BITS=20"
 
 # Codecs and receiver. Sockets, serial ports and boards are tested through their programs.
-PORT = re.compile(r"(port|lib/node)/.*\b(frame_queue|frames|loopback|slcan|text|node)\.[ch]$")
-LIB = re.compile(r"lib/(?!node/|cores/).*\.[ch]$")
+PORT = re.compile(r"port/.*\b(frame_queue|loopback|slcan|text)\.[ch]$")
+LIB = re.compile(r"lib/(?!cores/).*\.[ch]$")
 
 # Processor features that the batches need, one more in each row, so that each condition decides
 # once.

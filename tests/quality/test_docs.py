@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """tools/docs.sh: Doxygen and pdoc give no warning, and no link inside the site is broken."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from programs import call

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
-# Usage: tests/socketcan/controllers.sh DAHL-LOOP SCENE PYTHON FOLDER
+# Usage: tests/socketcan/controllers.sh DAHL-LOOP RUN_FILE PYTHON FOLDER
 #
 # Run the node on can0 and its clients on can1, which are controllers of tools/vm.sh. Each case leaves its files in FOLDER/CASE, for
 # tests/python/can/test_socketcan.py. FOLDER/test_rig.py is a test of the pytest plugin. Run bus_off.sh outside the virtual machine
 # at the same time.
 set -u
 LOOP=$1
-SCENE=$2
+RUN=$2
 PYTHON=$3
 OUT=$4
 declare -A PROCESS # by role: node, encoder
@@ -17,11 +17,11 @@ begin() { # CASE
     mkdir -p "$HERE"
 }
 
-start() { # ROLE BUS OPTION...
+start() { # ROLE BUS TIMEOUT_MS OPTION...
     local role=$1 bus=$2
-    shift 2
-    "$LOOP" --scene "$SCENE" --role "$role" --bus "socketcan:$bus" --set friction.timeout_ms=60000 \
-        --summary "$HERE/$role.json" "$@" 2>"$HERE/$role.err" &
+    { cat "$RUN"; echo "friction.timeout_ms = $3"; } >"$HERE/$role.run"
+    shift 3
+    "$LOOP" "$HERE/$role.run" --role "$role" --bus "socketcan:$bus" --counters "$HERE/$role.counters" "$@" 2>"$HERE/$role.err" &
     PROCESS[$role]=$!
     sleep 1
 }
@@ -40,8 +40,8 @@ in_lockstep() {
     begin lockstep
     candump -n 2000 -T 30000 -r 8000000 -L can1,100:7EF >"$HERE/candump.log" & # ids 100 and 110
     local witness=$!
-    start node can0
-    start encoder can1 --lockstep --seconds 1
+    start node can0 60000
+    start encoder can1 60000 --lockstep --seconds 1
     finish encoder
     stop node
     wait "$witness"
@@ -50,7 +50,7 @@ in_lockstep() {
 # python-can imports asammdf if it is there, and that imports pandas: too slow for an emulated processor.
 plugin() {
     begin plugin
-    start node can0
+    start node can0 60000
     PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 \
         "$PYTHON" -c 'import sys; sys.modules["asammdf"] = None; import pytest; sys.exit(pytest.main())' \
         -c /dev/null --noconftest -p dahl.pytest_plugin -p no:cacheprovider "$OUT/test_rig.py" \
@@ -75,8 +75,8 @@ bus_off() { # the kernel restarts the controller after 200 ms
     ip link set can0 down
     ip link set can0 type can restart-ms 200
     ip link set can0 up
-    start node can0 --set friction.timeout_ms=1000 --log "$HERE/node.log"
-    start encoder can1 --seconds 60
+    start node can0 1000 --log "$HERE/node.log"
+    start encoder can1 60000 --seconds 60
     force_bus_off
     sleep 1
     candump -n 5 -T 30000 -L can1,110:7FF >"$HERE/candump.log"

@@ -1,24 +1,28 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
-# Usage: tests/socketcan/run.sh DAHL-LOOP SCENE FOLDER
+# Usage: tests/socketcan/run.sh DAHL-LOOP RUN_FILE FOLDER
 #
 # Run dahl-loop on a real vcan0 with can-utils as other clients. Each case leaves its files in FOLDER/CASE, which
 # tests/python/can/test_socketcan.py checks. Both interfaces, vcan0 and vcan1, must be up; run as root.
 set -u
 LOOP=$1
-SCENE=$2
+RUN=$2
 OUT=$3
-PATIENT=(--set friction.timeout_ms=60000)
+
+run_with() { # TIMEOUT_MS: print the path of a run file with this timeout
+    { cat "$RUN"; echo "friction.timeout_ms = $1"; } >"$OUT/timeout_$1.run"
+    echo "$OUT/timeout_$1.run"
+}
 
 begin() { # CASE
     HERE=$OUT/$1
     mkdir -p "$HERE"
 }
 
-loop() { # NAME OPTION...
+loop() { # NAME RUN_FILE OPTION...
     local name=$1
     shift
-    "$LOOP" --scene "$SCENE" --bus socketcan:vcan0 --summary "$HERE/$name.json" "$@" >"$HERE/$name.out" 2>"$HERE/$name.err"
+    "$LOOP" "$@" --bus socketcan:vcan0 --counters "$HERE/$name.counters" >"$HERE/$name.out" 2>"$HERE/$name.err"
     echo $? >"$HERE/$name.code"
 }
 
@@ -39,7 +43,7 @@ end_witness() { # when its log has stopped growing
 }
 
 node() { # until end_node
-    "$LOOP" --scene "$SCENE" --bus socketcan:vcan0 --role node "${PATIENT[@]}" --summary "$HERE/node.json" \
+    "$LOOP" "$(run_with 60000)" --bus socketcan:vcan0 --role node --counters "$HERE/node.counters" \
         2>"$HERE/node.err" &
     NODE=$!
     sleep 1
@@ -54,7 +58,7 @@ end_node() {
 virtual_time() {
     begin virtual
     witness
-    loop both --virtual --seconds 2 --log "$HERE/run.log"
+    loop both "$RUN" --virtual --seconds 2 --log "$HERE/run.log"
     end_witness
 }
 
@@ -62,7 +66,7 @@ two_processes() {
     begin two
     witness
     node
-    loop encoder --role encoder --lockstep --seconds 2
+    loop encoder "$RUN" --role encoder --lockstep --seconds 2
     end_node
     end_witness
 }
@@ -97,7 +101,7 @@ disturb() {
 noise() { # frames with the encoder's id, and random extended ones, during a run
     begin noise
     witness
-    loop both --lockstep --seconds 3 "${PATIENT[@]}" --log "$HERE/run.log" &
+    loop both "$(run_with 60000)" --lockstep --seconds 3 --log "$HERE/run.log" &
     local running=$!
     sleep 1
     cangen vcan0 -I 100 -L 8 -D 0011223344556677 -g 2 -n 150
@@ -109,13 +113,13 @@ noise() { # frames with the encoder's id, and random extended ones, during a run
 
 bus_off() { # once during a stream; then four times without an answer in between
     begin off
-    loop both --seconds 3 --log "$HERE/run.log" --set friction.timeout_ms=100 &
+    loop both "$(run_with 100)" --seconds 3 --log "$HERE/run.log" &
     local running=$!
     sleep 1
     cansend vcan0 20000004#0000000000000000
     cansend vcan0 20000040#0000000000000000
     wait "$running"
-    loop latched --seconds 5 --set friction.timeout_ms=1000 --log "$HERE/latched.log" &
+    loop latched "$(run_with 1000)" --seconds 5 --log "$HERE/latched.log" &
     running=$!
     sleep 1
     for _ in 1 2 3 4; do cansend vcan0 20000040#0000000000000000; done
@@ -125,19 +129,19 @@ bus_off() { # once during a stream; then four times without an answer in between
 full_queue() { # a queue of 2 kbit/s is too slow for the encoder: ENOBUFS
     begin full
     if tc qdisc add dev vcan0 root tbf rate 2kbit burst 40 limit 64 2>"$HERE/tc.err"; then
-        loop both --role encoder --seconds 1
+        loop both "$RUN" --role encoder --seconds 1
         tc qdisc del dev vcan0 root
     fi
 }
 
 going_down() {
     begin down
-    loop both --seconds 60 --log "$HERE/run.log" &
+    loop both "$RUN" --seconds 60 --log "$HERE/run.log" &
     local running=$!
     sleep 2
     ip link set vcan0 down
     wait "$running"
-    loop absent --seconds 1
+    loop absent "$RUN" --seconds 1
     ip link set vcan0 up
 }
 

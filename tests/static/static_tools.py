@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Sources and compiler flags of the static checks."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 
@@ -12,7 +10,7 @@ from conftest import ROOT
 
 LIB = sources.ALL
 CODEC = [p for p in sources.NODE if p.stem == "frames"] + [ROOT / "port/slcan/slcan.c"]
-NODE = [p for p in sources.NODE if p.stem == "node"]
+NODE = [p for p in sources.NODE if p.stem != "frames"]
 FIRMWARE = LIB + CODEC + NODE  # linked into firmware, without start-up code
 START_UP = sorted(p for core in ("cortex_m", "riscv", "avr") for p in ROOT.glob(f"port/{core}/*.c"))
 FOUND = importlib.util.find_spec("mujoco")

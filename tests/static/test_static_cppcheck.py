@@ -3,8 +3,6 @@
 the rules in suppressions.txt, which have a reason each.
 """
 
-from __future__ import annotations
-
 import re
 import tempfile
 from pathlib import Path

@@ -3,8 +3,6 @@
 headers in each supported language, private ones in C99.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

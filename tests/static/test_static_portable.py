@@ -6,8 +6,6 @@
 The accuracy tests do not run there: equal bits have equal errors.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -4,8 +4,6 @@ compilers of small cores the C of firmware. clang-tidy and gcc -fanalyzer find n
 static_tools.py and clang-tidy.yaml give a reason for each warning and check that is off.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

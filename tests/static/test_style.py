@@ -3,8 +3,6 @@
 are in pyproject.toml.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import sys

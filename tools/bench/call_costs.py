@@ -10,10 +10,12 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from dahl.binding import models
 from dahl.binding.library import DECLARATIONS
 
 NOT_MEASURED = re.compile(r"dahl_(float|batch|throughput|can|frames|rotor|controller)_?")
 CALLED_BY_CALLS = {"dahl_encoder_rare_move", "dahl_part_move", "dahl_slip_part_move"}
+INLINE = re.compile(r"dahl_node_use_\w+")  # inline calls of dahl_node_use()
 
 IN_A_TICK = re.compile(
     r"dahl_((\w+_)?step(_counts)?(_q30)?|torque|velocity_torque(_q30)?|to_units|counts_between"
@@ -38,25 +40,20 @@ COLUMNS = {
 }
 QUANTITIES = ("instructions", "stack", "flash")
 
+OTHER_MODELS = [name for name in models.table() if name != "dahl"]
+
 # Types, by part: the plan, which may be const in flash, and the state in RAM
-TYPES = {
+TYPES: dict[str, tuple[str | None, str | None]] = {
     "Dahl": ("dahl_plan_t", "dahl_state_t"),
-    "slip, 1 to 8 elements": ("dahl_slip_plan_t", "dahl_slip_state_t"),
+    **{name: (f"dahl_{name}_plan_t", f"dahl_{name}_state_t") for name in OTHER_MODELS},
     "each element of a parallel mix, in addition": ("dahl_part_t", None),
-    "asymmetric": ("dahl_asymmetric_plan_t", "dahl_state_t"),
-    "loaded": ("dahl_plan_t", "dahl_loaded_state_t"),
-    "elasto-plastic": ("dahl_elastoplastic_plan_t", "dahl_state_t"),
     "table over speed": ("dahl_velocity_plan_t", None),
     "work": (None, "dahl_work_t"),
     "encoder": (None, "dahl_encoder_t"),
     "compensator": ("dahl_compensator_plan_t", "dahl_compensator_t"),
     "adaptation": ("dahl_adaptation_plan_t", "dahl_adaptation_t"),
-    "node, model Dahl": (None, "dahl_node_t"),
-    "node, storage of slip": (None, "dahl_node_slip_t"),
-    "node, storage of parallel": (None, "dahl_node_parallel_t"),
-    "node, storage of asymmetric": (None, "dahl_node_asymmetric_t"),
-    "node, storage of loaded": (None, "dahl_node_loaded_t"),
-    "node, storage of elasto-plastic": (None, "dahl_node_elastoplastic_t"),
+    "node, model dahl": (None, "dahl_node_t"),
+    **{f"node, storage of {name}": (None, f"dahl_node_{name}_t") for name in OTHER_MODELS},
 }
 
 MARKS = ("<!-- bench:calls -->", "<!-- /bench:calls -->")
@@ -66,7 +63,8 @@ MEMORY_MARKS = ("<!-- bench:memory -->", "<!-- /bench:memory -->")
 def public_calls() -> list[str]:
     """Return the functions of an element, a compensator and a node, in the order of the headers."""
     functions = re.findall(r"^\w[\w* ]*\b(dahl_\w+)\(", DECLARATIONS.read_text(), re.MULTILINE)
-    return [x for x in functions if x not in CALLED_BY_CALLS and not NOT_MEASURED.match(x)]
+    functions = [x for x in functions if x not in CALLED_BY_CALLS and not INLINE.fullmatch(x)]
+    return [x for x in functions if not NOT_MEASURED.match(x)]
 
 
 def groups(names: list[str]) -> list[tuple[str, list[tuple[str, str]]]]:

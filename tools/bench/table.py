@@ -25,6 +25,7 @@ def rows_of(model: models.Model) -> tuple[tuple[str, str], ...]:
     )
 
 
+SOFT = models.with_key("breakaway").name
 ROWS = [
     ("`dahl_step_counts_q30`, one count", "one_count_q30"),
     ("`dahl_step_counts`, one count, F in N m", "one_count_float"),
@@ -58,10 +59,10 @@ ROWS = [
     ("`dahl_loaded_step_counts_q30`", "loaded_q30"),
     ("`dahl_loaded_step_counts_q30`, the load grew", "loaded_more_q30"),
     ("`dahl_loaded_step_counts`, F in N m", "loaded_float"),
-    ("`dahl_elastoplastic_step_counts_q30`, elastic", "elastic_q30"),
-    ("`dahl_elastoplastic_step_counts_q30`, plastic", "plastic_q30"),
-    ("`dahl_elastoplastic_step_counts_q30`, across the breakaway", "crossing_q30"),
-    ("`dahl_elastoplastic_step_counts`, across the breakaway, F in N m", "crossing_float"),
+    (f"`dahl_{SOFT}_step_counts_q30`, elastic", "elastic_q30"),
+    (f"`dahl_{SOFT}_step_counts_q30`, plastic", "plastic_q30"),
+    (f"`dahl_{SOFT}_step_counts_q30`, across the breakaway", "crossing_q30"),
+    (f"`dahl_{SOFT}_step_counts`, across the breakaway, F in N m", "crossing_float"),
     ("`dahl_work_step_counts`, up to 8 counts", "work_step"),
     ("`dahl_work_step_counts_q30`, up to 8 counts", "work_step_q30"),
     ("`dahl_counts_to_torque`, counts of .077 presliding lengths", "counts_to_torque"),

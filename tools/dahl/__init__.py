@@ -47,15 +47,14 @@ from dahl.version import __version__ as __version__
 TYPE_CHECKING = False  # importing typing would double the time of `dahl --help`
 if TYPE_CHECKING:
     from dahl.binding.adaptation import Adaptation
-    from dahl.binding.asymmetric import Asymmetric
     from dahl.binding.commission import Commission
     from dahl.binding.compensator import Compensator
-    from dahl.binding.elastoplastic import ElastoPlastic
     from dahl.binding.encoder import Encoder, counts_between, to_units
     from dahl.binding.friction import Friction, Plan, State
     from dahl.binding.loaded import Loaded
     from dahl.binding.plausible import implausible
     from dahl.binding.slip import Parallel, Slip
+    from dahl.binding.state_element import Asymmetric, ElastoPlastic
     from dahl.binding.throughput import Throughput
     from dahl.binding.velocity import VelocityTable
     from dahl.binding.work import Work
@@ -95,10 +94,9 @@ __all__ = [
 SUBMODULES = {"codec": "dahl.can.codec", "node": "dahl.can.node"}
 MODULES = {  # of the public classes and functions
     "binding.adaptation": ("Adaptation",),
-    "binding.asymmetric": ("Asymmetric",),
     "binding.commission": ("Commission",),
+    "binding.state_element": ("Asymmetric", "ElastoPlastic"),
     "binding.compensator": ("Compensator",),
-    "binding.elastoplastic": ("ElastoPlastic",),
     "binding.encoder": ("Encoder", "counts_between", "to_units"),
     "binding.friction": ("Friction", "Plan", "State"),
     "binding.loaded": ("Loaded",),

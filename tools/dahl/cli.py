@@ -26,6 +26,7 @@ from dahl.commands import (
     excite,
     fmu,
     identify,
+    loop,
     monitor,
     node,
     plan,
@@ -90,6 +91,7 @@ class Parser(argparse.ArgumentParser):
 
 COMMANDS = {
     "demo": demo,
+    "loop": loop,
     "identify": identify,
     "excite": excite,
     "plan": plan,

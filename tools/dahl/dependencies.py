@@ -18,6 +18,7 @@ from dahl.errors import RunError
 
 NEEDS = {  # command: extras in pyproject.toml, and the packages by import name
     "demo": ("can,plot", ("can", "cantools", "rich", "matplotlib", "mpmath", "pooch", "pandas")),
+    "loop": ("plot", ("pandas", "pooch")),
     "identify": ("identify", ("scipy", "pandas", "joblib", "matplotlib", "mpmath", "rich", "can")),
     "excite": ("identify", ("scipy",)),
     "monitor": ("can", ("can", "cantools", "rich", "plotext", "mpmath")),
@@ -37,7 +38,7 @@ OPTIONAL = {  # packages that only some options or files need: their extra
     "serial": "can",
 }
 DISTRIBUTED_AS = {"can": "python-can", "dask": "dask[distributed]", "serial": "pyserial"}
-WITHOUT_MF4 = ("demo", "monitor", "node", "plot", "record", "report")  # unless a word ends in .mf4
+WITHOUT_MF4 = ("demo", "loop", "monitor", "node", "plot", "record", "report")  # if no .mf4 is read
 
 
 def require(command: str) -> None:

@@ -18,7 +18,6 @@ MODELS = (  # dahl_frames.h: name, class, number, numbers of sigma0 and Fc, has 
     ("dahl", "Dahl", 0, 1, 1, True, "", ""),
     ("slip", "Slip", 0, 0, 0, True, "", ""),
     ("parallel", "Parallel", 32, 0, 0, False, "kinds", "`dahl` or `slip` for each element"),
-    ("elastoplastic", "ElastoPlastic", 17, 1, 1, True, "breakaway", "a fraction of Fc"),
     (
         "loaded",
         "Loaded",
@@ -29,5 +28,6 @@ MODELS = (  # dahl_frames.h: name, class, number, numbers of sigma0 and Fc, has 
         "",
         "a section `[load]`; `sigma0` and `Fc` hold at load 1",
     ),
+    ("elastoplastic", "ElastoPlastic", 17, 1, 1, True, "breakaway", "a fraction of Fc"),
     ("asymmetric", "Asymmetric", 16, 1, 2, True, "", ""),
 )

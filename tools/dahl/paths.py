@@ -22,7 +22,6 @@ INCLUDE = SHARE / "include" if INSTALLED else ROOT / "lib" / "include"
 LIB = SHARE / "lib" if INSTALLED else ROOT / "lib"  # C sources
 PORT = SHARE if INSTALLED else ROOT / "port"  # folders fmu, mujoco, simulators: C sources
 LICENSE = (SHARE if INSTALLED else ROOT) / "LICENSE"
-SIM = SHARE if INSTALLED else ROOT / "host_sim"  # tables that dahl-loop is compiled from
 SCENES = SHARE / "scenes" if INSTALLED else ROOT / "host_sim" / "scenes"
 OUTPUT = (
     Path("dahl-out") if INSTALLED else ROOT / "build"
@@ -43,20 +42,12 @@ def built_file(variable: str, carried: str, *parts: str) -> Path:
     if path.exists():
         return path
     if INSTALLED:
-        raise RunError(f"{path} does not exist; {_missing_reason()}, or set {variable}")
+        hint = "dahl-loop needs Linux" if variable == "DAHL_LOOP" else "reinstall this package"
+        raise RunError(f"{path} does not exist; {hint}, or set {variable}")
     raise RunError(
         f"{path} does not exist; build it (tools/demo.sh, or cmake --preset host"
         f" -DDAHL_BUILD_TESTS=OFF && cmake --build build/host) or set {variable}"
     )
-
-
-def _missing_reason() -> str:
-    """Return why an installed package lacks a built file, and what to do."""
-    try:
-        lacking = (SHARE / "no-dahl-loop.txt").read_text(encoding="ascii").strip()
-    except OSError:
-        return "reinstall this package"
-    return f"this package was built without {lacking}: install that and build the package again"
 
 
 def library() -> Path:

@@ -18,7 +18,7 @@ declare -A INCLUDES=(
 
 # Required Debian packages: set-up fails without them.
 declare -A MUST=(
-    [demo]='libc6-dev cmake ninja-build libinih-dev libcsv-dev libcjson-dev python3 python3-venv ca-certificates'
+    [demo]='libc6-dev cmake ninja-build python3 python3-venv ca-certificates'
     [firmware]='gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm dpkg-dev xz-utils'
     [docs]='doxygen'
     [test]='gcc g++ git pkg-config dpkg-dev xz-utils'

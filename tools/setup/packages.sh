@@ -46,17 +46,11 @@ check_packages() {
     mapfile -t MISSING_OPTIONAL < <(not_installed "${may[@]}")
 }
 
-# Other distributions have other package names. Therefore check for the programs and headers that the build uses.
+# Other distributions have other package names. Therefore check for the programs that the build uses.
 check_without_apt() {
-    local missing=() tool file compiler=${CC:-cc}
+    local missing=() tool compiler=${CC:-cc}
     for tool in "${compiler%% *}" cmake ninja python3; do command -v "$tool" >/dev/null || missing+=("$tool"); done
-    if command -v "${compiler%% *}" >/dev/null; then
-        for file in ini.h csv.h cjson/cJSON.h; do
-            # shellcheck disable=SC2086 # CC may have options
-            $compiler -E - <<<"#include <$file>" >/dev/null 2>&1 || missing+=("$file")
-        done
-    fi
-    [ "${#missing[@]}" -eq 0 ] && { say "no apt-get here, but all programs and libraries of the build are in place"; return; }
+    [ "${#missing[@]}" -eq 0 ] && { say "no apt-get here, but all programs of the build are in place"; return; }
     die "not found: ${missing[*]}; no apt-get here, so please install these. On Debian the packages are: $(words_of MUST | xargs)"
 }
 

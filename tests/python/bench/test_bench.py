@@ -3,8 +3,6 @@
 with limits, references and the pages, which show the same numbers.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

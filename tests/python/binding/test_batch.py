@@ -3,8 +3,6 @@
 C reads and writes.
 """
 
-from __future__ import annotations
-
 import threading
 
 import dahl
@@ -16,8 +14,6 @@ from hypothesis import strategies as st
 from programs import run
 from sources import with_main
 from strategies import STEPS, parameters
-
-pytestmark = pytest.mark.usefixtures("library")
 
 ULP_COUNTS = 0.52
 EXPONENTS = 20  # of Fc and theta_per_count

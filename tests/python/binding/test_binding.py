@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The binding to C: it declares each public function, and both ways to call give equal results."""
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

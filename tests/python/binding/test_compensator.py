@@ -3,20 +3,19 @@
 refusals with their limits, and changes of parameters in exact numbers.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Callable
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import dahl
 import numpy as np
 import pytest
+from dahl.binding import models
 from dahl.binding.library import c
-
-pytestmark = pytest.mark.usefixtures("library")
+from model_examples import STATE_ELEMENTS
 
 THETA = 3.8e-4
 FRICTION = {"sigma0": 100.0, "Fc": 0.5, "theta_per_count": THETA}
@@ -29,9 +28,10 @@ ELEMENTS: dict[str, Callable[[], Any]] = {
     "dahl": lambda: dahl.Friction(dahl.Plan(**FRICTION)),
     "slip": lambda: dahl.Slip([60.0, 40.0], [0.3, 0.2], THETA),
     "mix": lambda: dahl.Parallel(dahl.Slip([50.0], [0.25], THETA), ELEMENTS["dahl"]()),
-    "asymmetric": lambda: dahl.Asymmetric(100.0, 0.5, 0.4, THETA),
-    "elastoplastic": lambda: dahl.ElastoPlastic(100.0, 0.5, THETA, 0.6),
 }
+for row in STATE_ELEMENTS:  # an Fc for each direction, or the breakaway
+    values = [100.0, *[0.5, 0.4][: row.Fcs], THETA, *([0.6] if row.key else [])]
+    ELEMENTS[row.name] = partial(models.class_of(row), *values)
 
 
 def compensator(**changed: Any) -> dahl.Compensator:

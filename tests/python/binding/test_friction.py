@@ -4,8 +4,6 @@
 The library steps by a table. The references are closed forms and share no formula with it.
 """
 
-from __future__ import annotations
-
 import copy
 import math
 from fractions import Fraction
@@ -13,14 +11,11 @@ from fractions import Fraction
 import dahl
 import mpmath
 import numpy as np
-import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 from sources import number
 from strategies import COPIES, PLANS, STEPS, as_float, float32
-
-pytestmark = pytest.mark.usefixtures("library")
 
 ULP_COUNTS, ULP_ANGLE = number("DAHL_ULP_COUNTS"), number("DAHL_ULP_ANGLE")
 ONE = 1 << 62  # w of a torque of Fc
@@ -182,7 +177,7 @@ class Calls(RuleBasedStateMachine):
         assert -STATE_END <= self.one.state.w < STATE_END
 
 
-TestCalls = pytest.mark.usefixtures("library")(Calls.TestCase)
+TestCalls = Calls.TestCase
 TestCalls.settings = settings(stateful_step_count=30)
 
 

@@ -5,8 +5,6 @@ The motion starts at an angle that is not 0. The reference is a Taylor series of
 equation from turn to turn; it knows no closed form.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import dahl
@@ -14,8 +12,6 @@ import mpmath
 import pytest
 from conftest import ROOT
 from sources import number
-
-pytestmark = pytest.mark.usefixtures("library")
 
 digits = mpmath.mp.clone()
 digits.dps = 30

@@ -3,8 +3,6 @@
 moves, and the torques are those of dahl.sim.reference.
 """
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 from functools import partial
@@ -15,13 +13,11 @@ import numpy as np
 import pytest
 from dahl.binding import models
 from dahl.sim import reference
-from model_examples import BRISTLES, OWN, THETA, made, numbers, whole
-
-pytestmark = pytest.mark.usefixtures("library")
+from model_examples import OWN, STATE_ELEMENTS, THETA, made, numbers, whole
 
 PLAN = dahl.Plan(100.0, 0.5, 2e-4)
 SLIPS = [100.0, 70.0, 3.0], [0.5, 1.25, 0.01], 2e-4
-TABLE = {model.name: model for model in BRISTLES}
+TABLE = {model.name: model for model in STATE_ELEMENTS}
 TABLE |= {name: model for name, model in models.table().items() if model.sigma0s == 0}
 MADE = {name: partial(made, model) for name, model in TABLE.items()} | {
     "work": lambda: dahl.Work(PLAN),

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Remarks on units: none on real machines, one on each mistake that can be found."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 from typing import NamedTuple
@@ -12,8 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-pytestmark = pytest.mark.usefixtures("library")
 
 TURN = math.tau
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """All public classes: equality, repr, copies and pickles. Then names and examples of the API."""
 
-from __future__ import annotations
-
 import copy
 import doctest
 import inspect
@@ -18,10 +16,8 @@ import pytest
 from dahl import codec, node
 from dahl.binding import models
 from dahl.can.async_bus import AsyncBus
-from model_examples import BRISTLES, OWN, THETA, numbers
+from model_examples import OWN, STATE_ELEMENTS, THETA, numbers
 from strategies import COPIES
-
-pytestmark = pytest.mark.usefixtures("library")
 
 
 def step(one: Any) -> Any:
@@ -63,7 +59,7 @@ def others(name: str, value: Any) -> Iterator[Any]:
 
 
 def arguments_of(model: models.Model) -> dict[str, Any]:
-    """Return the arguments of a class that is derived from Bristle, by name."""
+    """Return the arguments of a class that is derived from StateElement, by name."""
     sigma0, torques = numbers(model)
     own = [OWN[model.key]] if model.key else []
     names = inspect.signature(models.class_of(model)).parameters
@@ -86,7 +82,7 @@ MIX = (dahl.Friction(dahl.Plan(**PLAN)), dahl.Slip(**TWO))
 KINDS = {
     kind.of.__name__: kind
     for kind in (
-        *(Kind(models.class_of(model), arguments_of(model), step) for model in BRISTLES),
+        *(Kind(models.class_of(model), arguments_of(model), step) for model in STATE_ELEMENTS),
         Kind(
             dahl.Adaptation,
             PLAN | {"inertia": 2e-3, "period": 1e-3},

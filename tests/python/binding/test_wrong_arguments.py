@@ -3,8 +3,6 @@
 limit, and changes nothing.
 """
 
-from __future__ import annotations
-
 import _ctypes
 import copy
 import inspect
@@ -26,8 +24,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from programs import run
 from test_public_classes import KINDS
-
-pytestmark = pytest.mark.usefixtures("library")
 
 PLAN = dahl.Plan(100.0, 0.5, 1e-4)
 BLIND = dahl.Plan(100.0, 0.5)  # without an encoder

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Frames by cantools and crccheck alone, and a bus inside this process."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import threading

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """dahl-loop on a CAN socket that is a socketpair, for a kernel without CAN."""
 
-from __future__ import annotations
-
 import os
 import socket
 import struct

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Many calls at once on one bus: cancelled at random times, and from several threads."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import random
@@ -20,8 +18,6 @@ from dahl import codec, node
 from dahl.can.async_bus import AsyncBus
 from dahl.codec import Param, ParamWrite, Write
 from loop_tools import SCENES, client, serving
-
-pytestmark = pytest.mark.usefixtures("library")
 
 PLAN = dahl.Plan(100, 0.7, 3.8e-4)
 LONGEST_ANSWER_S = 2e-3

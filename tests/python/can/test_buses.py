@@ -3,8 +3,6 @@
 Then the command line of the emulator.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import logging

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """dahl.Client against a friction object that makes the same moves without a bus."""
 
-from __future__ import annotations
-
 import contextlib
 import copy
 from collections.abc import Callable, Iterator
@@ -19,8 +17,6 @@ from dahl.can import client as client_module
 from dahl.codec import EncoderState, Param, State
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-pytestmark = pytest.mark.usefixtures("library")
 
 PLAN = dahl.Plan(100, 0.7, 3.8e-4)
 FRICTIONS = [

@@ -3,8 +3,6 @@
 (cantools) and autosar-e2e. Then what dahl.codec refuses, and the DBC itself.
 """
 
-from __future__ import annotations
-
 import itertools
 import pickle
 from pathlib import Path
@@ -19,8 +17,6 @@ from dahl.codec import Param, Result, State, What, Write
 from e2e import p02
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-pytestmark = pytest.mark.usefixtures("library")
 
 DATA_IDS = {  # high half of the data id of each frame
     "EncoderState": 0x3,

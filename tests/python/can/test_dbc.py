@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """`dahl dbc` describes one or several nodes."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 

@@ -4,8 +4,6 @@
 Each recording is made tick by tick, so the number of lost frames is known.
 """
 
-from __future__ import annotations
-
 import random
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -17,8 +15,6 @@ from dahl.can.missing import Missing
 from dahl.codec import EncoderState, FrictionTorque, State, Status
 from hypothesis import given
 from hypothesis import strategies as st
-
-pytestmark = pytest.mark.usefixtures("library")
 
 PERIOD_S = 0.001  # of the encoder
 STATUS_TICKS = 7  # from one Status to the next

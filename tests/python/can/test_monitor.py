@@ -3,8 +3,6 @@
 terminals of any size.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import re
@@ -19,8 +17,6 @@ import pytest
 from bus_frames import ANGLE, ERRORS, frames, new_channel, sending
 from dahl import Node, Plan, codec
 from identify_tools import complaint
-
-pytestmark = pytest.mark.usefixtures("library")
 
 OK = {"State": "OK", "TorqueRatio": 0.5}
 Sent = tuple[str, float, dict[str, Any]]
@@ -150,7 +146,7 @@ def test_a_restarted_node_has_lost_nothing(seen):
     assert min(known[name]["frames"] for name in ("FrictionTorque", "Status")) > 2
 
 
-OWN = "[friction]\nmodel = asymmetric\nnode = 3\nsigma0 = 1\nFc = 0.5 1\n"
+OWN = "[friction]\nmodel = asymmetric\nnode = 3\nsigma0 = 1\nFc = 0.5 1\ntheta_per_count = 1\n"
 
 
 @pytest.mark.parametrize(
@@ -256,7 +252,8 @@ def in_trouble(dbc) -> list[can.Message]:
 
 def test_a_torque_has_a_unit_if_fc_is_known(monitor, seen, dbc, tmp_path):
     (tmp_path / "own.ini").write_text(
-        "[friction]\nsigma0 = 1\nFc = 2\n[measured]\nlabel_torque = force [N]\n"
+        "[friction]\nsigma0 = 1\nFc = 2\ntheta_per_count = 1\n"
+        "[measured]\nlabel_torque = force [N]\n"
     )
     sent, last = in_trouble(dbc), f"{2 * np.sin(89 / 9):+.6f}"
     assert "F/Fc over counts" in monitor(sent)

@@ -3,8 +3,6 @@
 program dahl-loop: sim/test_loop_models.py.
 """
 
-from __future__ import annotations
-
 import copy
 
 import dahl
@@ -15,8 +13,6 @@ from dahl.binding import models
 from dahl.codec import EncoderState, Param, ParamWrite, Write
 from model_examples import THETA, keys, made, numbers, whole
 from strategies import COPIES
-
-pytestmark = pytest.mark.usefixtures("library")
 
 PLAN = dahl.Plan(100, 0.7, THETA)
 MODELS = {name: (keys(model), made(model)) for name, model in models.table().items()}

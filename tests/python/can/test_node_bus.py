@@ -3,8 +3,6 @@
 it. Then buses that are silent, full or gone.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import itertools
@@ -26,8 +24,6 @@ from dahl.can import bus as buses
 from dahl.can import rig
 from dahl.codec import EncoderState, Param, ParamWrite, Reset, State, What
 from loop_tools import wait_until
-
-pytestmark = pytest.mark.usefixtures("library")
 
 PLAN = dahl.Plan(100, 0.7, 3.8e-4)
 Ends = tuple[can.BusABC, can.BusABC]

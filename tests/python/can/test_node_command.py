@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """`dahl node` prints lines that open its bus and runs the node of the scene or of the options."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os
@@ -24,8 +22,6 @@ from dahl.codec import EncoderState, Param, ParamWrite
 from identify_tools import complaint
 from loop_tools import SCENES, client, serving, wait_until
 from test_node import MODELS, THETA
-
-pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
 OWN = ("--sigma0", "100.0625", "--fc", "12.500004768371582", "--theta-per-count", "3.8e-4")
 PLAN = Plan(100.0625, 12.500004768371582, 3.8e-4)  # more digits than are shown

@@ -3,15 +3,12 @@
 reference is the node of loop_model.py, written from the headers and the fault table alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import can
 import dahl
 import hypothesis
 import numpy as np
-import pytest
 from crccheck.crc import Crc8Autosar
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule, run_state_machine_as_test
@@ -35,8 +32,6 @@ from loop_model import (
 from loop_tools import Logged, word
 from property_tools import SLOW, modes
 from strategies import COPIES
-
-pytestmark = pytest.mark.usefixtures("library")
 
 PARAMS = [float(np.float32(value)) for value in (100, 0.7, 3.8e-4)]
 BOUND = 4 * Q30_BOUND  # a gain is cut to Q30, and other parameters keep F to 2^-30

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The pytest plugin in test files of a user, in a folder outside the tree."""
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import re

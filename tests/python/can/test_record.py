@@ -3,8 +3,6 @@
 missing in its log.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 import resource
@@ -25,8 +23,6 @@ from dahl.io import can_logs, candump
 from identify_tools import complaint
 from loop_tools import SCENES, read_log, serving, wait_until
 from programs import call, run
-
-pytestmark = pytest.mark.usefixtures("library")
 
 QUIET = ("-i", "virtual", "-c", "quiet")
 

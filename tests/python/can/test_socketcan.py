@@ -6,8 +6,6 @@ The first runs on this kernel if its vcan0 is up, else in a virtual machine (too
 runs all cases (tests/socketcan/run.sh and controllers.sh). Each test reads the files of one case.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess
@@ -18,7 +16,8 @@ from pathlib import Path
 import pytest
 from conftest import ROOT, built
 from dahl import bus
-from loop_tools import SCENES, counts_of, read_log, run, torques_of
+from dahl.sim import run_file, scene
+from loop_tools import EXAMPLE, SCENES, counts_of, read_log, run, torques_of
 from programs import call
 from test_pytest_plugin import SAME
 
@@ -37,7 +36,8 @@ class Case:
     folder: Path
 
     def summary(self, name: str) -> dict:
-        return json.loads((self.folder / f"{name}.json").read_text())
+        counters = (self.folder / f"{name}.counters").read_text()
+        return run_file.summary(counters, scene.read(SCENE), "", 1, is_virtual=False)
 
     def code(self, name: str) -> int:
         return int((self.folder / f"{name}.code").read_text())
@@ -72,7 +72,7 @@ def can_utils() -> None:
 def machine(tmp_path_factory):
     """Run all cases of run.sh; returns a function from the name of a case to its files."""
     folder = tmp_path_factory.mktemp("socketcan")
-    words = [SCRIPTS / "run.sh", built("host_sim", "dahl-loop"), SCENE, folder]
+    words = [SCRIPTS / "run.sh", built("host_sim", "dahl-loop"), EXAMPLE, folder]
     is_here = bus.has_socketcan() and bus.vcan_is_up()
     run_cases(words if is_here else [ROOT / "tools/vm.sh", folder, *words])
     return lambda name: Case(folder / name)
@@ -85,7 +85,7 @@ def controllers(tmp_path_factory, library):
         pytest.skip("gdb is not installed (tools/setup.sh vm installs it where it can)")
     folder = tmp_path_factory.mktemp("controllers")
     (folder / "test_rig.py").write_text(SAME)
-    words = [SCRIPTS / "controllers.sh", built("host_sim", "dahl-loop"), SCENE, sys.executable]
+    words = [SCRIPTS / "controllers.sh", built("host_sim", "dahl-loop"), EXAMPLE, sys.executable]
     with subprocess.Popen([str(SCRIPTS / "bus_off.sh"), str(folder)]) as helper:
         try:
             machine = [ROOT / "tools/vm.sh", folder, "env", f"DAHL_LIBRARY={library}"]
@@ -223,7 +223,7 @@ def test_the_pytest_plugin_tests_a_node_behind_controllers(controllers):
 def test_a_bus_off_of_a_controller_is_counted_and_the_torque_comes_back(controllers):
     """By the driver, which restarts the controller after 200 ms, and by the node."""
     case = controllers("bus_off")
-    (interface,) = case.summary("can0")
+    (interface,) = json.loads((case.folder / "can0.json").read_text())
     assert interface["linkinfo"]["info_data"]["state"] == "ERROR-ACTIVE"
     counts = interface["linkinfo"]["info_xstats"]
     assert (counts["bus_off"], counts["restarts"]) == (1, 1)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Ctrl-C at any time of any command: code 130, one line, no traceback, no process left."""
 
-from __future__ import annotations
-
 import re
 import signal
 import subprocess
@@ -17,8 +15,6 @@ from conftest import ROOT
 from identify_tools import dahl_torque
 from loop_tools import SCENES, serving, wait_until
 from programs import call
-
-pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
 READY = """
 import runpy, signal, sys

@@ -3,8 +3,6 @@
 that have gone, terminals without UTF-8.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
@@ -15,8 +13,6 @@ from pathlib import Path
 import pytest
 from identify_tools import FC, complaint, dahl_torque, noise_of, sine, write_csv
 from log_reading import drawing
-
-pytestmark = pytest.mark.usefixtures("library")
 
 SCRIPT = "<script>alert(1)</script>"
 

@@ -3,8 +3,6 @@
 options, and completion in a shell.
 """
 
-from __future__ import annotations
-
 import ast
 import math
 import re
@@ -33,6 +31,10 @@ OPTIONS: dict[str, dict[str, Any]] = {
     | dict.fromkeys(("--torque-scale", "--offset", "--spring"), FINITE)
     | {"--bus": TEXT, "--target": TEXT, "--seconds": TIME, "--seed": (0, 2**64 - 1)}
     | {"--json": FLAG, "-o/--output": TEXT},
+    "loop": dict.fromkeys(("--scene", "--set", "--data", "--log-file", "--bus", "--nodes"), TEXT)
+    | dict.fromkeys(("--role", "--seconds", "--seed", "--log", "--trace", "--wait-clients"), TEXT)
+    | dict.fromkeys(("--summary", "--with-parent"), TEXT)
+    | dict.fromkeys(("--virtual", "--lockstep", "--until-idle"), FLAG),
     "identify": dict.fromkeys(("--angle", "--torque", "--time", "--load", "--angle-unit"), TEXT)
     | dict.fromkeys(("--torque-unit", "--time-unit", "--dbc", "--terms", "--model"), TEXT)
     | dict.fromkeys(("--check", "--each", "--dask", "--json", "--name", "-o/--output"), TEXT)
@@ -44,6 +46,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     | BUS,
     "excite": dict.fromkeys(("--sigma0", "--fc", "--noise", "--counts-per-turn"), ABOVE_0)
     | dict.fromkeys(("--within", "--rate", "--speed", "--inertia", "--bandwidth"), ABOVE_0)
+    | {"--torque-constant": ABOVE_0, "--loop": TEXT, "--reference": TEXT}
     | {"--from": TEXT, "--mm": FLAG, "--name": TEXT, "--force": FLAG, "-o/--output": TEXT},
     "plan": dict.fromkeys(("--sigma0", "--fc", "--breakaway", "--counts-per-turn"), TEXT)
     | {"--model": MODELS, "--theta-per-count": TEXT, "-o/--output": TEXT, "--name": TEXT}
@@ -68,6 +71,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 }
 NEEDED = {  # required options
     "excite": ["--counts-per-turn=1"],
+    "loop": ["--scene=x"],
     "plan": ["--sigma0=1", "--fc=1", "--theta-per-count=0", "-ox"],
     "fmu": ["--sigma0=1", "--fc=1", "-ox"],
     **{"record": ["-ox"], "plot": ["x"], "report": ["x"]},
@@ -207,7 +211,7 @@ COMMAS = [  # --model and options of plan; whether a number with a decimal comma
     ("slip --sigma0 100,5 --fc 0,5", True),
     ("asymmetric --sigma0 100 --fc 0,2", True),
     ("asymmetric --sigma0 100 --fc 0,2,0,3", True),
-    ("elastoplastic --sigma0 1 --fc 1 --breakaway 0,5", True),
+    (f"{models.with_key('breakaway').name} --sigma0 1 --fc 1 --breakaway 0,5", True),
     ("dahl --sigma0 100;5 --fc 1", False),
     ("slip --sigma0 1 --fc nan", False),
     ("asymmetric --sigma0 100 --fc 1", False),

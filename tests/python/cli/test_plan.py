@@ -3,8 +3,6 @@
 dahl_prepare() bit for bit.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from functools import partial
@@ -16,8 +14,6 @@ from dahl import __version__
 from dahl.binding import models, plan_header
 from identify_tools import caller
 from programs import run
-
-pytestmark = pytest.mark.usefixtures("library")
 
 STRICT = ["-Wall", "-Wextra", "-pedantic", "-Werror", f"-I{ROOT}/lib/include"]
 ENCODER = "--theta-per-count 3.8e-4"

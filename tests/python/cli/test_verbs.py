@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The commands: examples of their help, options of a bus, files of identify and excite."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex
@@ -17,10 +15,8 @@ from identify_tools import COUNT, FC, complaint, dahl_torque, noise_of, sine, wr
 from log_writers import DBC, STEP
 from log_writers import frames as write_frames
 
-pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
-
 VERBS = ("demo", "identify", "excite", "plan", "fmu", "node", "monitor", "record", "plot", "report")
-VERBS += ("dbc",)
+VERBS += ("dbc", "loop")
 
 
 @pytest.mark.parametrize("verb", VERBS)

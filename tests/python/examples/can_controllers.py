@@ -4,8 +4,6 @@
 Offsets and bits are those of the manuals, written without the headers of the examples.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable

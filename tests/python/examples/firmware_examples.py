@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Torques that the firmware of examples/ and port/arduino/ must print; all have the same motion."""
 
-from __future__ import annotations
-
 import math
 
 SIGMA0, FC, THETA_PER_COUNT = 100.0, 0.5, 2 * math.pi / 16384

@@ -3,8 +3,6 @@
 Debian's arduino-core-avr), and one of them on an emulated Uno.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import subprocess

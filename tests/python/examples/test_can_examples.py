@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """examples/can_* and zephyr_node on models of their controllers, compared with dahl.Node."""
 
-from __future__ import annotations
-
 import math
 import random
 import re

@@ -3,8 +3,6 @@
 within limit and slew, in the units that they promise.
 """
 
-from __future__ import annotations
-
 import ctypes
 import importlib
 import math
@@ -24,8 +22,6 @@ from dahl.binding import plan_header
 from numpy.typing import NDArray
 from programs import run, shared_object
 from sources import CORE, LIB
-
-pytestmark = pytest.mark.usefixtures("library")
 
 COMPENSATOR = sorted((LIB / "compensator").glob("*.c"))
 FC_LOW, LENGTH_LONG, SIGMA0_HIGH = 0.45, 0.0055, 90.0  # N m, rad, N m/rad

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The examples run as their pages describe."""
 
-from __future__ import annotations
-
 import ctypes
 import json
 import math
@@ -27,7 +25,7 @@ from sources import CORE
 
 @pytest.fixture
 def node(dahl_loop, root):
-    command = [dahl_loop, "--scene", root / "host_sim/scenes/segments.ini", "--role", "node"]
+    command = [sys.executable, "-m", "dahl", "loop", "--scene", "segments", "--role", "node"]
     command += ["--bus", "socketcand:0", "--wait-clients", "1"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         port = re.search(r":(\d+) ", process.stdout.readline())[1]
@@ -64,7 +62,6 @@ def shaft(root: Path, tmp_path: Path) -> ctypes.CDLL:
     return lib
 
 
-@pytest.mark.usefixtures("library")
 def test_the_next_tick_uses_new_parameters(shaft) -> None:
     """Bad parameters, and parameters before the last ones were used, change nothing. With an
     interrupt: tests/target/change_parameters.c.
@@ -90,7 +87,6 @@ def test_the_next_tick_uses_new_parameters(shaft) -> None:
     assert refused > 100 and early > 100
 
 
-@pytest.mark.usefixtures("library")
 def test_the_encoder_example_passes_the_wrap_of_its_timer(root, tmp_path) -> None:
     flags = ["-G", "Ninja", "-DCMAKE_C_FLAGS=-Wall -Wextra -pedantic -Werror"]
     example = root / "examples/encoder_16bit_timer"
@@ -179,7 +175,6 @@ def test_the_notebook_goes_from_a_log_to_the_bus(dahl_loop, root: Path, tmp_path
 
 
 @pytest.mark.checks
-@pytest.mark.usefixtures("library")
 def test_the_hinge_in_mujoco_is_held_and_drawn(root, tmp_path) -> None:
     pytest.importorskip("mujoco.rollout", reason="unproven: examples/mujoco: mujoco is missing")
     printed = run(sys.executable, root / "examples/mujoco/hold.py", tmp_path / "hold.png")

@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: MIT
 """FMUs as a user writes them, and an instance that a test calls by the functions of FMI."""
 
-from __future__ import annotations
-
 import ctypes
 import tempfile
 import zipfile
 from ctypes import byref, c_bool, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 from xml.etree import ElementTree as ET
 
 from dahl.binding import models
@@ -99,7 +97,7 @@ class Instance:
     def leave(self) -> int:
         return self.call("ExitInitializationMode")
 
-    def initialize(self, **values: float) -> Instance:
+    def initialize(self, **values: float) -> Self:
         assert self.enter() == self.set(**values) == self.leave() == OK, self.messages
         return self
 

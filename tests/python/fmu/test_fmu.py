@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """`dahl fmu`: torques of each model against its Python class, split steps, states, errors."""
 
-from __future__ import annotations
-
 import math
 import re
 import struct
@@ -20,8 +18,6 @@ from dahl.simulators import fmu
 from fmu_instance import CO_SIMULATION, ERROR, OK, Instance
 from identify_tools import complaint
 from model_examples import THETA, made, numbers, whole
-
-pytestmark = pytest.mark.usefixtures("library")
 
 MODELS = list(models.table().values())
 DAHL = MODELS[0]
@@ -306,7 +302,7 @@ def test_parameters_that_do_not_fit_are_an_error_of_the_initialization(
 
 
 def test_the_smallest_breakaway_can_be_set_saved_and_restored(export):
-    path = export(models.table()["elastoplastic"], "--breakaway", 1e-44)
+    path = export(models.with_key("breakaway"), "--breakaway", 1e-44)
     one = Instance(path).initialize(breakaway=1e-44)
     assert one.restore(one.save()) == OK
 

@@ -3,15 +3,13 @@
 hostile_logs.py. The truth is always SIGMA0 (slope at rest) and FC (full slip at speed).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from dahl.io.log import Log
 from hostile_logs import LEAD, LENGTH, ROWS, STEP, Rig
-from identify_tools import FC, SIGMA0, behind_play, dahl_torque, noise_of
+from identify_tools import COUNT, FC, SCALE, SIGMA0, behind_play, dahl_torque, noise_of
 from scipy.signal import lfilter
 
 
@@ -36,13 +34,16 @@ def end_stops(rig: Rig) -> Log:
 
 
 def relaxing_rests(rig: Rig) -> Log:
-    """Rests at each turn, in which the torque creeps down by a tenth."""
+    """Rests at each turn, in which the deflected contacts creep back by a tenth."""
     rig.along(rig.amplitude * LENGTH * np.clip(1.3 * np.sin(rig.phase), -1, 1))
-    still = np.abs(np.diff(rig.theta, prepend=rig.theta[0])) < 1e-9
-    rested = np.zeros(len(still))
-    for k in range(1, len(still)):
-        rested[k] = rested[k - 1] + 1 if still[k] else 0.0
-    return rig.log(rig.friction() * (1 - 0.1 * (1 - np.exp(-rested / 30))))
+    kept, F, torque = 1.0, 0.0, []  # noqa: N806
+    limit, a = SCALE["Fc"] * FC, SCALE["sigma0"] / SCALE["Fc"] / LENGTH
+    for move in np.diff(rig.theta, prepend=rig.theta[0]).tolist():
+        before, kept = kept, 0.9 + (kept - 0.9) * np.exp(-1 / 30) if abs(move) < 1e-9 else 1.0
+        F *= min(kept / before, 1.0)  # noqa: N806
+        F += (np.sign(move) * limit - F) * -np.expm1(-a * abs(move))  # noqa: N806
+        torque.append(F)
+    return rig.log(np.array(torque))
 
 
 def two_speeds_stribeck(rig: Rig) -> Log:
@@ -55,11 +56,14 @@ def two_speeds_stribeck(rig: Rig) -> Log:
 
 
 def belt_resonance(rig: Rig) -> Log:
-    """A belt between encoder and bearing that rings at 40 Hz and gives .5 % of a length."""
-    torque = rig.friction()
+    """A belt between encoder and bearing that rings at 40 Hz and gives 3 % of a length.
+
+    The truth is what the encoder sees: the bearing is stiffer by what the belt gives.
+    """
+    torque = dahl_torque(rig.theta, SIGMA0 / 0.97)
     pole = np.exp((-0.1 + 1j) * 2 * np.pi * 40 * STEP)
     a = np.array([1.0, -2 * pole.real, abs(pole) ** 2])
-    return rig.log(torque, theta=rig.theta + 0.005 * LENGTH / FC * lfilter([a.sum()], a, torque))
+    return rig.log(torque, theta=rig.theta + 0.03 * LENGTH / FC * lfilter([a.sum()], a, torque))
 
 
 def merged_buses(rig: Rig) -> Log:
@@ -75,12 +79,78 @@ def swinging_door(rig: Rig) -> Log:
 
 
 def preloaded_play(rig: Rig) -> Log:
-    """A play of a fifth of a presliding length in a drive that pulls one way."""
-    return rig.log(dahl_torque(behind_play(rig.theta, 0.2 * LENGTH)) + 0.3 * FC)
+    """A play of half a length that a spring closes on one side of the middle.
+
+    The truth is the slope behind the play, as on the side without it.
+    """
+    behind = behind_play(rig.theta, 0.5 * LENGTH)
+    mixed = np.where(rig.theta > 0, rig.theta - 0.25 * LENGTH, behind)
+    return rig.log(dahl_torque(mixed) + 0.2 * FC)
 
 
-def growing(rig: Rig) -> Log:
-    return rig.along(rig.theta * np.linspace(0.15, 1.0, len(rig.theta))).log()
+def play_and_eccentric_gear(rig: Rig) -> Log:
+    """A play of a fifth of a length in a gear whose wheels turn six times in a stroke.
+
+    They move the bearing by up to a count. The truth is the slope behind the play.
+    """
+    wheel = COUNT * np.sin(12 * np.pi * rig.theta / np.ptp(rig.theta) + rig.seed)
+    return rig.log(dahl_torque(behind_play(rig.theta + wheel, 0.2 * LENGTH)) + 0.3 * FC)
+
+
+def warming_up(rig: Rig) -> Log:
+    """Fc falls by 20 %, quickly at first, and the viscous torque with it. The truth is the mean."""
+    warm = 1 + 0.25 * np.exp(-np.maximum(rig.rows, 0) / (ROWS / 2))
+    return rig.log(rig.friction(warm) + 0.2 * FC * warm * rig.speed / rig.fastest)
+
+
+def swinging_load(rig: Rig) -> Log:
+    """sigma0 and Fc follow a load that swings by 15 %, unrelated to the strokes and not recorded.
+
+    The truth is the mean.
+    """
+    load = 1 + 0.15 * np.sin(2 * np.pi * rig.random.uniform(1, 5) * rig.rows / ROWS + rig.seed)
+    load /= load[LEAD:].mean()
+    return rig.log(dahl_torque(rig.theta, load * SIGMA0, load * FC, is_reduced=True))
+
+
+def sensor_hysteresis(rig: Rig) -> Log:
+    """A torque cell with a hysteresis of 1 % of Fc over its range, calibrated at both ends.
+
+    The truth is that of the bearing; the cell changes the slope after a turn by 1 %.
+    """
+    torque = rig.friction()
+    lost = dahl_torque(torque, 0.01, 0.01 * FC) / SCALE["Fc"]
+    return rig.log((torque - lost) / 0.9922)
+
+
+def hand_with_pauses(rig: Rig) -> Log:
+    """A hand moves a lever irregularly, waits now and then, and trembles by a count."""
+    steps = rig.random.normal(size=len(rig.theta))
+    for _ in range(3):
+        steps = lfilter([1 / 40], [1, 1 / 40 - 1], steps)
+    pace = np.cumsum(np.sin(rig.phase / 2.7) > -0.6)  # rows of motion
+    theta = np.interp(pace, rig.rows + LEAD, 8 * LENGTH * steps / np.std(steps))
+    return rig.along(theta + COUNT * np.sin(2 * np.pi * 0.009 * rig.rows)).log()
+
+
+def jittering_rows(rig: Rig) -> Log:
+    """Rows are read up to .3 of a row early or late; the stamps are those of the plan."""
+    late = rig.random.uniform(-0.3, 0.3, size=len(rig.theta))
+    theta, torque = (np.interp(rig.rows + late, rig.rows, x) for x in (rig.theta, rig.friction()))
+    return rig.log(torque + 0.1 * FC * rig.speed / rig.fastest, theta=theta)
+
+
+def averaged_rows(rig: Rig) -> Log:
+    """A logger that writes the mean of four rows."""
+    log = rig.log()
+    theta, torque = (x.reshape(-1, 4).mean(axis=1) for x in (log.theta, log.torque))
+    return Log(log.name, theta, torque, log.time[::4])
+
+
+def clipped_side(rig: Rig) -> Log:
+    """The amplifier ends at .85 to 1.05 of Fc, on one side."""
+    log = rig.log()
+    return replace(log, torque=np.minimum(log.torque, rig.random.uniform(0.85, 1.05) * FC))
 
 
 def one_way_slow(rig: Rig) -> Log:
@@ -89,13 +159,6 @@ def one_way_slow(rig: Rig) -> Log:
     ramp = np.where(x < 0.8, x / 0.8, (1 - x) / 0.2)
     smooth = np.convolve(2 * ramp - 1, np.ones(15) / 15, "same")
     return rig.along(rig.amplitude * LENGTH * smooth).log()
-
-
-def trapezoids(rig: Rig) -> Log:
-    way = np.clip(2.5 * np.sin(rig.phase), -1, 1)
-    theta = np.cumsum(way)
-    theta -= (theta.max() + theta.min()) / 2
-    return rig.along(rig.amplitude * LENGTH * theta / np.abs(theta).max()).log()
 
 
 def random_strokes(rig: Rig) -> Log:
@@ -119,13 +182,6 @@ def stuck_recorder(rig: Rig) -> Log:
     return replace(log, theta=log.theta[rows], torque=log.torque[rows])
 
 
-def spikes(rig: Rig) -> Log:
-    log = rig.log()
-    hit = rig.random.choice(ROWS, ROWS // 500, replace=False)
-    log.torque[hit] += rig.random.choice([-50, 50], len(hit)) * FC
-    return log
-
-
 def coarse_torque(rig: Rig) -> Log:
     log = rig.log()
     return replace(log, torque=np.round(log.torque / FC * 12) * FC / 12)
@@ -143,12 +199,6 @@ def one_speed(rig: Rig) -> Log:
     return rig.along(rig.amplitude * LENGTH * np.arcsin(np.sin(rig.phase)) * 2 / np.pi).log()
 
 
-def coarse_clock(rig: Rig) -> Log:
-    """Times in steps of 16 ms, as of an operating system."""
-    log = rig.log(rig.friction() + 0.15 * FC * rig.speed / rig.fastest)
-    return replace(log, time=np.floor(log.time / 0.016) * 0.016)
-
-
 def pause(rig: Rig) -> Log:
     """The recorder pauses, then repeats the last row five times."""
     log = rig.log()
@@ -156,11 +206,6 @@ def pause(rig: Rig) -> Log:
     log = log.part(kept)
     log.theta[1500:1505], log.torque[1500:1505] = log.theta[1499], log.torque[1499]
     return log
-
-
-def shifted_rows(rig: Rig) -> Log:
-    """The torque is early by some rows, since the angle goes through a slow bus."""
-    return rig.log(np.roll(rig.friction(), -int(rig.random.integers(1, 12))))
 
 
 MAKERS: dict[str, Callable[[Rig], Log]] = {
@@ -174,18 +219,25 @@ MAKERS: dict[str, Callable[[Rig], Log]] = {
     "merged buses": merged_buses,
     "swinging door": swinging_door,
     "preloaded play": preloaded_play,
-    "growing strokes": growing,
+    "play and eccentric gear": play_and_eccentric_gear,
+    "warming up": warming_up,
+    "swinging load": swinging_load,
+    "sensor hysteresis": sensor_hysteresis,
+    "hand with pauses": hand_with_pauses,
+    "jittering rows": jittering_rows,
+    "averaged rows": averaged_rows,
+    "clipped on one side": clipped_side,
+    # the mean of two encoders whose errors of two counts beat over the stroke
+    "encoders with a beat": lambda rig: rig.log(
+        theta=rig.theta + COUNT * sum(np.sin(2 * np.pi * rig.theta / (k * COUNT)) for k in (50, 54))
+    ),
     "one way slow": one_way_slow,
-    "trapezoids": trapezoids,
     "random strokes": random_strokes,
     "stuck recorder": stuck_recorder,
-    "spikes": spikes,
     "coarse torque": coarse_torque,
     "quick strokes": quick_strokes,
     "one speed": one_speed,
-    "coarse clock": coarse_clock,
     "pause": pause,
-    "early torque": shifted_rows,
     # an inverter's ripple of 6 % of Fc in alternate rows
     "PWM ripple": lambda rig: rig.log(rig.friction() + 0.06 * FC * (-1.0) ** rig.rows),
     # 24 cogs in each stroke, with 8 % of Fc

@@ -6,10 +6,9 @@ torque has no code of the package in it. The truth is always
 SIGMA0 (slope at rest) and FC (full slip; the mean, if Fc varies), of all friction together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from dahl.io.log import Log
@@ -62,7 +61,7 @@ class Rig:
     def noise(self, part: float) -> np.ndarray:
         return part * FC * self.random.normal(size=len(self.theta))
 
-    def along(self, theta: np.ndarray) -> Rig:
+    def along(self, theta: np.ndarray) -> Self:
         """The rig with another motion."""
         self.theta = theta
         return self

@@ -3,14 +3,12 @@
 with no code of the package in it; the encoder rounds a motion that is smooth.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -18,14 +16,18 @@ import pytest
 from dahl.io.log import Log
 from matplotlib.figure import Figure
 
+if TYPE_CHECKING:
+    from dahl.identify.fit import Hypothesis
+
 SIGMA0, FC = 100.0, 0.5  # N m/rad, N m
 COUNT = 2 * np.pi / 2**14  # rad
+SCALE = {"sigma0": 1.0, "Fc": 1.0}  # factors of all friction of this file (true_law.py)
 
 
 def springs(theta: np.ndarray, *parts: tuple[float, float]) -> np.ndarray:
     """Springs that slip, (sigma0, Fc) each, row by row."""
     forces, drawn = np.zeros(len(parts)), []
-    stiffness, limits = np.array(parts).T
+    stiffness, limits = np.array(parts).T * [[SCALE["sigma0"]], [SCALE["Fc"]]]
     for move in np.diff(theta, prepend=theta[0]):
         forces = np.clip(forces + stiffness * move, -limits, limits)
         drawn.append(forces.sum())
@@ -42,7 +44,8 @@ def dahl_torque(
 
     If `is_reduced`, a falling Fc reduces the torque at once, as a falling load does.
     """
-    stiffness, limits = (np.broadcast_to(np.asarray(x, float), theta.shape) for x in (sigma0, Fc))
+    scaled = SCALE["sigma0"] * np.asarray(sigma0, float), SCALE["Fc"] * np.asarray(Fc, float)
+    stiffness, limits = (np.broadcast_to(x, theta.shape) for x in scaled)
     torque, F, before = [], 0.0, limits[0]  # noqa: N806
     moves = np.diff(theta, prepend=theta[0])
     for move, k, limit in zip(moves.tolist(), stiffness.tolist(), limits.tolist(), strict=True):
@@ -154,19 +157,30 @@ def seen(*logs: Log, **options: object) -> dict[str, Any]:
     return json.loads(report.as_json(identify(logs, Options(**options))))
 
 
-def replayed(dahl_loop: Path, scene: Path, folder: Path, *words: object) -> Figure:
+def described(
+    law: str = "dahl", lag: str = "none", *more: object, **others: object
+) -> "Hypothesis":
+    """A hypothesis by the names of its law and lag."""
+    from dahl.identify.fit import Hypothesis
+    from dahl.identify.lags import lag_of
+    from dahl.identify.laws import law_of
+
+    return Hypothesis(law_of(law), lag_of(lag), *more, **others)
+
+
+def replayed(scene: Path, folder: Path, *words: object) -> Figure:
     """The picture of `dahl plot` after a node has played a scene."""
     from log_reading import drawing, run
 
     record = folder / "run.log"
-    play = [dahl_loop, "--scene", scene, "--virtual", "--log", record, *map(str, words)]
-    subprocess.run(play, check=True, capture_output=True, timeout=60, cwd=scene.parent)
+    play = ["loop", "--scene", scene, "--virtual", "--log", record, *words]
+    assert run(*play).returncode == 0
     with drawing(rendered=False) as figures:
         assert run("plot", record, "--scene", scene).returncode == 0
     return figures[0]
 
 
-def replayed_r2(dahl_loop: Path, scene: Path, folder: Path) -> float:
+def replayed_r2(scene: Path, folder: Path) -> float:
     """R2 of the torque of that node, as the picture states it."""
-    caption = replayed(dahl_loop, scene, folder, "--seconds", 4).axes[0].get_title(loc="left")
+    caption = replayed(scene, folder, "--seconds", 4).axes[0].get_title(loc="left")
     return float(re.search(r"R² = (\S+)", caption)[1])

@@ -6,15 +6,13 @@ Each maker takes a seed and gives a log; the truth is always SIGMA0 and FC: the 
 the friction at full slip, of all elements together, without what a kind adds to them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from dahl.io.log import Log
-from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of
+from identify_tools import COUNT, FC, SCALE, SIGMA0, dahl_torque, noise_of
 from scipy.signal import butter, lfilter, sosfilt
 
 ROWS, STEP = 10_000, 1e-3  # s
@@ -59,11 +57,13 @@ def of_torque(torque: Callable[[Motion], np.ndarray], length: float | None = Non
 def general(theta: np.ndarray, exponent: float) -> np.ndarray:
     """Dahl's model of 1968, dw/du = |1 - s w|^exponent, in closed form."""
     w, left, drawn = 0.0, 1 - exponent, []
+    limit = SCALE["Fc"] * FC
+    a = SCALE["sigma0"] * SIGMA0 / limit
     for move in np.diff(theta, prepend=theta[0]).tolist():
-        side, u = math.copysign(1.0, move), SIGMA0 / FC * abs(move)
+        side, u = math.copysign(1.0, move), a * abs(move)
         gap = max(1 - side * w, 1e-12)
         w = side * (1 - max(gap**left - left * u, 0.0) ** (1 / left))
-        drawn.append(FC * w)
+        drawn.append(limit * w)
     return np.array(drawn)
 
 

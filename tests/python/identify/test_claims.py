@@ -3,14 +3,13 @@
 predictions.
 """
 
-from __future__ import annotations
-
 import itertools
 import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
+import field_logs
 import hostile_logs
 import motor_logs
 import numpy as np
@@ -31,8 +30,6 @@ from identify_tools import (
     synthetic,
 )
 from scipy.signal import lfilter
-
-pytestmark = pytest.mark.usefixtures("library")
 
 TRUTH = {"sigma0": SIGMA0, "Fc": FC}
 MAX_HALF_WIDTH, MIN_CYCLES = 0.3, 6
@@ -269,6 +266,14 @@ def test_swapped_columns_are_named_if_they_are(kind):
     assert "swapped" not in right.verdict and right.claimed[1]
 
 
+def test_a_spring_alone_is_not_swapped():
+    time = np.arange(12000) * 1e-3
+    theta = 0.05 * np.sin(6 * time) * np.sin(0.7 * time)
+    torque = 2 * theta + 0.001 * np.random.default_rng(3).normal(size=12000)
+    result = identify([Log("spring", theta, torque, time)])
+    assert not any(result.claimed) and "swapped" not in result.verdict
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_claimed_fit_has_no_negative_inertia(seed):
     """The torque is early, which a negative inertia would describe."""
@@ -284,6 +289,15 @@ def test_a_log_without_strokes_is_refused_with_a_next_step():
         identify([log_of(theta, FC + 0 * theta)])
 
 
+@pytest.mark.parametrize("seed", [6017, 6035])
+def test_a_motor_current_in_a_loop_is_claimed(seed):
+    """Stribeck friction and a late torque; a loop that answers counts of the encoder."""
+    result = identify([motor_logs.log(seed)])
+    assert result.claimed == (True, True), result.verdict
+    assert result.sigma0.low <= SIGMA0 <= result.sigma0.high
+    assert result.Fc.low <= FC <= result.Fc.high
+
+
 def test_a_loop_that_hardly_moves_does_not_show_full_slip():
     result = identify([motor_logs.log(114)])  # 1.2 presliding lengths in all, .29 N m
     assert not result.Fc.claimed or result.Fc.low <= FC <= result.Fc.high, result.verdict
@@ -296,6 +310,36 @@ def test_each_refusal_has_a_row_in_the_page(root):
     result = found("noise alone")
     assert result.refusals["Fc"][1] in refusals.NEXT_STEPS.values()
     assert f"next: {result.refusals['Fc'][1]}" in result.verdict
+
+
+CAUSES = {  # of a log: words that it must show, and words of wrong causes
+    ("cogging", 61001): ("cogging", "encoder error each"),
+    ("random strokes", 61001): ("travel that a count hides", "play"),
+    ("pause", 61005): ("gap", "wrap"),
+    ("clipped on one side", 61001): ("wider range", "asymmetric"),
+    ("clipped sensor", 61006): ("wider range", "asymmetric"),
+    ("rests with relaxation", 61001): ("in the rests", "presliding is shorter"),
+    ("adhesion after rests", 61000): ("peak after each rest", "law and lag"),
+    ("preloaded play", 61001): ("no hypothesis explains", "due to travel"),
+    ("end stops", 61001): ("no hypothesis explains", "more counts"),
+    ("play and eccentric gear", 61003): ("a play is between", "encoder error each"),
+    ("flipped torque", 61001): ("the other sign", "swapped"),
+    ("warming up", 61001): ("drift", "viscous would"),
+    ("merged buses", 61001): ("a new reading every 4 rows", "low pass"),
+    ("drifting zero", 61001): ("offset drift", "Fc by angle"),
+}
+
+
+@pytest.mark.parametrize(("kind", "seed"), CAUSES)
+def test_a_result_names_the_cause_of_what_is_wrong(kind, seed):
+    words, wrong = CAUSES[kind, seed]
+    try:
+        result = identify([(hostile_logs.KINDS | field_logs.KINDS)[kind](seed)])
+        rows = dict(report._rows(result, report.numbers(result)))
+        shown = [result.verdict, *report.notes(result), rows["law"], result.against_bounds]
+    except Error as error:
+        shown = [str(error)]
+    assert words in "; ".join(shown) and wrong not in "; ".join(shown), shown
 
 
 def test_a_spring_that_stiffens_is_a_cubic_term():
@@ -371,7 +415,7 @@ def test_a_filter_keeps_its_time_on_a_log_with_other_blocks():
         torque = lfilter([1 / 200], [1, 1 / 200 - 1], dahl_torque(theta))
         logs.append(log_of(theta, torque))
     result = identify(logs[:1])
-    assert result.samples.block > 1 and "low pass" in result.hypothesis.lag
+    assert result.samples.block > 1 and "low pass" in result.hypothesis.lag.name
     assert check(result, logs[1]) > 0.995
 
 
@@ -392,7 +436,7 @@ def test_another_log_is_predicted_with_the_mean_of_several_delays():
         torque = np.roll(dahl_torque(theta), delay)[20:]
         logs.append(replace(log_of(theta[20:], torque, 0.01), name=f"{number}"))
     result = identify(logs[:2])
-    assert result.hypothesis.lag == "delays"
+    assert result.hypothesis.lag.name == "delays"
     assert check(result, logs[2]) > 0.995
 
 

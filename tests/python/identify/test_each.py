@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """`dahl identify --each`: many logs in parallel, resumed, on a Dask cluster."""
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import os
@@ -18,8 +16,6 @@ from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, write
 from log_reading import run, signals
 from log_writers import DBC, STEP
 from log_writers import frames as write_frames
-
-pytestmark = pytest.mark.usefixtures("library")
 
 
 @pytest.fixture

@@ -3,21 +3,19 @@
 table and scene have the printed numbers.
 """
 
-from __future__ import annotations
-
 import functools
 import json
 import re
 import tempfile
 from pathlib import Path
 
+import motor_logs
 import numpy as np
+import pandas as pd
 import pytest
 from dahl.identify import identify
 from identify_tools import COUNT, FC, SIGMA0, complaint, dahl_torque, log_of, replayed, turns_of
 from log_reading import run
-
-pytestmark = pytest.mark.usefixtures("library")
 
 KNOWN = ("--sigma0", SIGMA0, "--fc", FC, "--counts-per-turn", "16384")
 LENGTH = FC / SIGMA0  # rad, of presliding
@@ -101,7 +99,7 @@ def test_each_option_shapes_the_motion_as_it_is_printed(words, tmp_path):
 
 def test_the_scene_plays_the_table(tmp_path, dahl_loop):
     assert run("excite", *KNOWN, "-o", tmp_path).returncode == 0
-    figure = replayed(dahl_loop, tmp_path / "excite.ini", tmp_path)
+    figure = replayed(tmp_path / "excite.ini", tmp_path)
     counts = np.loadtxt(tmp_path / "excite.csv", delimiter=",", skiprows=1)[:, 2]
     shown = figure.axes[0].lines[0].get_xdata() / COUNT
     assert shown == pytest.approx((counts - counts[0])[: len(shown)], abs=0.01)
@@ -149,6 +147,47 @@ def test_a_position_loop_can_follow_the_motion(inertia, bandwidth):
     assert seconds >= 4.4 / bandwidth and far >= 3.9 * held_back
     torque = inertia * np.abs(np.diff(theta, 2)).max() / step**2
     assert torque < 0.56 * FC
+
+
+INERTIA, BANDWIDTH = 0.002, 25.0  # kg m^2, Hz
+
+
+def loop_log(path: Path, seconds: float) -> Path:
+    """Write strokes of a loop around LuGre friction; the fastest takes that many seconds."""
+    joint = motor_logs.Joint(INERTIA, 0.2, 0.02, 0.1, 0.3, 0.02, 42, 0.01 * FC, 1.0)
+    rate = np.linspace(0.3, 1, 8000) / (2 * seconds)
+    wanted = 0.12 * np.sin(2 * np.pi * np.cumsum(rate) / motor_logs.RATE)
+    torque, theta = motor_logs._run(joint, wanted, BANDWIDTH, 1.0, 2 * np.pi / 2**16)
+    torque += joint.noise * np.random.default_rng(1).normal(size=len(torque))
+    table = pd.DataFrame({"time_s": np.arange(8000) / motor_logs.RATE, "angle_rad": theta})
+    table.assign(target_rad=wanted, current_A=torque / 0.1).to_csv(path, index=False)
+    return path
+
+
+def test_a_log_of_the_loop_shows_inertia_and_bandwidth(tmp_path):
+    words = "--loop", loop_log(tmp_path / "jog.csv", 0.12), "--torque-constant", 0.1
+    _, theta, _, said = proposed(*words, "--reference", "target_rad")
+    inertia, bandwidth = map(float, re.search(r"inertia (\S+) kg m\^2, (\S+) Hz", said).groups())
+    assert inertia == pytest.approx(INERTIA, rel=0.1)
+    assert bandwidth == pytest.approx(BANDWIDTH, rel=0.1)
+    _, same, _, _ = proposed("--inertia", INERTIA, "--bandwidth", BANDWIDTH)
+    assert len(theta) == pytest.approx(len(same), rel=0.1)
+    assert "25 Hz" in proposed(*words, "--bandwidth", 25)[3]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words", "parts"),
+    [
+        (2.0, "--reference target_rad --torque-constant 0.1", ("the inertia", "--inertia")),
+        (0.12, "--reference target_rad", ("current_A", "--torque-constant")),
+        (0.12, "--torque-constant 0.1", ("--reference", "--bandwidth")),
+        (0.12, "--reference angle_rad --torque-constant 0.1", ("the stiffness", "--bandwidth")),
+    ],
+)
+def test_a_log_that_does_not_show_the_loop_is_refused(seconds, words, parts, tmp_path):
+    path = loop_log(tmp_path / "jog.csv", seconds)
+    code, line = complaint(run("excite", *KNOWN, "--loop", path, *words.split(), "-o", tmp_path))
+    assert code == 2 and all(part in line for part in (str(path), *parts)), line
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Fits and scores against dense least squares, scipy.optimize and refits without a cycle."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -11,13 +9,14 @@ import numpy as np
 import pytest
 from dahl.identify import select
 from dahl.identify.fit import Fitter, Hypothesis
+from dahl.identify.lags import NONE
+from dahl.identify.laws import DAHL, SLIP
+from dahl.identify.least_squares import solve_within
 from dahl.identify.samples import samples_of
 from dahl.identify.start import coarse_start, pair_starts, slip_start
-from identify_tools import FC, SIGMA0, behind_play, chirp, dahl_torque, log_of, springs
-from scipy.optimize import least_squares
+from identify_tools import FC, SIGMA0, behind_play, chirp, dahl_torque, described, log_of, springs
+from scipy.optimize import least_squares, minimize
 from scipy.signal import filtfilt, lfilter
-
-pytestmark = pytest.mark.usefixtures("library")
 
 A, STEP = SIGMA0 / FC, 1e-3
 PATH = chirp(1500, first=5, last=11)
@@ -28,7 +27,7 @@ def fitter_of(*torques: np.ndarray, noise: float = 0.02) -> Fitter:
     """Return a fitter of one log for each torque along PATH."""
     logs = [replace(log_of(PATH, x, noise), name=str(k)) for k, x in enumerate(torques)]
     samples = samples_of(logs)
-    samples.prepare(A, np.zeros(samples.rows))
+    samples = samples.prepared(A, np.zeros(samples.rows))
     return Fitter(samples)
 
 
@@ -64,10 +63,10 @@ LATE = ("spring", "viscous", "inertia")  # seen by the same late sensor
 
 def late(h: Hypothesis, p: np.ndarray, x: np.ndarray) -> np.ndarray:
     """A torque as a late or slow sensor shows it."""
-    kept = np.exp(-1 / p[-1]) if "pass" in h.lag or "phase" in h.lag else 0.0
-    if h.lag == "zero-phase filter":
+    kept = np.exp(-1 / p[-1]) if "pass" in h.lag.name or "phase" in h.lag.name else 0.0
+    if h.lag.name == "zero-phase filter":
         return filtfilt([1 - kept], [1, -kept], x)
-    if "delay" in h.lag:
+    if "delay" in h.lag.name:
         return np.interp(np.arange(len(x)) - p[-1], np.arange(len(x)), x)
     return lfilter([1 - kept], [1, -kept], x)
 
@@ -75,13 +74,13 @@ def late(h: Hypothesis, p: np.ndarray, x: np.ndarray) -> np.ndarray:
 def model(fitter: Fitter, h: Hypothesis, p: np.ndarray) -> np.ndarray:
     """Elements and terms of a hypothesis, without derivatives."""
     samples, columns = fitter.samples, fitter.elements(h, p)
-    if h.lag in ("damping", "damped low pass", "delay+filter"):
+    if h.lag.name in ("damping", "damped low pass", "delay+filter"):
         rate = np.gradient(columns[0], STEP)
         slow = np.exp(-((samples.speed / (0.25 * fitter.fast)) ** 2))
-        columns.append(rate * slow if h.lag == "delay+filter" else rate)
-    if h.lag == "damped low pass":
+        columns.append(rate * slow if h.lag.name == "delay+filter" else rate)
+    if h.lag.name == "damped low pass":
         columns.append(np.gradient(samples.acceleration, STEP))
-    if h.lag == "delay+filter":
+    if h.lag.name == "delay+filter":
         columns.append(np.gradient(np.gradient(columns[0])))
     angle = samples.angles["between counts"]
     centre = (angle.max() + angle.min()) / 2
@@ -94,12 +93,12 @@ def model(fitter: Fitter, h: Hypothesis, p: np.ndarray) -> np.ndarray:
 
 TERMS = ("offset", "spring", "viscous")
 HYPOTHESES = [
-    *(Hypothesis("dahl", lag, terms=TERMS) for lag in LAGS),
-    Hypothesis("slip", angle="as read", terms=(*TERMS, "inertia")),
-    Hypothesis("bouc-wen", terms=TERMS),
-    Hypothesis("stribeck", terms=TERMS),
-    Hypothesis("asymmetric", terms=TERMS),
-    Hypothesis("mixed", terms=TERMS),
+    *(described("dahl", lag, terms=TERMS) for lag in LAGS),
+    described("slip", angle="as read", terms=(*TERMS, "inertia")),
+    described("bouc-wen", terms=TERMS),
+    described("stribeck", terms=TERMS),
+    described("asymmetric", terms=TERMS),
+    described("mixed", terms=TERMS),
 ]
 
 
@@ -111,22 +110,22 @@ def residual(fitter: Fitter, h: Hypothesis, p: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("h", HYPOTHESES, ids=str)
 def test_a_fit_is_the_optimum_of_least_squares(h):
-    fitter = plain(h.lag)
-    start = fitter.start(h, 1.15 * A, np.log(0.003) if h.lag == "play" else 3.0)
+    fitter = plain(h.lag.name)
+    start = fitter.start(h, 1.15 * A, np.log(0.003) if h.lag.name == "play" else 3.0)
     p = fitter.optimum(h, start, 30).p
     by_scipy = least_squares(lambda p: residual(fitter, h, p), p, method="lm", diff_step=1e-3)
     assert np.sum(residual(fitter, h, p) ** 2) <= 2 * by_scipy.cost * (1 + 3e-3)
     fit = fitter.fit(h, start)
     if fit is None:  # no friction
-        assert h.law not in ("dahl", "slip", "bouc-wen")
+        assert h.law.name not in ("dahl", "slip", "bouc-wen")
         return
     table = model(fitter, h, fit.p)
     near = table @ dense(fitter, table, slice(None))
     assert fitter.predicted(fit) == pytest.approx(near, abs=0.02 * FC)
     assert h.size == len(fit.coefficients) - 3
-    if h.law == "dahl":
+    if h.law.name == "dahl":
         assert fit.value == pytest.approx([SIGMA0, FC], rel=0.04)
-        assert fit.p[-1] == pytest.approx(LAGS[h.lag][1], rel=0.05)
+        assert fit.p[-1] == pytest.approx(LAGS[h.lag.name][1], rel=0.05)
 
 
 def test_a_score_is_that_of_fits_without_each_cycle():
@@ -176,15 +175,15 @@ def test_each_set_of_terms_is_scored_as_a_fit_of_its_own():
 
 NO_FRICTION = {  # a torque, and a hypothesis whose best fit is none of friction
     "of the other sign": (-dahl_torque(PATH), Hypothesis()),
-    "pushed when fast": (dahl_torque(PATH) - 0.1 * SPEED, Hypothesis(terms=("offset", "viscous"))),
-    "cancelled by a spring": (10 * PATH, Hypothesis(terms=("offset", "spring"))),
+    "pushed when fast": (dahl_torque(PATH) - 0.1 * SPEED, described(terms=("offset", "viscous"))),
+    "cancelled by a spring": (10 * PATH, described(terms=("offset", "spring"))),
     "less when slow": (
         dahl_torque(PATH, SIGMA0, FC * (1 - 0.3 * np.exp(-((SPEED / 0.4) ** 2)))),
-        Hypothesis("stribeck"),
+        described("stribeck"),
     ),
     "stiffer than a count": (
         dahl_torque(PATH) + dahl_torque(PATH, 400 * SIGMA0, 0.5 * FC),
-        Hypothesis("2 dahl"),
+        described("2 dahl"),
     ),
 }
 
@@ -194,7 +193,7 @@ def test_a_fit_that_is_no_friction_is_not_returned(name):
     torque, h = NO_FRICTION[name]
     fitter = fitter_of(torque)
     start = fitter.start(h, A)
-    start[1:] += {"stribeck": (-0.4, 0), "2 dahl": 5}.get(h.law, 0)
+    start[1:] += {"stribeck": (-0.4, 0), "2 dahl": 5}.get(h.law.name, 0)
     assert fitter.optimum(h, start) is not None
     assert fitter.fit(h, start) is None
 
@@ -210,10 +209,10 @@ def delayed(rows: float) -> Callable[[np.ndarray], np.ndarray]:
 @pytest.mark.parametrize(
     ("h", "p", "of_first", "of_second"),
     [
-        (Hypothesis(lag="delay"), [2.5], delayed(2.5), delayed(2.5)),
-        (Hypothesis(lag="delays"), [2.5, -1.0], delayed(2.5), delayed(-1)),
-        (Hypothesis(lag="low pass"), [2.5], filtered, filtered),
-        (Hypothesis(skew=0.5), [], delayed(0.5), delayed(0.5)),
+        (described(lag="delay"), [2.5], delayed(2.5), delayed(2.5)),
+        (described(lag="delays"), [2.5, -1.0], delayed(2.5), delayed(-1)),
+        (described(lag="low pass"), [2.5], filtered, filtered),
+        (described(skew=0.5), [], delayed(0.5), delayed(0.5)),
     ],
 )
 def test_each_log_has_the_lag_from_its_start_on(h, p, of_first, of_second):
@@ -222,7 +221,7 @@ def test_each_log_has_the_lag_from_its_start_on(h, p, of_first, of_second):
     (found,) = fitter.elements(h, np.array([np.log(A), *p]))
     lagged = np.concatenate((of_first(w[:1500]), of_second(w[1500:])))
     assert found == pytest.approx(lagged, abs=1e-9)
-    if h.lag == "delays":
+    if h.lag.name == "delays":
         fit = fitter.fit(h, fitter.start(h, A, 1.0))
         assert fit.p[-2:] == pytest.approx([0, 5], abs=0.3)
         assert fit.value == pytest.approx([SIGMA0, FC], rel=0.02)
@@ -245,13 +244,14 @@ def test_starts_of_several_elements_are_near():
     parts = ((0.2 * SIGMA0, 0.5 * FC), (0.8 * SIGMA0, 0.2 * FC))
     fitter = fitter_of(springs(PATH, *parts))
     pairs = pair_starts(fitter, Hypothesis(), A)
+    pairs = {law.name: p for law, p in pairs.items()}
     assert set(pairs) == {"2 dahl", "mixed", "2 slip"}
     assert np.sort(np.exp(pairs["2 slip"])) == pytest.approx([0.4 * A, 4 * A], rel=0.35)
     assert slip_start(fitter, Hypothesis(), A) is None
     three = fitter_of(springs(PATH, (10, 0.25), (40, 0.15), (50, 0.025)))
     h, p = slip_start(three, Hypothesis(), A)
     fit = three.fit(h, p)
-    assert h.law == "3 slip" and fit.value == pytest.approx([100, 0.425], rel=0.05)
+    assert h.law.name == "3 slip" and fit.value == pytest.approx([100, 0.425], rel=0.05)
 
 
 # --- the hypotheses that are fitted ---------------------------------------------------------------
@@ -261,11 +261,12 @@ def tried(space: select.SearchSpace, theta: np.ndarray = PATH, **more: object) -
     """Return the laws, lags, angles and terms of all fits, and the pairs of lag and angle."""
     log = replace(log_of(theta, dahl_torque(theta)), **more)
     samples = samples_of([log])
-    samples.prepare(A, np.zeros(samples.rows))
+    samples = samples.prepared(A, np.zeros(samples.rows))
     found = [fit.hypothesis for fit in select.fit_all(Fitter(samples), A, 0.0, space)]
-    own = {name: {getattr(h, name) for h in found} for name in ("law", "lag", "angle")}
+    own = {name: {getattr(h, name).name for h in found} for name in ("law", "lag")}
+    own |= {"angle": {h.angle for h in found}}
     own["terms"] = {term for h in found for term in h.terms}
-    return own | {"pairs": {(h.lag, h.angle) for h in found}}
+    return own | {"pairs": {(h.lag.name, h.angle) for h in found}}
 
 
 CURVES = {"exponent", "bouc-wen", "soft shaft"}
@@ -290,8 +291,23 @@ def test_fewer_hypotheses_if_cycles_times_or_a_user_allow_no_more():
     assert few["lag"] == {"none", "damping"} and "spring" in few["terms"]
     assert "dahl" in few["law"] and not few["law"] & (CURVES | {"stribeck", "asymmetric"})
     assert not few["terms"] & {"cubic", "waves"}
-    untimed = tried(select.SearchSpace(lags=("none",), laws=("dahl", "slip")), time=None)
+    untimed = tried(select.SearchSpace(lags=(NONE,), laws=(DAHL, SLIP)), time=None)
     assert untimed["lag"] == {"none"} and untimed["law"] == {"dahl", "slip"}
     assert untimed["terms"] == {"offset", "spring", "cubic", "waves"}
-    asked = select.SearchSpace(("spring",), ("none",), ("dahl",), wanted="slip")
+    asked = select.SearchSpace(("spring",), (NONE,), (DAHL,), wanted=SLIP)
     assert tried(asked)["terms"] == {"spring"} and tried(asked)["law"] == {"dahl", "slip"}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_step_within_limits_is_the_best_one(seed):
+    """No point of the box is better; a step that is clipped parameter by parameter is not best."""
+    draw = np.random.default_rng(seed)
+    table = draw.normal(size=(40, 3)) @ draw.normal(size=(3, 3))
+    torque = table @ (3.0, -2.0, 1.0) + draw.normal(size=40)
+    both = np.column_stack((table, torque))
+    low, high = np.array([-np.inf, -0.5, -0.1]), np.array([np.inf, 0.5, 0.3])
+    ends = np.stack((low, high))
+    step = solve_within(both.T @ both, ends)
+    best = minimize(lambda c: np.sum((torque - table @ c) ** 2), np.zeros(3), bounds=ends.T)
+    assert ((low <= step) & (step <= high)).all()
+    assert np.sum((torque - table @ step) ** 2) <= best.fun * (1 + 1e-6)

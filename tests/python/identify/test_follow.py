@@ -4,8 +4,6 @@
 tests/python/cli/test_verbs.py has the limits --within and --frames.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from types import SimpleNamespace
@@ -20,8 +18,6 @@ from dahl.identify.result import Parameter
 from identify_tools import FC, SIGMA0, complaint
 from log_reading import signals
 from loop_tools import serving
-
-pytestmark = pytest.mark.usefixtures("library")
 
 LOOKS = [  # rows of each estimate; which parameters it claims, and their half widths
     (500, None, None),  # no estimate yet

@@ -3,8 +3,6 @@
 that no fit can use are one line each; and foreign files are not overwritten.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -12,8 +10,6 @@ import numpy as np
 import pytest
 from identify_tools import COUNT, FC, complaint, dahl_torque, noise_of, sine, write_csv, write_table
 from log_reading import asked, read, run
-
-pytestmark = pytest.mark.usefixtures("library")
 
 ROWS, LATE, OFFSET = 1600, 6, 0.2
 

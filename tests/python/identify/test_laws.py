@@ -3,9 +3,8 @@
 slope at rest and Fc the friction at full slip.
 """
 
-from __future__ import annotations
-
 import json
+import pickle
 from collections.abc import Callable
 from functools import cache
 
@@ -14,15 +13,13 @@ import numpy as np
 import pytest
 from dahl import Error
 from dahl.identify import Options, Result, identify, models, report
-from dahl.identify.models import LAWS, OPTIONS
+from dahl.identify.laws import LAWS, OPTIONS, Limits
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from identify_tools import FC, SIGMA0, behind_play, chirp, dahl_torque, log_of, shaft, springs
 from scipy.integrate import solve_ivp
 from scipy.signal import filtfilt, lfilter
-
-pytestmark = pytest.mark.usefixtures("library")
 
 A = SIGMA0 / FC
 Slope = Callable[[float, float], float]  # dw/du of w = F/Fc and the direction
@@ -38,10 +35,8 @@ SLOPES: dict[str, Slope] = {
 
 def by_model(name: str, moves: np.ndarray, pieces: models.Pieces | None = None) -> np.ndarray:
     pieces = pieces or [slice(0, len(moves))]
-    shapes = {"exponent": 0.7, "bouc-wen": 1.5, "soft shaft": 0.3}
-    if name in shapes:
-        return models.tabulated(moves, pieces, A, name, shapes[name])
-    return {"dahl": models.dahl, "slip": models.slip}[name](moves, pieces, A)
+    shape = {"exponent": 0.7, "bouc-wen": 1.5, "soft shaft": 0.3}.get(name, 0.0)
+    return LAWS[name].along(moves, pieces, [A], [shape])[0]
 
 
 def by_solver(slope: Slope, moves: np.ndarray) -> np.ndarray:
@@ -148,14 +143,14 @@ def found(name: str) -> Result:
 def test_a_law_is_recognised_and_its_numbers_mean_the_same(name):
     """The chosen law is the true one or one that bends alike, and no claim is wrong."""
     result = found(name)
-    assert result.hypothesis.law in MADE[name][1], str(result.hypothesis)
+    assert result.hypothesis.law.name in MADE[name][1], str(result.hypothesis)
     for parameter, truth in ((result.sigma0, SIGMA0), (result.Fc, FC)):
         assert not parameter.claimed or parameter.low <= truth <= parameter.high
     assert result.Fc.claimed and result.Fc.value == pytest.approx(FC, rel=0.02)
     assert result.r2 > 0.995
     assert abs(result.terms["offset"]) < 0.02 * FC
     for lag in ("damping", "delay+filter", "zero-phase filter"):
-        assert (result.hypothesis.lag == lag) == (name == lag)
+        assert (result.hypothesis.lag.name == lag) == (name == lag)
     late = {"late slip": 4, "delay+filter": 17}  # a mean of 15 rows adds 7
     assert result.delay_rows == pytest.approx(late.get(name, 0), abs=0.5)
 
@@ -207,7 +202,7 @@ def test_a_peak_after_rests_hides_the_slope_at_rest_only() -> None:
     result = identify([hostile_logs.KINDS["adhesion after rests"](1)])
     Fc_low, length_long, _ = result.compensator_bounds  # noqa: N806
     assert Fc_low <= FC and length_long >= FC / SIGMA0  # although sigma0 is not claimed
-    assert result.hypothesis.law == "breakaway" and result.claimed == (False, True)
+    assert result.hypothesis.law.name == "breakaway" and result.claimed == (False, True)
     assert result.Fc.low <= FC <= result.Fc.high
 
 
@@ -229,4 +224,30 @@ def test_a_law_that_is_asked_for_is_exported():
     with pytest.raises(Error, match="mixed-4: .*does not fit"):
         report.numbers(identify([shaft()], Options(model="mixed-4")))
     for name, law in OPTIONS.items():
-        assert name == "coulomb" or LAWS[law].in_library
+        assert name == "coulomb" or law.in_library
+
+
+class ByAngle(Limits):
+    """A law of this test: Fc grows over the range of the angle."""
+
+    name = label = "by angle"
+    shape = ((0.05, -0.9, 0.9),)
+
+    def change(self, samples, a, shape):
+        return samples.terms["spring"]  # -1 .. 1
+
+
+def test_a_new_law_is_one_class(monkeypatch):
+    monkeypatch.setitem(LAWS, ByAngle.name, ByAngle())
+    result = identify([log_of(MOTION, dahl_torque(MOTION, Fc=FC * (1 + 4 * MOTION)), 0.01)])
+    facts = report.numbers(result)
+    (own,) = (one for one in facts["models"] if one["chosen"])
+    assert facts["model"] == own["name"] == "by angle" and not own["in_library"]
+    assert own["parts"][0]["shape_1"] == pytest.approx(0.2, abs=0.01)  # of 50 mrad
+    assert facts["exported_model"] != "by angle" and result.r2 > 0.995
+    for name, truth in (("sigma0", SIGMA0), ("Fc", FC)):
+        assert facts[name] == pytest.approx(truth, rel=0.02)
+    copied = pickle.loads(pickle.dumps(result))  # as from another process
+    assert report.numbers(copied) == facts and copied.hypothesis == result.hypothesis
+    Fc_low, length_long, _ = result.compensator_bounds  # noqa: N806
+    assert Fc_low <= 0.8 * FC and length_long >= 1.2 * FC / SIGMA0

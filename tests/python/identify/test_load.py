@@ -3,8 +3,6 @@
 claimed if it is not there, and exported to plan, scene and check.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 from dataclasses import replace
@@ -26,8 +24,6 @@ from identify_tools import (
     write_table,
 )
 from log_reading import drawing, run
-
-pytestmark = pytest.mark.usefixtures("library")
 
 ROWS, CYCLES = 2400, 8
 REST = np.linspace(0, 1, ROWS)
@@ -190,4 +186,4 @@ def test_a_firmware_with_the_header_follows_the_log(left, firmware):
 
 
 def test_the_scene_replays_the_load(left, dahl_loop, tmp_path):
-    assert replayed_r2(dahl_loop, left.folder / "brake.ini", tmp_path) > 0.998
+    assert replayed_r2(left.folder / "brake.ini", tmp_path) > 0.998

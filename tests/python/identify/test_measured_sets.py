@@ -3,8 +3,6 @@
 it must not make.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 
@@ -12,8 +10,6 @@ import numpy as np
 import pytest
 from dahl.io import data
 from log_reading import run
-
-pytestmark = pytest.mark.usefixtures("library")
 
 PNEUMATIC = "--time 1 --angle 5 --torque 7 --time-unit ms --angle-unit mm --torque-unit N"
 SERVO = "--angle position --torque load --angle-unit rad"

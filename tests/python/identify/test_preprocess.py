@@ -3,8 +3,6 @@
 has a log that just passes.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Angles between counts, cycles, weights and thinning, against plain loops and known motions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from identify_tools import COUNT, FC, SIGMA0, chirp, dahl_torque, log_of, noise_of, shaft, sine
-
-pytestmark = pytest.mark.usefixtures("library")
 
 A = SIGMA0 / FC
 
@@ -95,8 +91,7 @@ def test_noise_beyond_the_counts_is_measured_and_smoothed(counts):
 
 def prepared(*logs, residual: np.ndarray | float = 0.0):
     samples = samples_of(logs)
-    samples.prepare(A, residual + np.zeros(samples.rows))
-    return samples
+    return samples.prepared(A, residual + np.zeros(samples.rows))
 
 
 def test_cycles_are_left_out_once_each():
@@ -218,7 +213,7 @@ def test_more_rows_never_mean_fewer_cycles(rows, cycles, motion):
     log = log_of(theta, theta, count=COUNT / 64)
     block = block_for([log], samples_of([log], angles=()).block, A)
     samples = samples_of([log], block, angles=())
-    samples.prepare(A, np.zeros(samples.rows))
+    samples = samples.prepared(A, np.zeros(samples.rows))
     assert samples.cycles >= min(int(cycles) - 1, 8) and samples.rows < 17_000
     seen = samples.angles["between counts"]
     ends = [seen[one][models.turning_points(seen[one], 0.3 / A)] for one in samples.pieces]

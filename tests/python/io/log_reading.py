@@ -3,8 +3,6 @@
 estimate.identify(), without a fit, or the one line of its error.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import re

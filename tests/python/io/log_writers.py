@@ -4,8 +4,6 @@
 Frames are packed by hand, without the DBC.
 """
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Callable, Iterable

@@ -3,8 +3,6 @@
 with its own torque.
 """
 
-from __future__ import annotations
-
 import errno
 import re
 import shutil
@@ -18,8 +16,6 @@ from dahl.errors import Error, printable
 from dahl.io import can_logs, candump, files
 from log_reading import RefusedError, read, refused, signals
 from log_writers import DBC, FRAMES, LOAD, SHAFT, STEP
-
-pytestmark = pytest.mark.usefixtures("library")
 
 ROWS = 100
 TIME = np.arange(ROWS) * 1e-3

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Columns and units of logs, by the names of the columns or by options."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -11,8 +9,6 @@ import pytest
 from dahl.identify import Source
 from dahl.identify import read as read_log
 from log_reading import read, refused
-
-pytestmark = pytest.mark.usefixtures("library")
 
 ROWS = 40
 UP = np.arange(float(ROWS)) / 64
@@ -288,6 +284,7 @@ def test_a_clock_that_may_be_in_milliseconds_is_noted(step, is_doubted, tmp_path
         ("time", "__time /joint_states/j1/position /joint_states/j1/effort", 0),
         ("angle", "__time /joint_states/j1/velocity /joint_states/j1/position effort", 2),
         ("torque", "stamp position velocity effort", 3),
+        ("angle", "timestamp q_current position torque", 2),
         ("angle", "t q_rad dq_rad tau", 1),
         ("torque", "t q dq tau_est", 3),
         ("torque", "joint.0.pos-fb joint.0.pos-cmd torque-fb", 2),

@@ -3,8 +3,6 @@
 line that names the file.
 """
 
-from __future__ import annotations
-
 import logging
 from pathlib import Path
 
@@ -14,8 +12,6 @@ import pytest
 from hypothesis import strategies as st
 from log_reading import RefusedError, read, signals
 from property_tools import holds, modes
-
-pytestmark = pytest.mark.usefixtures("library")
 
 KINDS = [*log_writers.TABLES, *log_writers.FRAMES]
 KINDS.remove("structure.mat")  # scipy needs half a minute for a damaged size in it

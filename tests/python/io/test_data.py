@@ -3,8 +3,6 @@
 machine.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re
@@ -140,7 +138,8 @@ def test_dahl_data_is_searched_before_the_folder_of_the_project(alone, dahl, mon
         ("cycloidal/none.csv", f"{beside / 'none.csv'}: no such file in the measured set"),
         ("mine.csv", "mine.csv: "),
     ):
-        Path("x.ini").write_text(f"[motion]\nkind = log\nfile = {log}\nangle = a\n")
+        text = f"[motion]\nkind = log\nfile = {log}\nangle = a\ncounts_per_unit = 1\n"
+        Path("x.ini").write_text(text)
         code, line = complaint(dahl("demo", "--scene", "x.ini", "-o", "out"))
         assert code == 2 and line.startswith(place)
 

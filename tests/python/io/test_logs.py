@@ -3,8 +3,6 @@
 them, and an error names file, line and column.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import can

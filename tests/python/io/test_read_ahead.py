@@ -4,8 +4,6 @@
 A server drops a slow reader. A bus inside this process does not, so the function is called.
 """
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import threading

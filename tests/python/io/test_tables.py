@@ -3,8 +3,6 @@
 names file, line or row, column and value.
 """
 
-from __future__ import annotations
-
 import json
 
 import log_writers
@@ -20,8 +18,6 @@ from log_reading import read, refused, run
 from log_writers import TABLES
 from property_tools import holds, modes
 from scipy.io import savemat
-
-pytestmark = pytest.mark.usefixtures("library")
 
 ROWS = 40
 
@@ -52,6 +48,15 @@ def test_a_table_of_each_kind_comes_back_as_it_was_written(kind, tmp_path):
             for found, wrote in zip((log.time, log.theta, log.torque), table.values(), strict=True):
                 assert found.dtype == float
                 np.testing.assert_allclose(found, wrote, rtol=1e-14)
+
+
+def test_an_archive_may_hold_columns_and_objects(tmp_path):
+    table = table_of(4)
+    columns = {name: values[:, None] for name, values in table.items()}
+    about = np.array({"rig": "left"}, dtype=object)
+    np.savez(tmp_path / "log.npz", allow_pickle=True, about=about, **columns)
+    log = read(tmp_path / "log.npz")
+    assert np.array_equal(log.torque, table["force_N"])
 
 
 def test_a_mat_file_with_vectors_of_other_lengths_is_read_by_those_that_two_share(tmp_path):

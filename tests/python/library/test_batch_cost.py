@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Instructions of a tick of each throughput form on every hard motion, counted by callgrind."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

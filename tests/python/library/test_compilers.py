@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Messages of compilers: an unused result warns, and a core that lacks something does not build."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from pathlib import Path
@@ -66,7 +64,6 @@ def test_an_unused_result_of_prepare_warns(compiler: str, tmp_path: Path) -> Non
 PORTS = [
     *(ROOT / "port").glob("s*/*.c"),
     ROOT / "port/loopback/loopback.c",
-    ROOT / "port/frame_bits.c",
 ]
 FILES = [path for path in LIB.rglob("*.c") if path.stem not in ("trajectory", "channels")]
 HOST = "-std=c99 -D_GNU_SOURCE= -Wall -Wextra -Werror -Wshadow"

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The C tests and the tests of dahl-loop pass in each sanitizer preset."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys

@@ -3,8 +3,6 @@
 tendons; states that can be copied, reset and rolled back; the hinge under half of Fc.
 """
 
-from __future__ import annotations
-
 import copy
 import os
 import re
@@ -103,7 +101,9 @@ class Reference:
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("name", [*models.table(), "by angle"])
 def test_the_force_has_the_bits_of_the_library(name, integrator) -> None:
-    """It starts where the user puts the joint."""
+    """It starts where the user puts the joint. The C adds the elements of a mix in another order,
+    as in a node.
+    """
     reference = Reference(name)
     model, data = made({"of a": reference.config()}, integrator)
     mujoco.mj_forward(model, data)
@@ -116,7 +116,8 @@ def test_the_force_has_the_bits_of_the_library(name, integrator) -> None:
         mujoco.mj_forward(model, data)
         seen.append((-data.qfrc_passive[0], copy.deepcopy(reference).move(0, 0, load)))
     got, expected = np.transpose(seen)
-    assert (got == expected).all() and np.ptp(got) > 0.5 * reference.whole
+    slack = 4 * 2.0**-30 * reference.whole if name == "parallel" else 0.0
+    assert abs(got - expected).max() <= slack and np.ptp(got) > 0.5 * reference.whole
 
 
 def test_a_count_without_theta_per_count_is_2e_20_of_the_least_presliding_length() -> None:
@@ -223,6 +224,7 @@ def test_the_hinge_holds_under_half_of_Fc_and_threads_change_no_bit() -> None:
 
 SLIP, MIX = {"model": "slip"}, {"model": "parallel", "kinds": "slip dahl"}
 EIGHT = {"sigma0": "1 " * 8, "Fc": "1 " * 8}
+SOFT = models.with_key("breakaway").name
 BAD: list[tuple[dict[str, Any], str]] = [  # keys of an instance, words of the error
     ({"Fc": -1}, "Fc = -1 is outside 5.42101e-20 .. 1.84467e+19"),
     ({"sigma0": "1e3x"}, "sigma0 = 1e3x is not a number"),
@@ -231,7 +233,7 @@ BAD: list[tuple[dict[str, Any], str]] = [  # keys of an instance, words of the e
     ({"sigma0": ""}, "model = dahl needs sigma0"),
     ({"Fc": " "}, "model = dahl needs Fc"),
     ({"model": "loaded", "full": " "}, "model = loaded needs full"),
-    ({"model": "elastoplastic", "breakaway": " "}, "model = elastoplastic needs breakaway"),
+    ({"model": SOFT, "breakaway": " "}, f"model = {SOFT} needs breakaway"),
     ({"Fc": "1 1 1 1 1 1 1 1 1"}, "Fc = 1 1 1 1 1 1 1 1 1 has more than 8 values"),
     ({"Fc": "1 2"}, "model = dahl does not fit 1 sigma0 and 2 Fc"),
     ({"model": "asymmetric", "Fc": "1"}, "model = asymmetric does not fit 1 sigma0 and 1 Fc"),
@@ -246,8 +248,8 @@ BAD: list[tuple[dict[str, Any], str]] = [  # keys of an instance, words of the e
     ({"theta_per_count": "1 2"}, "theta_per_count = 1 2 has more than 1 values"),
     ({"theta_per_count": 1e-15}, "theta_per_count = 1e-15 is outside 2^-30 .. 2^20 of Fc/sigma0"),
     ({"model": "lugre"}, "model = lugre is none of dahl slip parallel"),
-    ({"model": "elastoplastic", "breakaway": 1}, "breakaway = 1 is outside 1e-37 .. 1"),
-    ({"breakaway": 0.5}, "breakaway = 0.5 is for model = elastoplastic, not for dahl"),
+    ({"model": SOFT, "breakaway": 1}, "breakaway = 1 is outside 1e-37 .. 1"),
+    ({"breakaway": 0.5}, f"breakaway = 0.5 is for model = {SOFT}, not for dahl"),
     ({"model": "parallel", "kinds": "dahl dahl"}, "kinds = dahl dahl has 2 words for 1 Fc"),
     ({"model": "parallel", "kinds": "slip " * 9} | EIGHT, "has more than 8 words"),
     ({"model": "parallel", "kinds": "soft"}, "kinds = soft: soft is neither dahl nor slip"),

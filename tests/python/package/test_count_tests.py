@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """tools/count_tests.py: its totals and names, and that an incomplete run has failed."""
 
-from __future__ import annotations
-
 import runpy
 import sys
 from pathlib import Path

@@ -3,8 +3,6 @@
 the packages that each command imports.
 """
 
-from __future__ import annotations
-
 import re
 import shlex
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The committed files that tools/generators write from the C sources and from the DBC."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from types import ModuleType

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """A module of the package imports from its layer and those below, and imports form no circle."""
 
-from __future__ import annotations
-
 import ast
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -27,6 +25,7 @@ FILES = {
     for path in PACKAGE.rglob("*.py")
     if path.name != "__init__.py"
 }
+WALK = "models samples lags laws fit start select diagnose simulate result estimate export report"
 
 
 def imported(path: Path) -> set[str]:
@@ -51,3 +50,9 @@ def test_no_module_imports_from_a_layer_above_or_in_a_circle():
     TopologicalSorter(GRAPH).prepare()  # raises CycleError with the circle
     pairs = [(user, used) for user, uses in GRAPH.items() for used in uses]
     assert [pair for pair in pairs if layer(pair[0]) < layer(pair[1])] == []
+
+
+def test_the_walk_of_an_identification_goes_one_way():
+    order = [f"dahl.identify.{name}" for name in WALK.split()]
+    later = {(user, used) for k, user in enumerate(order) for used in GRAPH[user] & {*order[k:]}}
+    assert later == set()

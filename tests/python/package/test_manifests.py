@@ -3,8 +3,6 @@
 test_consume.py builds a project with each of them.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -3,8 +3,6 @@
 environment that reads no file of the tree.
 """
 
-from __future__ import annotations
-
 import importlib.metadata
 import json
 import os
@@ -93,7 +91,7 @@ def listed(*folders: object) -> set[Path]:
 
 
 SHARED = {f"dahl/share/{name}" for name in ("dahl.dbc", "include/dahl.h", "scenes/steering.ini")}
-SHARED |= {"dahl/share/scene_keys.def", "dahl/share/LICENSE"}
+SHARED |= {"dahl/share/LICENSE"}
 SHARED |= {"dahl/share/fmu/fmu.c", "dahl/share/mujoco/plugin.c"}
 SHARED |= {"dahl/share/simulators/friction.c", "dahl/share/lib/model/prepare.c"}
 SHARED |= {"dahl/py.typed", "dahl/commands/demo.py", "dahl/binding/declarations.cdef"}
@@ -198,18 +196,3 @@ def test_the_test_of_the_readme_finds_its_fixtures(root: Path, full: Environment
     said = full.python("-m", "pytest", "-q", "-p", "no:cacheprovider", "test_readme.py")
     assert "1 passed" in said
     assert "--dahl-interface" in full.python("-m", "pytest", "--help")
-
-
-def test_a_wheel_without_dahl_loop_names_the_missing_packages(
-    root: Path, tmp_path: Path, full: Environment
-) -> None:
-    nowhere = ["CMAKE_FIND_ROOT_PATH=/nowhere", "CMAKE_FIND_ROOT_PATH_MODE_LIBRARY=ONLY"]
-    settings = [word for one in nowhere for word in ("-C", f"cmake.define.{one}")]
-    words = ["--no-isolation", "--wheel", "--outdir", tmp_path, *settings, root]
-    said = run("sh", "-c", '"$@" 2>&1', "sh", sys.executable, "-m", "build", *words)
-    assert "without dahl-loop" in said
-    here = (full.site / "extras.pth").read_text().splitlines()
-    made = Environment(tmp_path / "env", only(tmp_path, "*.whl"), here)
-    assert float(made.python("-c", ISSUE)) == pytest.approx(0.4323323, rel=1e-6)
-    [line] = made.dahl("demo", "--scene", "steering", code=1).splitlines()
-    assert "libinih-dev libcsv-dev libcjson-dev" in line

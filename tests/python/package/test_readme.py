@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Pages: their C compiles, their Python runs, and each mark of a generated table has its end."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -30,7 +28,6 @@ SCRIPTS = [  # test_pytest_plugin.py runs those of pytest, test_park_steer.py th
 ]
 
 
-@pytest.mark.usefixtures("library")
 @pytest.mark.parametrize("script", SCRIPTS)
 def test_a_block_of_python_runs_and_prints(
     script: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
@@ -40,7 +37,6 @@ def test_a_block_of_python_runs_and_prints(
     assert capsys.readouterr().out
 
 
-@pytest.mark.usefixtures("library")
 @pytest.mark.parametrize("block", BLOCKS)
 def test_a_block_of_c_compiles_also_as_cpp(block: str, tmp_path: Path) -> None:
     from dahl.binding import plan_header

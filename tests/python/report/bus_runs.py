@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Recorded runs of a friction node, frame by frame, with torques of the library."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import can

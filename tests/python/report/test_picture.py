@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The picture of `dahl plot`: curves, units, time axes, and panels that only some runs have."""
 
-from __future__ import annotations
-
 import copy
 import json
 import re
@@ -52,7 +50,11 @@ def picture(tmp_path):
         (tmp_path / "rows.csv").write_text(
             "t,a,torque\n" + "".join(f"{t},0,{y}\n" for t, y in rows)
         )
-        motion = "[motion]\nkind = log\nfile = rows.csv\nangle = a\ntime = t\n" if measured else ""
+        motion = (
+            "[motion]\nkind = log\nfile = rows.csv\nangle = a\ntime = t\ncounts_per_unit = 1\n"
+            if measured
+            else ""
+        )
         (tmp_path / "x.ini").write_text(
             f"[scene]\ntitle = {title}\n[friction]\nsigma0 = {SIGMA0}\nFc = {FC}\n"
             f"theta_per_count = {theta!r}\n{friction}\n{motion}[measured]\n{measured}\n"

@@ -3,20 +3,16 @@
 moved or changed, and records of several buses.
 """
 
-from __future__ import annotations
-
 import json
 import re
-import subprocess
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
 from identify_tools import complaint
 from log_reading import drawing
-from loop_tools import REPLAY, program
-
-pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
+from loop_tools import REPLAY
 
 MEASURED = "[measured]\ntorque = T\n"
 
@@ -34,11 +30,11 @@ def log(dahl, figures) -> Path:
     (folder / "mine.ini").write_text(REPLAY + MEASURED)
     (folder / "a.csv").write_text("a,T\n" + "".join(f"{7 * n},{n}\n" for n in range(30)))
     words = ["--scene", folder / "mine.ini", "--virtual", "--log", folder / "run.log"]
-    subprocess.run([program(), *words], check=True, timeout=60)
+    assert dahl("loop", *words).returncode == 0
     return folder / "run.log"
 
 
-def refused(done: subprocess.CompletedProcess, *facts: str) -> None:
+def refused(done: Any, *facts: str) -> None:
     code, line = complaint(done)
     assert code == 2 and [fact for fact in facts if fact not in line] == [], line
 
@@ -114,7 +110,7 @@ def test_the_scene_of_a_run_is_its_file_if_that_is_still_there_else_the_one_besi
 
 def test_the_frames_are_those_of_the_node_of_the_scene(dahl, log):
     words = ["--scene", "there/mine.ini", "--set", "friction.node=3", "--virtual", "--log", "3.log"]
-    subprocess.run([program(), *words], check=True, timeout=60)
+    assert dahl("loop", *words).returncode == 0
     (scene := Path("there/three.ini")).write_text(REPLAY.replace("[motion]", "node = 3\n[motion]"))
     assert ": 30 ticks" in dahl("plot", "3.log", "--scene", scene).stdout
     refused(dahl("plot", "3.log", "--scene", "there/mine.ini"), "EncoderState")

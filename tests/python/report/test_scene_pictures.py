@@ -3,8 +3,6 @@
 park-steer prints.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from types import SimpleNamespace

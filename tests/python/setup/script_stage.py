@@ -3,8 +3,6 @@
 then runs a script of the test. `Debian` is such a copy on a Debian without packages.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

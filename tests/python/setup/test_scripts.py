@@ -3,8 +3,6 @@
 that they call are stand-ins. (tools/setup.sh: test_setup.py)
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

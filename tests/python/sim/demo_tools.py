@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Helpers for tests of `dahl demo`: an own log, files of a run, and a dahl-loop with a fault."""
 
-from __future__ import annotations
-
 import configparser
 import json
 import math

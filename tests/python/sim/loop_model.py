@@ -4,8 +4,6 @@ motions of a scene (test_loop_virtual.py), lengths of frames, and counters and a
 docs/loop.md (can/test_node_sequences.py). It has no shaft and no controller.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator
@@ -98,26 +96,6 @@ class Steering:
         parts = self.bumps(random, self.pause(random)), self.sweeps(random)
         ticks = range(1, nearest(1000 * self.seconds))
         return [0, *(nearest(next(parts[1]) + next(parts[0])) for _ in ticks)]
-
-
-# --- frames ---------------------------------------------------------------------------------------
-
-
-def bits(frame: Logged) -> int:
-    """Length of a classic frame by the standard: stuffed up to the CRC, then 13 bits."""
-    low = f"{frame.id & 0x3FFFF:018b}"
-    head = f"{frame.id >> 18:011b}11{low}000" if frame.is_extended else f"{frame.id:011b}000"
-    body = f"0{head}{len(frame.data):04b}" + "".join(f"{byte:08b}" for byte in frame.data)
-    crc = 0
-    for bit in body:
-        crc = (crc << 1 ^ (0x4599 if (crc >> 14 & 1) != int(bit) else 0)) & 0x7FFF
-    count, run_of, last = 0, 0, ""
-    for bit in body + f"{crc:015b}":
-        run_of = run_of + 1 if bit == last else 1
-        last, count = bit, count + 1
-        if run_of == 5:
-            last, run_of, count = str(1 - int(bit)), 1, count + 1
-    return count + 13
 
 
 # --- the node -------------------------------------------------------------------------------------

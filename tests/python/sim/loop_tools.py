@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: MIT
 """Helpers for tests of dahl-loop: run it, read its log, join its bus."""
 
-from __future__ import annotations
-
+import argparse
 import configparser
 import contextlib
-import json
 import logging
 import re
 import signal
 import socket
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -21,12 +20,15 @@ import can
 import dahl
 from conftest import ROOT, built
 from dahl.bus import candump_line
+from dahl.io import data
 from dahl.sim import scene as scenes
+from dahl.sim.run_file import RunFile
 
 logging.getLogger("can").setLevel(logging.CRITICAL)  # it warns at every part of a TCP stream
 
 ERROR = 0x20000000  # in an id of candump: an error frame
 SCENES = ROOT / "host_sim" / "scenes"
+EXAMPLE = ROOT / "host_sim" / "steering.run"  # of dahl-loop alone
 LINE = re.compile(
     r"\((\d{10}\.\d{6})\) (\S+) ([0-9A-F]{3}|[0-9A-F]{8})#((?:[0-9A-F]{2}){0,8}|R[1-8]?)"
 )
@@ -77,16 +79,55 @@ def spawn(words: Iterable[object], **how: object) -> subprocess.Popen:
     return subprocess.Popen([*map(str, words)], **{**PIPES, **how})
 
 
-def run_program(*words: object, **how: object) -> Run:
+def run_alone(*words: object, **how: object) -> Run:
     """Run dahl-loop with these options alone."""
     command = [program(), *map(str, words)]
     done = subprocess.run(command, timeout=20, check=False, **{**PIPES, **how})
     return Run(done.returncode, done.stdout, done.stderr)
 
 
-def command(folder: Path, scene: Path | str, *options: str) -> list[str]:
-    files = ("--log", folder / "run.log", "--summary", folder / "summary.json")
-    return [program(), *map(str, ("--scene", scene, *files, *options))]
+def run_program(*words: object, **how: object) -> Run:
+    """Run `dahl loop` with these options alone."""
+    command = [sys.executable, "-m", "dahl", "loop", *map(str, words)]
+    done = subprocess.run(command, timeout=60, check=False, **{**PIPES, **how})
+    return Run(done.returncode, done.stdout, done.stderr)
+
+
+class KeptRunFile(RunFile):
+    """A run file whose files stay in a folder, so that no process must inherit them."""
+
+    def __init__(self, folder: Path, *words: Any) -> None:
+        self.folder, self.files = folder, 0
+        super().__init__(*words)
+
+    def _in_memory(self, text: str) -> str:
+        self.files += 1
+        path = self.folder / f"dahl-loop.{self.files}"
+        path.write_text(text, encoding="utf-8", errors="surrogateescape")
+        return str(path)
+
+
+STARTED: dict[Path, tuple[KeptRunFile, str, int, bool]] = {}  # facts of the last run of a folder
+
+
+def command(folder: Path, scene: Path | str, *options: object) -> list[str]:
+    """The words that start dahl-loop as `dahl loop --scene` does."""
+    parser = argparse.ArgumentParser(allow_abbrev=False)
+    parser.add_argument("--set", action="append", default=[])
+    for name in ("--data", "--log-file"):
+        parser.add_argument(name, type=Path)
+    own, rest = parser.parse_known_args([*map(str, options)])
+    for name, default in (("--role", "both"), ("--bus", "loopback"), ("--seed", "1")):
+        parser.add_argument(name, default=default)
+    facts, _ = parser.parse_known_args(rest)
+    played = scenes.read(Path(scene), own.set)
+    log = own.log_file
+    if played.log and not log and facts.role != "node":
+        log = data.find_log(played.log, own.data or played.path.parent)
+    run_file = KeptRunFile(folder, played, log, facts.role)
+    STARTED[folder] = (run_file, facts.bus, int(facts.seed), "--virtual" in rest)
+    files = ("--log", folder / "run.log", "--counters", run_file.counters)
+    return [program(), *map(str, (run_file.path, *files, *rest))]
 
 
 def finished(folder: Path, process: subprocess.Popen, timeout: float = 60) -> Run:
@@ -96,9 +137,13 @@ def finished(folder: Path, process: subprocess.Popen, timeout: float = 60) -> Ru
         process.kill()  # its log would fill the disk
         process.wait()
         raise
-    path = folder / "summary.json"
-    summary = json.loads(path.read_text()) if path.exists() else {}
-    return Run(process.returncode, out, err, summary, folder / "run.log")
+    return Run(process.returncode, out, err, summary_of(folder), folder / "run.log")
+
+
+def summary_of(folder: Path) -> dict[str, Any]:
+    """The summary of the last run of a folder, {} if it has written no counters."""
+    run_file, *facts = STARTED[folder]
+    return run_file.summary(*facts)
 
 
 def run(folder: Path, scene: Path | str, *options: str, timeout: float = 60) -> Run:
@@ -108,8 +153,7 @@ def run(folder: Path, scene: Path | str, *options: str, timeout: float = 60) -> 
 def start(folder: Path, scene: Path | str, *options: str) -> subprocess.Popen:
     """Start a run. Remove the files of an earlier one, so that a test cannot read those."""
     folder.mkdir(exist_ok=True)
-    for name in ("run.log", "summary.json"):
-        (folder / name).unlink(missing_ok=True)
+    (folder / "run.log").unlink(missing_ok=True)
     return spawn(command(folder, scene, *options))
 
 

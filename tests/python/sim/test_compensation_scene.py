@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """`dahl demo --scene compensation`: the numbers of each law, its files, and its refusals."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path
@@ -13,8 +11,6 @@ from dahl.binding.library import c
 from dahl.sim import compensation
 from dahl.sim.compensation import Comparison
 from identify_tools import complaint
-
-pytestmark = pytest.mark.usefixtures("library")
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,6 @@ tests/sim/golden.txt has for each run its scene and options, and below a SHA-256
 change is intended, replace the lines by those that the failed test shows.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from pathlib import Path
@@ -74,9 +72,11 @@ def digests(folder: Path, command: str) -> list[str]:
     assert (result.code, result.err) == (0, "")
     summary = {key: one for key, one in result.summary.items() if key not in CHANGING}
     summary["scene"] = Path(summary["scene"]).name
+    text = json.dumps(summary, sort_keys=True)
+    digits = json.loads(text, parse_float=lambda number: f"{float(number):.12g}")
     files = {"log": result.log.read_bytes()}
     files |= {"trace": trace.read_bytes()} if has_trace else {}
-    files |= {"summary": json.dumps(summary, sort_keys=True).encode()}
+    files |= {"summary": json.dumps(digits).encode()}
     return [f"{kind} {hashlib.sha256(one).hexdigest()}" for kind, one in files.items()]
 
 

@@ -3,8 +3,6 @@
 and in two. Lockstep, a node that stalls, foreign answers, and a bus that is missing or goes away.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import signal
@@ -155,7 +153,7 @@ def test_a_loop_ignores_foreign_answers(tmp_path):
 @pytest.mark.parametrize("bus", ["loopback", "socketcand:0", "joined"])
 def test_a_run_in_real_time_sleeps_between_ticks(tmp_path, bus):
     """It gives the processor away at most ticks. A loop that polls would not."""
-    words = [loop.program(), "--scene", STEERING, "--role", "encoder", "--seconds", "0.5", "--bus"]
+    words = [loop.program(), loop.EXAMPLE, "--role", "encoder", "--seconds", "0.5", "--bus"]
     with serving(tmp_path / "node", STEERING, "--role", "node") as (_, port):
         spec = f"socketcand:127.0.0.1:{port}" if bus == "joined" else bus
         with subprocess.Popen([*words, spec], stdout=subprocess.DEVNULL) as process:
@@ -188,6 +186,6 @@ ABSENT = [  # bus, reason of the system
 
 @pytest.mark.parametrize(("bus", "reason"), ABSENT)
 def test_a_missing_bus_is_refused_with_the_reason_of_the_system(bus, reason):
-    error = loop.run_program("--scene", STEERING, "--bus", bus).error(1)
+    error = loop.run_alone(loop.EXAMPLE, "--bus", bus).error(1)
     assert error.startswith(f"--bus {bus}: {reason}")
     assert ("--bus socketcand:PORT" in error) == bus.startswith("socketcan:")  # the way out

@@ -1,23 +1,26 @@
 # SPDX-License-Identifier: MIT
 """How dahl-loop ends: by each signal, and with its parent."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
 import subprocess
+import sys
+from pathlib import Path
 
 import pytest
+from identify_tools import complaint
 from loop_tools import (
+    EXAMPLE,
     SCENES,
     command,
     ended,
     is_running,
     read_log,
     run,
-    run_program,
+    run_alone,
     spawn,
+    summary_of,
     wait_for_bytes,
     wait_until,
 )
@@ -64,7 +67,7 @@ def test_a_run_ends_with_its_parent_and_leaves_whole_files(tmp_path, number):
         assert is_running(child)
         parent.send_signal(number)
     wait_until(lambda: not is_running(child))
-    assert json.loads((tmp_path / "summary.json").read_text())["ticks"] > 100
+    assert summary_of(tmp_path)["ticks"] > 100
     read_log(tmp_path / "run.log")
 
 
@@ -76,9 +79,35 @@ def test_a_parent_that_has_already_ended_ends_the_run(tmp_path):
     assert (result.code, result.summary["ticks"]) == (0, 0)
 
 
-@pytest.mark.parametrize("user", [None, 65534])
-def test_a_process_that_is_not_the_parent_is_refused(user):
-    """Such as $$ in a subshell, or a process of another user."""
-    may = {"user": user} if user and os.geteuid() == 0 else {}
-    error = run_program("--scene", STEERING, "--virtual", "--with-parent", 1, **may).error(2)
+def test_a_process_that_is_not_the_parent_is_refused(dahl):
+    """Such as $$ in a subshell."""
+    error = run_alone(EXAMPLE, "--virtual", "--with-parent", 1).error(2)
     assert error.startswith("--with-parent 1: ") and str(os.getpid()) in error
+    code, line = complaint(dahl("loop", "--scene", STEERING, "--virtual", "--with-parent", 1))
+    assert code == 2 and line.startswith("--with-parent 1: ") and str(os.getppid()) in line
+
+
+LOOP = [sys.executable, "-m", "dahl", "loop", "--scene", str(STEERING)]
+
+
+@pytest.mark.parametrize("name", ["INT", "TERM", "HUP"])
+def test_a_signal_to_dahl_loop_ends_the_run_with_a_summary(tmp_path, name):
+    files = ["--log", str(tmp_path / "run.log"), "--summary", str(tmp_path / "summary.json")]
+    process = spawn([*LOOP, *files])
+    wait_for_bytes(tmp_path / "run.log", 10000)
+    process.send_signal(signal.Signals[f"SIG{name}"])
+    assert process.communicate(timeout=60) == ("", "") and process.returncode == 0
+    sent = sum(frame.id == 0x100 for frame in read_log(tmp_path / "run.log"))
+    assert 100 < sent == json.loads((tmp_path / "summary.json").read_text())["frames_sent"] < 30000
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_a_run_of_dahl_loop_ends_with_its_parent(tmp_path, number):
+    """Also dahl-loop, the child of `dahl loop`."""
+    with spawn(["sh", "-c", CHILD, "sh", *LOOP, "--log", tmp_path / "run.log"], stdin=-1) as parent:
+        child = int(parent.stdout.readline())
+        wait_for_bytes(tmp_path / "run.log", 10000, 30)
+        own = Path(f"/proc/{child}/task/{child}/children").read_text().split()
+        assert len(own) == 1
+        parent.send_signal(number)
+    wait_until(lambda: not is_running(child) and not is_running(int(own[0])))

@@ -3,8 +3,6 @@
 unread pipe loses are counted.
 """
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os
@@ -15,12 +13,23 @@ import struct
 import subprocess
 import termios
 import time
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 
 import loop_tools as loop
 import pytest
-from loop_tools import SCENES, command, ended, finished, read_log, run_program, spawn, wait_until
+from identify_tools import complaint
+from loop_tools import (
+    SCENES,
+    command,
+    ended,
+    finished,
+    read_log,
+    run_alone,
+    run_program,
+    spawn,
+    wait_until,
+)
 
 STEERING, CREEP = SCENES / "steering.ini", SCENES / "creep.ini"
 OUTPUTS = ("--log", "--summary", "--trace")
@@ -40,38 +49,65 @@ def scene(tmp_path):
     return tmp_path / "scene.ini"
 
 
-@pytest.mark.parametrize("option", OUTPUTS)
-@pytest.mark.parametrize("victim", ["scene.ini", "log.csv"])
-def test_no_output_destroys_an_input(tmp_path, scene, option, victim):
-    """By its name, by another path, by a hard and by a symbolic link."""
-    target, link, symlink = tmp_path / victim, tmp_path / "link", tmp_path / "symlink"
+def links_to(target: Path) -> list[object]:
+    """The file by its name, by another path, by a hard and by a symbolic link."""
+    folder = target.parent
+    link, symlink = folder / "link", folder / "symlink"
+    for path in (link, symlink):
+        path.unlink(missing_ok=True)
     link.hardlink_to(target)
     symlink.symlink_to(target)
-    kept = target.read_bytes()
-    for path in (target, f"{tmp_path}/../{tmp_path.name}/{victim}", link, symlink):
-        error = run_program("--scene", scene, "--virtual", option, path).error(2)
-        assert error.startswith(f"{option} {path}: ") and str(target) in error
-        assert target.read_bytes() == kept
+    return [target, f"{folder}/../{folder.name}/{target.name}", link, symlink]
 
 
-def test_two_outputs_cannot_be_one_file(tmp_path, scene):
+def test_no_output_destroys_an_input(dahl, scene):
+    for victim in (scene, scene.with_name("log.csv")):
+        kept = victim.read_bytes()
+        for option, path in product(OUTPUTS, links_to(victim)):
+            code, line = complaint(dahl("loop", "--scene", scene, "--virtual", option, path))
+            assert (code, victim.read_bytes()) == (2, kept)
+            assert line.startswith(f"{option} {path}: ") and str(victim) in line
+
+
+def test_no_output_of_dahl_loop_destroys_an_input(tmp_path):
+    (tmp_path / "counts").write_text("1\n2\n")
+    (tmp_path / "run").write_text("motion.kind = counts\nmotion.file = counts\n")
+    for name, option in product(("run", "counts"), ("--log", "--trace", "--counters")):
+        victim = tmp_path / name
+        kept = victim.read_bytes()
+        for path in links_to(victim):
+            error = run_alone(tmp_path / "run", "--virtual", option, path).error(2)
+            assert error.startswith(f"{option} {path}: ") and str(victim) in error
+            assert victim.read_bytes() == kept
+
+
+def test_two_outputs_cannot_be_one_file(dahl, scene, tmp_path):
     """A file that does not exist is known by folder and name. /dev/null may be named twice."""
-    new, words = tmp_path / "new", ("--scene", scene, "--virtual")
+    new, words = tmp_path / "new", ("loop", "--scene", scene, "--virtual")
     for one, other in combinations(OUTPUTS, 2):
         for again in (new, f"{tmp_path}/./new", "new"):
-            error = run_program(*words, one, new, other, again, cwd=tmp_path).error(2)
-            assert {one, other, str(new)} <= {*re.split(r" |: ", error)} and not new.exists()
+            code, line = complaint(dahl(*words, one, new, other, again))
+            assert (code, new.exists()) == (2, False)
+            assert {one, other, str(new)} <= {*re.split(r" |: ", line)}
+            alone = [option.replace("summary", "counters") for option in (one, other)]
+            error = run_alone(
+                loop.EXAMPLE, "--virtual", alone[0], new, alone[1], again, cwd=tmp_path
+            )
+            assert {*alone, str(new)} <= {*re.split(r" |: ", error.error(2))} and not new.exists()
     (tmp_path / "sub").mkdir()
     for pair in (["/dev/null"] * 2, [tmp_path / "a", tmp_path / "b"], [new, tmp_path / "sub/new"]):
-        assert run_program(*words, "--log", pair[0], "--summary", pair[1]).code == 0
+        assert dahl(*words, "--log", pair[0], "--summary", pair[1]).returncode == 0
     assert json.loads((tmp_path / "sub/new").read_text())["ticks"] == 3
-    roots = run_program(*words, "--log", "/proc/new", "--summary", "/sys/new")  # both have inode 1
-    assert roots.err.startswith("error: --log /proc/new: ")
+    roots = run_alone(loop.EXAMPLE, "--log", "/proc/new", "--counters", "/sys/new")
+    assert roots.err.startswith("error: --log /proc/new: ")  # both folders have inode 1
 
 
 def test_outputs_replace_old_files(tmp_path, scene):
     files = [tmp_path / name for name in ("run.log", "trace.csv", "summary.json")]
-    words = command(tmp_path, scene, "--virtual", "--trace", files[1])[1:]
+    words = ["--scene", scene, "--virtual"]
+    words += [
+        word for pair in zip(("--log", "--trace", "--summary"), files, strict=True) for word in pair
+    ]
     assert run_program(*words, umask=0o027).code == 0
     assert {path.stat().st_mode & 0o777 for path in files} == {0o640}
     wanted = [path.read_text() for path in files[:2]]
@@ -82,47 +118,50 @@ def test_outputs_replace_old_files(tmp_path, scene):
     assert [path.read_text() for path in files[:2]] == wanted
 
 
-def test_odd_names_keep_the_summary_valid_json(tmp_path, scene):
-    title = '"é€😀\\' + 148 * "t"  # 159 bytes, as many as there may be
+def test_odd_names_keep_the_summary_valid_json(dahl, tmp_path, scene):
+    title = '"é€😀\\' + 1480 * "t"
     scene.write_text(REPLAY.replace("title = t", f"title = {title}"), encoding="utf-8")
-    odd = scene.rename(tmp_path / os.fsdecode("aé€😀".encode() + b"\xe9 \xe2\x82" + b".ini"))
-    result = loop.run(tmp_path, odd, "--virtual")
-    assert (result.code, result.summary["title"]) == (0, title)
-    assert result.summary["scene"] == f"{tmp_path}/aé€😀? ??.ini"
-
-
-def test_the_path_of_a_measured_log_has_1023_characters_at_most(tmp_path, scene):
-    folder = f"{tmp_path}{'/' * (1023 - len(str(tmp_path)) - len('log.csv'))}"
-    assert loop.run(tmp_path, scene, "--virtual", "--data", folder).summary["ticks"] == 3
-    error = run_program("--scene", scene, "--virtual", "--data", folder + "/").error(2)
-    assert error.startswith("log.csv: ")
+    odd = scene.rename(tmp_path / "aé€😀\u001b.ini")
+    done = dahl("loop", "--scene", odd, "--virtual", "--summary", "-")
+    assert (done.returncode, json.loads(done.stdout)["title"]) == (0, title)
 
 
 # --- full disks -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("option", OUTPUTS)
+@pytest.mark.parametrize("option", ["--log", "--counters", "--trace"])
 @pytest.mark.parametrize("seconds", [1, 0.002])
 def test_an_output_that_cannot_be_written_is_refused(tmp_path, option, seconds):
     """Only the close of a file writes the few bytes of a short run. Root may write to any folder,
     so the program runs as another user.
     """
-    words = ("--scene", CREEP, "--virtual", "--set", f"motor.seconds={seconds}", option)
+    tmp_path.chmod(0o755)
+    words = command(tmp_path, CREEP, "--virtual", "--set", f"motor.seconds={seconds}")[1:2]
+    words += ["--virtual", option]
     (shut := tmp_path / "shut").mkdir(mode=0o500)
-    nobody = {"user": 65534} if os.geteuid() == 0 else {}
-    for path, why, user in (
-        ("/dev/full", "No space left on device", {}),
-        (tmp_path / "absent" / "file", "No such file or directory", {}),
-        (shut / "file", "Permission denied", nobody),
+    for path, why in (
+        ("/dev/full", "No space left on device"),
+        (tmp_path / "absent" / "file", "No such file or directory"),
+        *([(shut / "file", "Permission denied")] if os.geteuid() != 0 else []),
     ):
-        error = run_program(*words, path, **user).error(1)
+        error = run_alone(*words, path).error(1)
         assert error.startswith(f"{option} {path}: ") and why in error
 
 
+@pytest.mark.parametrize("path", ["/dev/full", "absent/file", "."])
+def test_a_summary_that_cannot_be_written_is_an_error(dahl, path):
+    words = ("--scene", STEERING, "--virtual", "--seconds", "0.001", "--summary")
+    code, line = complaint(dahl("loop", *words, path))
+    assert code == 1 and line.startswith(f"--summary {path}: ")
+
+
 def test_a_full_standard_output_is_an_error():
-    words = ("--scene", STEERING, "--virtual", "--seconds", "0.001", "--summary", "-")
+    words = ("--virtual", "--seconds", "0.001")
     with open("/dev/full", "w") as full:
-        assert run_program(*words, stdout=full).error(1).startswith("--summary -: ")
+        done = run_alone(loop.EXAMPLE, *words, "--counters", "-", stdout=full)
+        assert done.error(1).startswith("--counters -: ")
+        done = run_program("--scene", STEERING, *words, "--summary", "-", stdout=full)
+        assert "No space left" in done.error(1)
 
 
 def limited(size: str, words: list[str], goes_on: bool = True) -> subprocess.Popen:
@@ -242,7 +281,7 @@ def test_a_pipe_without_a_reader_ends_the_run(tmp_path):
     assert 0 < result.summary["ticks"] < 10000
     os.mkfifo(pipe := tmp_path / "pipe")
     begun = time.monotonic()
-    error = run_program("--scene", STEERING, "--virtual", "--log", pipe).error(1)
+    error = run_alone(loop.EXAMPLE, "--virtual", "--log", pipe).error(1)
     assert time.monotonic() - begun > 1.9 and error.startswith(f"--log {pipe}: ")
 
 

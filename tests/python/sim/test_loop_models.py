@@ -3,8 +3,6 @@
 sends the load that the friction follows.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cantools
@@ -13,8 +11,6 @@ import pytest
 from dahl.binding import models
 from loop_tools import Logged, check_node, read_log, run
 from model_examples import THETA, keys
-
-pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
 STEERING = """[motion]
 kind = steering

@@ -3,8 +3,6 @@
 stall.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 from pathlib import Path

@@ -4,8 +4,6 @@ silent or gone disturb neither the loop nor other clients. Answers to commands, 
 on simulated sockets: tests/port/test_socketcand.c.
 """
 
-from __future__ import annotations
-
 import contextlib
 import re
 import select
@@ -107,7 +105,7 @@ def test_a_client_counts_from_raw_mode_on(tmp_path, connect):
             hear(two, b"< ok >")
             connect(port)
             time.sleep(0.5)
-            assert process.poll() is None and not (tmp_path / "summary.json").exists()
+            assert process.poll() is None and not loop.summary_of(tmp_path)
             joined = time.monotonic()
             one.sendall(b"< open vcan0 >< rawmode >")
             summary = finished(tmp_path, process).summary
@@ -126,7 +124,7 @@ def test_sixteen_clients_fit_and_the_next_is_refused(tmp_path, connect):
             text = b"".join(iter(lambda: last.recv(100), b""))  # until it is closed
         assert text == f"< error {refused} >".encode()
         bus = f"socketcand:127.0.0.1:{port}"
-        error = loop.run_program("--scene", STEERING, "--bus", bus).error(1)
+        error = loop.run_alone(loop.EXAMPLE, "--bus", bus).error(1)
         assert error.startswith(f"--bus {bus}: ")
         inside.pop().close()
         loop.wait_until(lambda: has_place(port), 20)
@@ -151,7 +149,10 @@ def test_a_server_that_is_silent_for_5_s_is_refused(tmp_path):
     ):
         buses = [f"socketcand:127.0.0.1:{one.getsockname()[1]}" for one in (mute, full)]
         joining = [start(tmp_path / bus, STEERING, "--bus", bus) for bus in buses]
-        errors = [finished(tmp_path, each).error(1) for each in joining]
+        errors = [
+            finished(tmp_path / bus, each).error(1)
+            for bus, each in zip(buses, joining, strict=True)
+        ]
     assert errors[0].startswith(f"--bus {buses[0]}: Protocol error")
     assert errors[1].startswith(f"--bus {buses[1]}: Connection timed out")
     assert time.monotonic() - begun > 4.5
@@ -235,7 +236,7 @@ def test_a_bus_is_served_on_the_loopback_address_only(tmp_path, connect):
         with pytest.raises(ConnectionRefusedError):
             socket.create_connection(("127.0.0.2", port), timeout=5)
         words = ("--bus", f"socketcand:{port}", "--seconds", "0.01")
-        error = loop.run_program("--scene", STEERING, *words).error(1)
+        error = loop.run_alone(loop.EXAMPLE, *words).error(1)
         assert error.startswith(f"--bus socketcand:{port}: Address already in use")
         connect(port)
         assert ended(tmp_path / "a", process).code == 0
@@ -276,7 +277,7 @@ def test_a_bus_of_any_name_is_joined(tmp_path):
 @pytest.mark.parametrize("channel", ["", "a b", "a<", ">", "\t", "\x7f", "ä", "x" * 32])
 def test_a_channel_that_the_protocol_cannot_name_is_refused(channel):
     spec = f"socketcand:127.0.0.1:1/{channel}"
-    error = loop.run_program("--scene", STEERING, "--bus", spec).error(2)
+    error = loop.run_alone(loop.EXAMPLE, "--bus", spec).error(2)
     assert error.startswith("--bus socketcand:127.0.0.1:1/") and "1 to 31" in error
 
 
@@ -284,5 +285,5 @@ def test_a_channel_that_the_protocol_cannot_name_is_refused(channel):
     "address", ["28600/can1", "/can1", ":1/can1", "h:/can1", "h:0/can1", "h:x"]
 )
 def test_a_server_takes_no_channel_and_a_client_needs_host_and_port(address):
-    error = loop.run_program("--scene", STEERING, "--bus", f"socketcand:{address}").error(2)
+    error = loop.run_alone(loop.EXAMPLE, "--bus", f"socketcand:{address}").error(2)
     assert error.startswith(f"--bus socketcand:{address}: ") and "HOST:PORT[/CHANNEL]" in error

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """`dahl demo --scene park-steer`: the loop of hand torque over angle, its work, and its files."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -12,7 +10,6 @@ from dahl import codec
 from dahl.sim import park_steer as scene
 from scipy.integrate import solve_ivp
 
-pytestmark = pytest.mark.usefixtures("library")
 GAINS = {"without": 0.0, "with": scene.GAIN}
 
 

@@ -3,8 +3,6 @@
 Each way to pass the flags of the core is a row. CMake prints the choice.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import NamedTuple

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Small cores: the C tests in QEMU, and the symbols of an image. (Costs: test_bench.py.)"""
 
-from __future__ import annotations
-
 import fcntl
 import re
 from pathlib import Path

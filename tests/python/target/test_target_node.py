@@ -3,8 +3,6 @@
 bit, random bytes on the serial line, parameters in flash, and the demo.
 """
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import json
@@ -25,7 +23,7 @@ from dahl.facts import BOARDS
 from dahl.target import firmware  # no public name starts QEMU with a page of parameters
 from loop_tools import is_running, message_of, read_log, run, wait_until
 
-pytestmark = [pytest.mark.checks, pytest.mark.usefixtures("library")]
+pytestmark = pytest.mark.checks
 
 Params = tuple[float, float, float]
 OURS: Params = (120.0, 1.8, 2.396844981071314e-05)  # sigma0, Fc, theta_per_count

@@ -2,7 +2,6 @@
 /* Any move of each part: all powers of two less 1, both ways, each followed by short moves, so that most begin within the loop.
  * They show the worst instructions and stack of calls whose other cases move by up to 8 counts. */
 #include "bench.h"
-#include "dahl_frames.h"
 #include "dahl_parts.h"
 #include "inputs.h"
 
@@ -18,8 +17,7 @@ enum { PARTS = 4, MOVES = 4 * 31 };
 
 static const dahl_params_t params = {100.0f, 0.5f, 3.8349519e-4f}; /* 14-bit encoder, travel .077 a count */
 static dahl_plan_t dahl_plan;
-static dahl_elastoplastic_plan_t elastoplastic_plan;
-static dahl_loaded_state_t state;
+static dahl_loaded_state_t state; /* of any model with one sigma0 */
 static dahl_work_t work;
 static dahl_state_t states[PARTS];
 
@@ -68,11 +66,10 @@ static void step_clamped(void)
     }
 }
 
-#define STEP_DIRECTED(name, ...) \
+#define STEP(name, ...) \
     { \
         static dahl_##name##_plan_t plan; \
-        const dahl_##name##_params_t directed = {100.0f, 0.5f, 0.4f, 3.8349519e-4f}; \
-        if (dahl_##name##_prepare(&plan, &directed) == DAHL_OK) { \
+        if (dahl_model_##name.q30->prepare(&plan, &any) == DAHL_OK) { \
             step_any((bench_function_t)dahl_##name##_step_counts, &plan); \
             step_any((bench_function_t)dahl_##name##_step_counts_q30, &plan); \
         } \
@@ -80,14 +77,12 @@ static void step_clamped(void)
 
 void bench_any(void)
 {
-    if (dahl_prepare(&dahl_plan, &params) != DAHL_OK
-        || dahl_elastoplastic_prepare(&elastoplastic_plan, &params, 0.5f) != DAHL_OK) {
+    static const dahl_model_params_t any = {{2, 3.8349519e-4f, {100.0f}, {0.5f, 0.4f}}, 0, 0.5f};
+    if (dahl_prepare(&dahl_plan, &params) != DAHL_OK) {
         return; /* the host then lacks this case */
     }
     bench_case("any");
-    DAHL_FRAMES_DIRECTED_MODELS(STEP_DIRECTED)
-    step_any((bench_function_t)dahl_elastoplastic_step_counts, &elastoplastic_plan);
-    step_any((bench_function_t)dahl_elastoplastic_step_counts_q30, &elastoplastic_plan);
+    DAHL_BRISTLE_MODELS(STEP)
     step_any((bench_function_t)dahl_loaded_step_counts, &dahl_plan);
     step_any((bench_function_t)dahl_loaded_step_counts_q30, &dahl_plan);
     step_parts();

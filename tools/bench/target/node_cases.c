@@ -8,9 +8,8 @@ bool call_receive(dahl_node_t *, const dahl_can_frame_t *, uint32_t, dahl_can_fr
 bool call_node_tick(dahl_node_t *, uint32_t, dahl_can_frame_t *) __asm__("bench_call");
 void call_bus_off(dahl_node_t *, uint32_t) __asm__("bench_call");
 dahl_err_t call_node_init(dahl_node_t *, const dahl_params_t *, uint8_t) __asm__("bench_call");
-dahl_err_t call_use(dahl_node_t *, void *, const void *) __asm__("bench_call");
-dahl_err_t call_use_elastoplastic(dahl_node_t *, dahl_node_elastoplastic_t *, const dahl_params_t *,
-                                  float) __asm__("bench_call");
+dahl_err_t call_use(dahl_node_t *, dahl_node_model_t *, const dahl_model_q30_t *,
+                    const dahl_model_params_t *) __asm__("bench_call");
 
 enum { NUMBER = 3, FRAMES = 10000, WRITES = 2000 };
 
@@ -18,7 +17,7 @@ static const dahl_params_t params = {100.0f, 0.5f, 3.8349519e-4f}; /* 14-bit enc
 
 #define STORAGE(name, ...) dahl_node_##name##_t name;
 static union {
-    DAHL_FRAMES_OTHER_MODELS(STORAGE)
+    DAHL_OTHER_MODELS(STORAGE)
 } storage;
 static dahl_node_t node;
 static dahl_can_frame_t out;
@@ -47,15 +46,20 @@ static void restart(void)
     now_us = 0;
 }
 
+static dahl_err_t use(dahl_node_model_t *model, const dahl_model_q30_t *calls, uint32_t slips)
+{
+    dahl_model_params_t given = {{DAHL_SLIP_MAX, params.theta_per_count, {0}, {0}}, slips, 0.5f};
+    for (uint32_t k = 0; k < DAHL_SLIP_MAX; k++) {
+        given.each.sigma0[k] = 200.0f / (float)(k + 1);
+        given.each.Fc[k] = 0.5f;
+    }
+    bench_function = (bench_function_t)dahl_node_use;
+    return call_use(&node, model, calls, &given);
+}
+
 static dahl_err_t use_parallel(uint32_t slips)
 {
-    dahl_node_parallel_params_t elements = {DAHL_SLIP_MAX, slips, params.theta_per_count, {0}, {0}};
-    for (uint32_t k = 0; k < DAHL_SLIP_MAX; k++) {
-        elements.sigma0[k] = 200.0f / (float)(k + 1);
-        elements.Fc[k] = 0.5f;
-    }
-    bench_function = (bench_function_t)dahl_node_use_parallel;
-    return call_use(&node, &storage.parallel, &elements);
+    return use(&storage.parallel.model, &dahl_model_parallel_q30, slips);
 }
 
 /* In sequence, up to 8 counts either way, with the settings of dahl_node_init(). */
@@ -172,46 +176,28 @@ static void bench_receive(void)
     }
 }
 
-#define USE_DIRECTED(name, ...) \
-    { \
-        const dahl_##name##_params_t directed = {100.0f, 0.5f, 0.4f, params.theta_per_count}; \
-        bench_case("node_use_" #name); \
-        bench_function = (bench_function_t)dahl_node_use_##name; \
-        (void)!call_use(&node, &storage.name, &directed); \
-    }
+#define USE(name, ...) (void)!use(&storage.name.model, &dahl_model_##name##_q30, 0);
 
 static void bench_start_up(void)
 {
-    dahl_slip_params_t slip = {DAHL_SLIP_MAX, params.theta_per_count, {0}, {0}};
-    for (uint32_t k = 0; k < DAHL_SLIP_MAX; k++) {
-        slip.sigma0[k] = 200.0f / (float)(k + 1);
-        slip.Fc[k] = 0.5f;
-    }
     bench_case("node_init");
     bench_function = (bench_function_t)dahl_node_init;
     (void)!call_node_init(&node, &params, NUMBER);
-    bench_case("node_use_slip");
-    bench_function = (bench_function_t)dahl_node_use_slip;
-    (void)!call_use(&node, &storage.slip, &slip);
-    DAHL_FRAMES_DIRECTED_MODELS(USE_DIRECTED)
-    bench_case("node_use_elastoplastic");
-    bench_function = (bench_function_t)dahl_node_use_elastoplastic;
-    (void)!call_use_elastoplastic(&node, &storage.elastoplastic, &params, 0.5f);
-    bench_case("node_use_loaded");
-    bench_function = (bench_function_t)dahl_node_use_loaded;
-    (void)!call_use(&node, &storage.loaded, &params);
-    bench_case("node_use_parallel");
-    (void)!use_parallel(0);
+    bench_case("node_use");
+    DAHL_OTHER_MODELS(USE)
     (void)!use_parallel(0x55u);
     (void)!use_parallel(0xFFu);
 }
 
-#define REPORT_BYTES(name, ...) BENCH_BYTES(dahl_node_##name##_t);
+#define REPORT_BYTES(name, ...) \
+    BENCH_BYTES(dahl_##name##_plan_t); \
+    BENCH_BYTES(dahl_##name##_state_t); \
+    BENCH_BYTES(dahl_node_##name##_t);
 
 void bench_node(void)
 {
     bench_receive();
     bench_start_up();
     BENCH_BYTES(dahl_node_t);
-    DAHL_FRAMES_OTHER_MODELS(REPORT_BYTES)
+    DAHL_OTHER_MODELS(REPORT_BYTES)
 }

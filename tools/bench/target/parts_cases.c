@@ -145,7 +145,5 @@ void bench_parts(void)
     bench_parallel("parallel_4", "parallel_4_q30", "parallel_4_shares", 4);
     bench_mixed("mixed_2_q30", 2);
     bench_mixed("mixed_4_q30", 4);
-    BENCH_BYTES(dahl_slip_plan_t);
-    BENCH_BYTES(dahl_slip_state_t);
     BENCH_BYTES(dahl_part_t);
 }

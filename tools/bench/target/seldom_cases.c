@@ -2,7 +2,6 @@
 /* Searches for the worst call at start-up or at a change of parameters: parameters, states and torques of all magnitudes. */
 #include "bench.h"
 #include "dahl_encoder.h"
-#include "dahl_frames.h"
 #include "dahl_parts.h"
 #include "inputs.h"
 
@@ -50,13 +49,17 @@ static void prepare_plans(void)
     (void)call_plausible(&params);
 }
 
-#define PREPARE_DIRECTED(name, ...) \
+/* A model with one Fc for each direction. */
+#define PREPARE_0(name)
+#define PREPARE_1(name)
+#define PREPARE_2(name) \
     { \
         static dahl_##name##_plan_t plan; \
         const dahl_##name##_params_t directed = {one.sigma0, one.Fc, less_Fc, one.theta_per_count}; \
         bench_function = (bench_function_t)dahl_##name##_prepare; \
         call_prepare(&plan, &directed); \
     }
+#define PREPARE(name, NAME, Class, number, sigma0s, Fcs, ...) PREPARE_##Fcs(name)
 
 static void prepare_parts(void)
 {
@@ -77,7 +80,7 @@ static void prepare_parts(void)
     }
     bench_function = (bench_function_t)dahl_slip_prepare;
     call_prepare(&slip, &elements);
-    DAHL_FRAMES_DIRECTED_MODELS(PREPARE_DIRECTED)
+    DAHL_OTHER_MODELS(PREPARE)
     bench_function = (bench_function_t)dahl_velocity_prepare;
     call_prepare(&velocity, &table);
     bench_function = (bench_function_t)dahl_elastoplastic_prepare;

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* Cases of the parts whose parameters or load change the curve (dahl_parts.h): short moves, each from a spread of states. */
 #include "bench.h"
-#include "dahl_frames.h"
 #include "dahl_parts.h"
 
 int32_t call_elastoplastic(const dahl_elastoplastic_plan_t *, dahl_state_t *, int32_t) __asm__("bench_call");
@@ -13,41 +12,32 @@ int32_t call_loaded(const dahl_plan_t *, dahl_loaded_state_t *, int32_t, uint32_
 
 static const dahl_params_t params = {100.0f, 0.5f, 3.8349519e-4f}; /* 14-bit encoder, travel .077 a count */
 
-/* A model with one Fc for each direction: cases NAME_q30, NAME_float and NAME_prepare, and the bytes of its plan. */
-#define BENCH_DIRECTED(name, ...) \
-    int32_t call_##name(const dahl_##name##_plan_t *, dahl_state_t *, int32_t) __asm__("bench_call"); \
-    dahl_err_t call_##name##_prepare(dahl_##name##_plan_t *, const dahl_##name##_params_t *) __asm__("bench_call"); \
-\
-    static void bench_##name##_form(const char *form, bench_function_t step) \
-    { \
-        static const int64_t starts[] = {0, ONE_Q62 / 10 * 3, -ONE_Q62 / 10 * 7, ONE_Q62}; \
-        const dahl_##name##_params_t directed = {100.0f, 0.5f, 0.4f, 3.8349519e-4f}; \
-        dahl_##name##_plan_t plan; \
-        if (dahl_##name##_prepare(&plan, &directed) != DAHL_OK) { \
-            return; /* the host then lacks this case */ \
-        } \
-        bench_case(form); \
-        bench_function = step; \
-        for (unsigned i = 0; i < sizeof starts / sizeof starts[0]; i++) { \
-            for (int32_t n = -8; n <= 8; n++) { \
-                dahl_state_t state = {starts[i]}; \
-                call_##name(&plan, &state, n); \
-            } \
-        } \
-    } \
-\
-    static void bench_##name(void) \
-    { \
-        const dahl_##name##_params_t directed = {100.0f, 0.5f, 0.4f, 3.8349519e-4f}; \
-        dahl_##name##_plan_t plan; \
-        bench_##name##_form(#name "_q30", (bench_function_t)dahl_##name##_step_counts_q30); \
-        bench_##name##_form(#name "_float", (bench_function_t)dahl_##name##_step_counts); \
-        bench_case(#name "_prepare"); \
-        bench_function = (bench_function_t)dahl_##name##_prepare; \
-        (void)!call_##name##_prepare(&plan, &directed); \
-        BENCH_BYTES(dahl_##name##_plan_t); \
+int32_t call_step(const void *, void *, int32_t) __asm__("bench_call");
+
+static const dahl_model_params_t directed = {{2, 3.8349519e-4f, {100.0f}, {0.5f, 0.4f}}, 0, 0.5f};
+
+static void bench_steps(const char *name, bench_function_t step, const void *plan)
+{
+    static const int64_t starts[] = {0, ONE_Q62 / 10 * 3, -ONE_Q62 / 10 * 7, ONE_Q62};
+    bench_case(name);
+    bench_function = step;
+    for (unsigned i = 0; i < sizeof starts / sizeof starts[0]; i++) {
+        for (int32_t n = -8; n <= 8; n++) {
+            dahl_state_t state = {starts[i]};
+            call_step(plan, &state, n);
+        }
     }
-DAHL_FRAMES_DIRECTED_MODELS(BENCH_DIRECTED)
+}
+
+/* Cases NAME_q30 and NAME_float of a model with the state of one bristle. */
+#define BENCH_BRISTLE(name, ...) \
+    { \
+        dahl_##name##_plan_t plan; \
+        if (dahl_model_##name.q30->prepare(&plan, &directed) == DAHL_OK) { \
+            bench_steps(#name "_q30", (bench_function_t)dahl_##name##_step_counts_q30, &plan); \
+            bench_steps(#name "_float", (bench_function_t)dahl_##name##_step_counts, &plan); \
+        } \
+    }
 
 /* Load: the same or falling, and growing. */
 static void bench_loaded(const char *name, bench_function_t step, uint32_t load)
@@ -100,11 +90,9 @@ static void bench_elastoplastic(const char *name, bench_function_t step, int sta
     }
 }
 
-#define RUN_BENCH(name, ...) bench_##name();
-
 void bench_variants(void)
 {
-    DAHL_FRAMES_DIRECTED_MODELS(RUN_BENCH)
+    DAHL_BRISTLE_MODELS(BENCH_BRISTLE)
     bench_loaded("loaded_q30", (bench_function_t)dahl_loaded_step_counts_q30, LOAD_ONE - 1);
     bench_loaded("loaded_float", (bench_function_t)dahl_loaded_step_counts, LOAD_ONE - 1);
     bench_loaded("loaded_more_q30", (bench_function_t)dahl_loaded_step_counts_q30, LOAD_ONE + 12345);
@@ -116,6 +104,4 @@ void bench_variants(void)
     bench_elastoplastic("plastic_float", (bench_function_t)dahl_elastoplastic_step_counts, 60, 1, 8);
     bench_elastoplastic("crossing_q30", (bench_function_t)dahl_elastoplastic_step_counts_q30, 49, 1, 8);
     bench_elastoplastic("crossing_float", (bench_function_t)dahl_elastoplastic_step_counts, 49, 1, 8);
-    BENCH_BYTES(dahl_elastoplastic_plan_t);
-    BENCH_BYTES(dahl_loaded_state_t);
 }

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dahl.binding import arrays, checks, parameters
-from dahl.binding.bristles import Bristle
 from dahl.binding.checks import INT32_MAX, INT32_MIN, ONE_Q30
 from dahl.binding.copies import Copied, content
 from dahl.binding.elements import RatioElement
 from dahl.binding.friction import Friction
 from dahl.binding.library import c
 from dahl.binding.parameters import HasParameters, Parameter
+from dahl.binding.state_element import StateElement
 from dahl.errors import InputError
 
 FRICTION = ("sigma0", "Fc", "theta_per_count")
@@ -269,12 +269,12 @@ class Compensator(HasParameters, Copied):
         """Return that torque in N m."""
         return self.torque_q30(ratio_q30) / ONE_Q30 * self.Fc
 
-    def draw(self, element: Friction | Bristle, measured: Friction | Bristle) -> None:
+    def draw(self, element: Friction | StateElement, measured: Friction | StateElement) -> None:
         """Draw the state of `element`, which the reference steps, to that of `measured`, which the
         results of move() step. Raises TypeError for elements that have no State.
         """
         for name, one in (("element", element), ("measured", measured)):
-            if not isinstance(one, (Friction, Bristle)):
+            if not isinstance(one, (Friction, StateElement)):
                 raise TypeError(f"{name} = {checks.shown(one)} has no State")
         c.dahl_compensator_pull(self._prepared, element.state._c, measured.state._c)
 

@@ -14,18 +14,18 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from dahl.facts import MODELS
 
 if TYPE_CHECKING:
-    from dahl.binding.bristles import Bristle
     from dahl.binding.friction import Friction, Plan
     from dahl.binding.loaded import Loaded
     from dahl.binding.slip import Parallel, Slip
+    from dahl.binding.state_element import StateElement
 
-    AnyPlan: TypeAlias = Plan | Slip | Bristle
+    AnyPlan: TypeAlias = Plan | Slip | StateElement
     AnyModel: TypeAlias = AnyPlan | Parallel | Loaded
 
 
 @dataclass(frozen=True)
 class Model:
-    """One row of DAHL_FRAMES_MODELS; the comment in dahl_frames.h defines the columns."""
+    """One row of DAHL_MODELS; the comment in dahl_parts.h defines the columns."""
 
     name: str
     class_name: str
@@ -90,7 +90,8 @@ def make(
 def class_of(model: Model) -> Any:
     """Return the Python class of a model."""
     name = "Plan" if model.name == "dahl" else model.class_name
-    module = {"dahl": "friction", "parallel": "slip"}.get(model.name, model.name)
+    modules = {"dahl": "friction", "slip": "slip", "parallel": "slip", "loaded": "loaded"}
+    module = modules.get(model.name, "state_element")
     return getattr(import_module(f"dahl.binding.{module}"), name)
 
 

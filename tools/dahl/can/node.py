@@ -20,19 +20,19 @@ import copy
 import functools
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias, overload
 
 from dahl.binding import checks, models
-from dahl.binding.bristles import Bristle
 from dahl.binding.checks import INT32_MAX, UINT32_MAX
 from dahl.binding.copies import Copied, content
 from dahl.binding.friction import Friction, Plan
 from dahl.binding.library import c
 from dahl.binding.loaded import Loaded
 from dahl.binding.slip import SLIP_MAX, Parallel, Slip
+from dahl.binding.state_element import StateElement
 from dahl.can import codec
 from dahl.can.bus import is_gone, receive
 from dahl.errors import BusError, Error, InputError, RunError, Timeout, hide
@@ -51,7 +51,7 @@ MAX_PARAM_S = 60.0  # the longest time that a parameter on the bus can hold
 MAX_TIME_S = 1e300  # before and after 0; in us it is still a float
 MAX_PAUSE_S = 1000.0  # without a call: longer than any timeout, shorter than 2^31 us
 
-Model: TypeAlias = Plan | Slip | Parallel | Bristle | Loaded
+Model: TypeAlias = Plan | Slip | Parallel | StateElement | Loaded
 
 
 @dataclass(frozen=True)
@@ -120,19 +120,22 @@ class Node(Copied):
         self._node.gain_now = 0 if self._node.ramp_us else self._node.gain
 
     def _begin(self, number: int) -> None:
-        """Call dahl_node_init, and dahl_node_use_NAME if the model is no Plan."""
+        """Call dahl_node_init, and dahl_node_use if the model is no Plan."""
         use = _use_of(self._friction)
         if use is None:
             known = ", ".join(models.class_of(row).__name__ for row in models.table().values())
             raise TypeError(f"friction = {checks.shown(self._friction)} is none of {known}")
-        first, name, arguments = use(self._friction)
+        given = use(self._friction)
+        first = Plan(given.sigma0[0], given.Fc[0], given.theta_per_count)
         first._need_counts()
         self._node, self._kept = c.new("dahl_node_t *"), None
         self._in, self._out = codec.RawFrame(), codec.RawFrame()
         failed = c.dahl_node_init(self._node, first._params(), number)
-        if name and not failed:
-            self._kept = c.new(f"dahl_node_{name}_t *")
-            failed = getattr(c, f"dahl_node_use_{name}")(self._node, self._kept, *arguments)
+        if given.name != "dahl" and not failed:
+            self._kept = c.new(f"dahl_node_{given.name}_t *")
+            storage = c.addressof(self._kept[0], "model")
+            calls = c.addressof(getattr(c, f"dahl_model_{given.name}_q30"))
+            failed = c.dahl_node_use(self._node, storage, calls, given.params())
         if failed:
             raise InputError(f"friction = {self._friction!r} is refused by the node")
 
@@ -250,33 +253,48 @@ def _clock(seconds: float) -> int:
     return _us(seconds) & UINT32_MAX
 
 
-# --- models: a Plan of the first element, NAME of dahl_node_use_NAME, and its arguments -----------
-
-Use: TypeAlias = tuple[Plan, str, tuple[Any, ...]]
+# --- models ---------------------------------------------------------------------------------------
 
 
-def _use_plan(plan: Plan) -> Use:
-    return plan, "", ()
+@dataclass(frozen=True)
+class Given:
+    """Name and parameters of a model (dahl_model_params_t)."""
+
+    name: str
+    sigma0: Sequence[float]
+    Fc: Sequence[float]
+    theta_per_count: float
+    slips: int = 0
+    own: float = 0.0
+
+    def params(self) -> Any:
+        each = len(self.Fc), self.theta_per_count, list(self.sigma0), list(self.Fc)
+        return c.new("dahl_model_params_t *", (each, self.slips, self.own))
 
 
-def _use_slip(slip: Slip) -> Use:
-    first = Plan(slip.sigma0[0], slip.Fc[0], slip.theta_per_count)
-    return first, "slip", (slip._params(),)
+def _use_plan(plan: Plan, name: str = "dahl") -> Given:
+    return Given(name, [plan.sigma0], [plan.Fc], plan.theta_per_count)
 
 
-def _use_bristle(one: Bristle) -> Use:
-    sigma0, torque = list(one._values.values())[:2]  # the first Fc, if there are two
-    first = Plan(sigma0, torque, one._values["theta_per_count"])
-    return first, one._kind.removesuffix("_"), one._params()
+def _use_slip(slip: Slip) -> Given:
+    return Given("slip", slip.sigma0, slip.Fc, slip.theta_per_count)
 
 
-def _use_loaded(one: Loaded) -> Use:
+def _use_element(one: StateElement) -> Given:
+    """Use a model of one sigma0, one Fc or two, theta_per_count, and perhaps its own key."""
+    row, values = models.table()[one._kind.removesuffix("_")], list(one._values.values())
+    own = one._values[row.key] if row.key else 0.0
+    theta = one._values["theta_per_count"]
+    return Given(row.name, values[:1], values[1 : 1 + row.Fcs], theta, own=own)
+
+
+def _use_loaded(one: Loaded) -> Given:
     if one.fixed_stiffness:
         raise InputError("friction = a Loaded with fixed_stiffness steps by angle; a node counts")
-    return one.plan, "loaded", (one.plan._params(),)
+    return _use_plan(one.plan, "loaded")
 
 
-def _use_parallel(mix: Parallel) -> Use:
+def _use_parallel(mix: Parallel) -> Given:
     elements = [element for part in mix.parts for element in _elements(part)]
     if not 1 <= len(elements) <= SLIP_MAX:
         raise InputError(f"friction has {len(elements)} elements, 1 to {SLIP_MAX} were expected")
@@ -286,9 +304,7 @@ def _use_parallel(mix: Parallel) -> Use:
             f"friction has theta_per_count {thetas[0]:g} and others; one encoder has one"
         )
     bits = sum(is_slip << k for k, is_slip in enumerate(slips))
-    values = len(elements), bits, thetas[0], sigma0, torques
-    params = c.new("dahl_node_parallel_params_t *", values)
-    return Plan(sigma0[0], torques[0], thetas[0]), "parallel", (params,)
+    return Given("parallel", sigma0, torques, thetas[0], bits)
 
 
 def _elements(part: Friction | Slip) -> list[tuple[float, float, float, bool]]:
@@ -299,16 +315,16 @@ def _elements(part: Friction | Slip) -> list[tuple[float, float, float, bool]]:
     return [(part.plan.sigma0, part.plan.Fc, part.plan.theta_per_count, False)]
 
 
-USES: dict[type, Callable[[Any], Use]] = {
+USES: dict[type, Callable[[Any], Given]] = {
     Plan: _use_plan,
     Slip: _use_slip,
     Parallel: _use_parallel,
-    Bristle: _use_bristle,
+    StateElement: _use_element,
     Loaded: _use_loaded,
 }
 
 
-def _use_of(friction: object) -> Callable[[Any], Use] | None:
+def _use_of(friction: object) -> Callable[[Any], Given] | None:
     """Return the entry of its class or of a base class, or None."""
     return next((USES[kind] for kind in type(friction).__mro__ if kind in USES), None)
 

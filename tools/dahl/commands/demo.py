@@ -337,7 +337,7 @@ def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: An
         why = "virtual time, so that faults and rotor are the same on every machine"
     console.print(f"scene   {scene.title} ({scene.path.name})" + (f", log {log}" if log else ""))
     console.print(f"bus     {chosen.split(':')[0]}: {why}")
-    setup = loop.Setup(scene.path, chosen, args.output, log, args.seconds, args.seed)
+    setup = loop.Setup(scene, chosen, args.output, log, args.seconds, args.seed)
     setup.alone, setup.trace = alone, alone and "rotor" in scene.parts
     if args.target:
         _use_target(args, scene, setup, console)
@@ -346,6 +346,7 @@ def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: An
 
 def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any) -> None:
     """Let firmware be the node; the node of dahl-loop only serves the bus."""
+    from dahl.sim.scene import read
     from dahl.target import firmware
 
     if not setup.bus.startswith("socketcand"):
@@ -357,7 +358,7 @@ def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any
     board, _ = BOARDS[args.target]
     console.print(f"node    {image.relative_to(paths.ROOT)} on {board} in QEMU, by slcan")
     params = (scene.sigma0, scene.Fc, scene.theta_per_count)
-    setup.node_scene = firmware.write_hub_scene(args.output, scene.node)
+    setup.node_scene = read(firmware.write_hub_scene(args.output, scene.node))
     setup.lockstep = True  # an emulated core may answer fewer than 1000 angles a second
     setup.attach = lambda port: firmware.attach_firmware(
         args.target, params, args.output, port, scene.node

@@ -3,8 +3,8 @@
 
 It needs a guess of both parameters: from a first log (--from FILE.json, written by dahl identify,
 if it claims them) or by options. A guess may be wrong by a factor of 2 or 3. For a position loop,
-give its inertia and bandwidth. It writes the motion as CSV (time, angle, counts) and as a scene for
-dahl-loop.
+give its inertia and bandwidth, or a log of the loop that shows them (--loop). It writes the motion
+as CSV (time, angle, counts) and as a scene for dahl-loop.
 """
 
 from __future__ import annotations
@@ -20,11 +20,13 @@ from dahl.io import files
 
 if TYPE_CHECKING:
     from dahl.identify.design import Motion, Wanted
+    from dahl.io.log import Log
 
 HELP = "the motion for an identification"
 EXAMPLE = """examples:
   dahl excite --sigma0 100 --fc 0.5 --counts-per-turn 16384 --within 1
-  dahl excite --from build/identify/rig.json --mm --counts-per-turn 10000 --within 0.5"""
+  dahl excite --from build/identify/rig.json --mm --counts-per-turn 10000 --within 0.5
+  dahl excite --sigma0 100 --fc 0.5 --counts-per-turn 65536 --loop jog.csv --reference target_rad"""
 
 MAX_ROWS = 5_000_000  # a larger CSV is of no use
 
@@ -47,6 +49,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--inertia", type=positive, default=0.0, metavar="J", help=inertia)
     bandwidth = "of the position loop, which then can follow the motion"
     add("--bandwidth", type=positive, default=math.inf, metavar="HZ", help=bandwidth)
+    loop = "quick strokes in the loop: columns as of dahl identify, with units in their names"
+    add("--loop", type=Path, metavar="LOG", help=loop)
+    add("--reference", metavar="COLUMN", help="its wanted angle; without it give --bandwidth too")
+    constant = "N m/A (linear: N/A), if the log has a motor current"
+    add("--torque-constant", type=positive, default=0.0, metavar="K", help=constant)
     add("--name", default="excite", help="of the files")
     add("--force", action="store_true", help="overwrite files that are not written by dahl")
     add_output(parser)
@@ -97,8 +104,36 @@ def _wanted(args: argparse.Namespace) -> Wanted:
     count = turn / args.counts_per_turn
     Plan(args.sigma0, args.fc, count)  # names a parameter that is out of range
     part = args.within / 100
-    loop = args.inertia, args.bandwidth
+    if args.loop is None and (args.reference or args.torque_constant):
+        raise InputError("--reference and --torque-constant describe the log of --loop")
+    loop = (args.inertia, args.bandwidth) if args.loop is None else _loop_of(args)
     return Wanted(args.sigma0, args.fc, count, args.noise, part, args.rate, args.speed, *loop)
+
+
+def _loop_of(args: argparse.Namespace) -> tuple[float, float]:
+    """Return inertia and bandwidth by a log of the loop; an option gives what it does not show."""
+    from dahl.identify import loop_log
+
+    if (args.reference is None) == math.isinf(args.bandwidth):
+        raise InputError(f"--loop {args.loop}: give either --reference or --bandwidth")
+    log = _read_loop(args)
+    inertia = args.inertia or loop_log.inertia_of(log)
+    bandwidth = args.bandwidth
+    if args.reference is not None:
+        reference = _read_loop(args, args.reference).theta
+        bandwidth = loop_log.bandwidth_of(log, reference, inertia)
+    print(f"loop       inertia {inertia:.3g} {'kg' if args.mm else 'kg m^2'}, {bandwidth:.3g} Hz")
+    return inertia, bandwidth
+
+
+def _read_loop(args: argparse.Namespace, angle: str = "") -> Log:
+    from dahl.io.readers import Source, read
+
+    log = read(args.loop, Source(angle=angle, torque_constant=args.torque_constant))
+    if log.questions or log.linear != args.mm:
+        asked = [*log.questions.values(), "are its turns and millimetres those of --mm?"]
+        raise InputError(f"{args.loop}: {asked[0]}")
+    return log
 
 
 def _known(

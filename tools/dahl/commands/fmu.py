@@ -27,7 +27,6 @@ EXAMPLE = """examples:
   dahl fmu --sigma0 120 --fc 1.8 -o friction.fmu
   dahl fmu --fmi 3 --sigma0 120 --fc 1.8 -o friction3.fmu
   dahl fmu --model asymmetric --sigma0 100 --fc 0.5,0.3 -o rod.fmu
-  dahl fmu --model elastoplastic --sigma0 100 --fc 0.5 --breakaway 0.7 -o gear.fmu
   dahl fmu --model parallel --kinds dahl,slip --sigma0 100,20 --fc 0.5,1 -o seal.fmu"""
 
 

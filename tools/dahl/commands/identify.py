@@ -159,7 +159,7 @@ def source_of(args: argparse.Namespace) -> Source:
 
 def options_of(args: argparse.Namespace) -> Options:
     from dahl.identify.estimate import Options
-    from dahl.identify.models import OPTIONS
+    from dahl.identify.laws import OPTIONS
     from dahl.io.log import TERMS
 
     terms = None

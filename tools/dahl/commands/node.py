@@ -282,13 +282,10 @@ def _start_hub(
 ) -> Iterator[tuple[Program, int]]:
     """Start the node of dahl-loop as the server of a bus. Return it and its port."""
     from dahl.sim.loop import Program, Setup
+    from dahl.sim.scene import read
 
-    hub = Program(
-        Setup(scene, "socketcand", folder),
-        "node",
-        f"socketcand:{args.port or 0}",
-        *("--set", f"friction.node={number}"),
-    )
+    setup = Setup(read(scene, [f"friction.node={number}"]), "socketcand", folder)
+    hub = Program(setup, "node", f"socketcand:{args.port or 0}")
     try:
         yield hub, hub.port()
     finally:

@@ -7,8 +7,9 @@
     print(result.verdict, result.sigma0, result.Fc)
     result.to_dataframe()
 
-readers -> preprocess -> samples -> start -> select (fit) -> diagnose, simulate -> result; estimate
-runs them in this order. export, report and plot write what was found. The command is
+readers -> preprocess -> samples -> laws, lags -> fit -> start -> select -> diagnose, simulate ->
+result; estimate runs them in this order, and no module imports a later one. export, report and plot
+write what was found. The command is
 `dahl identify` (dahl.commands.identify).
 """
 

@@ -14,7 +14,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dahl.identify import models
-from dahl.identify.fit import Fit, Fitter, Optimum, excess, jackknife, score
+from dahl.identify.fit import Fit, Fitter, Optimum, score
+from dahl.identify.least_squares import excess, jackknife, solve
 from dahl.identify.samples import Samples
 
 SURE = 2.0  # standard errors of the gain on cycles left out
@@ -23,6 +24,8 @@ MAX_GAIN = 0.3  # over the unexplained residual: 23 % of all; more shows a wrong
 EXTRA_MOVE = 0.5  # of the move by a row: its columns are one of many descriptions of an effect
 ENCODER_PERIODS = (8, 16, 32, 64, 128, 256, 512, 1024)  # counts
 ANGLE_KNOTS = 7  # of a friction that depends on the angle
+RIPPLE_CELLS = 512  # of the range of the angle, over which a fine ripple is found
+RIPPLE_PERIODS = (8, 128)  # in this range; a longer period is that of "angle ripple"
 SHAPE_KNOTS = (0.15, 0.5, 1.2, 2.5, 5.0, 10.0)  # presliding lengths since the last turn
 ENCODER_ERROR = 0.5  # counts, at which the effect of an encoder error is linearised
 CORRECTABLE = "encoder error"  # rows whose name begins so can be taken out of the angle
@@ -70,7 +73,7 @@ class Context:
         self.by_a = self.base[:, m : 2 * m].sum(axis=1)  # change with ln a of all elements
         self.a = float(np.sum(np.exp(fit.p[:m]) * fit.limits) / self.Fc)
         self.moves, self.angle = fitter.moves[h.angle], fitter.samples.angles[h.angle]
-        self.delay = float(fit.p[-1]) if h.lag in ("delay", "delay+filter") else 0.0
+        self.delay = h.lag.delay(fit.p)
 
 
 def lack_of_fit(
@@ -208,12 +211,25 @@ def _drift(x: Context) -> list[Row]:
 
 def _angle(x: Context) -> list[Row]:
     """Torque or friction that depends on the angle."""
-    waves, z = x.samples.waves, x.samples.terms["spring"]
-    rows = [Row("cubic spring", np.column_stack((z, z**3, z**5)))]
+    z = x.samples.terms["spring"]
+    powers = np.column_stack((z, z**3, z**5))
+    rows = [Row("cubic spring", x.fitter.late(x.fit, powers))]
     if "waves" not in x.fit.hypothesis.terms:
-        rows.append(Row("angle ripple", waves, max_move=0.2))
-    rows.append(_friction_by_angle(x, z))
-    return rows
+        rows.append(Row("angle ripple", x.fitter.late(x.fit, x.samples.waves), max_move=0.2))
+    return [*rows, _fine_ripple(x, z), _friction_by_angle(x, z)]
+
+
+def _fine_ripple(x: Context, z: np.ndarray) -> Row:
+    """A sine of the angle, as of cogging, with the period that the residual shows most."""
+    gram, own = x.samples.grams(x.base).sum(axis=0), range(x.base.shape[1])
+    residual = x.samples.torque - x.base @ solve(gram, own)
+    cell = np.clip((z + 1) / 2 * RIPPLE_CELLS, 0, RIPPLE_CELLS - 1).astype(int)
+    sums = np.bincount(cell, x.samples.used * residual, RIPPLE_CELLS)
+    first, last = (4 * periods for periods in RIPPLE_PERIODS)  # a quarter of a period apart
+    spectrum = np.abs(np.fft.rfft(sums, 4 * RIPPLE_CELLS))[first:last]
+    phase = np.pi * z * (first + int(np.argmax(spectrum))) / 4
+    columns = x.fitter.late(x.fit, np.column_stack((np.sin(phase), np.cos(phase))))
+    return Row("angle ripple of cogging", columns, min_gain=0.03)
 
 
 def _friction_by_angle(x: Context, z: np.ndarray) -> Row:

@@ -16,8 +16,10 @@ from scipy.stats import t as student
 from dahl.errors import InputError
 from dahl.identify import diagnose, preprocess, select, simulate
 from dahl.identify.diagnose import CORRECTABLE, Lack
-from dahl.identify.fit import LAGS, Fit, Fitter, Hypothesis, solve
-from dahl.identify.models import ONE_ELEMENT, OPTIONS
+from dahl.identify.fit import Fit, Fitter, Hypothesis
+from dahl.identify.lags import DAMPING, DELAY, LAGS, NONE
+from dahl.identify.laws import DAHL, LAWS, OPTIONS
+from dahl.identify.least_squares import solve
 from dahl.identify.result import Intervals, Result, claims_of
 from dahl.identify.samples import (
     MIN_SCORED_CYCLES,
@@ -37,10 +39,11 @@ MIN_ENCODER_GAIN = 0.1  # of the residual, from which an encoder error is taken 
 MAX_CORRECTIONS = 2
 HIDDEN_ROUNDING = 0.3  # of the variance of a torque's rounding: it repeats in each cycle
 COARSE_ERROR = 2.0  # times the variance of rounding, below which a torque sensor is coarse here
-SPLINE_ERROR = 0.02  # of sigma0 and Fc, if turns between two rows are those of a spline
 MAX_SWAPPED_COST = 0.8  # of the robust cost, with angle and torque swapped, if they are; half of
 # it if the torque takes energy as given, which a soft loop's does too
-MORE_ELEMENTS, OTHER_LAW = 1.4, 0.5  # see _beyond_one_element()
+MAX_WHITE_CORRELATION = 0.5  # of neighbouring rows, that a drift of noise may have
+MAX_WITHOUT_LAG = 1.2  # times the best cost, that Dahl's law leaves without a lag
+MORE_ELEMENTS, OTHER_LAW, MAX_OTHER_COST = 1.4, 0.5, 2.0  # see _beyond_one_element()
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,8 @@ def _with_one_sign(pieces: Sequence[Log]) -> list[Log]:
 
 def _are_swapped(pieces: Sequence[Log]) -> bool:
     """Whether the torque explains the angle as friction much better than the other way round."""
+    if all(map(_is_spring, pieces)):
+        return False
     swapped = [
         replace(one, theta=one.torque, torque=one.theta, resolution=resolution_of(one.torque))
         for one in pieces
@@ -113,6 +118,13 @@ def _are_swapped(pieces: Sequence[Log]) -> bool:
     return coarse_start(other).cost < most * coarse_start(given).cost
 
 
+def _is_spring(piece: Log) -> bool:
+    """Whether the torque follows the angle but for white noise: neither is the friction."""
+    curve = np.polynomial.Polynomial.fit(piece.theta, piece.torque, 3)
+    off = piece.torque - curve(piece.theta)
+    return bool(off[1:] @ off[:-1] < MAX_WHITE_CORRELATION * (off @ off))
+
+
 def _turned_round(piece: Log) -> Log:
     """Return a log with the other sign of the torque, and a note."""
     note = "its friction has the other sign than in the other logs: the torque is turned round"
@@ -121,18 +133,16 @@ def _turned_round(piece: Log) -> Log:
 
 def _start(pieces: Sequence[Log]) -> tuple[Fitter, float, float, float]:
     """Return samples with cycles and weights, and rough start values: a, delay in samples, sign."""
-    fitter = Fitter(samples_of(pieces))
-    found = coarse_start(fitter)
-    a, delay, sign = found.a, found.delay, found.sign
-    rows = fitter.samples.block
+    samples = samples_of(pieces)
+    found = coarse_start(Fitter(samples))
+    a, delay, sign, rows = found.a, found.delay, found.sign, samples.block
     block = block_for(pieces, int(rows), a) if rows > 1 else 1
     if block < rows:
         delay *= rows / block
-        fitter = Fitter(samples_of(pieces, block))
+        samples = samples_of(pieces, block)
     if sign < 0:
-        fitter.samples.torque = -fitter.samples.torque
-    _prepare(fitter, a, delay)
-    return fitter, a, delay, sign
+        samples = replace(samples, torque=-samples.torque)
+    return Fitter(_weighted(samples, a, delay)), a, delay, sign
 
 
 def _check_times(pieces: Sequence[Log], options: Options) -> None:
@@ -144,20 +154,21 @@ def _check_times(pieces: Sequence[Log], options: Options) -> None:
 
 
 def _space(options: Options) -> SearchSpace:
-    lags = tuple(lag for lag in LAGS if options.delay or "delay" not in lag)
-    return SearchSpace(options.terms, lags, wanted=OPTIONS.get(options.model, ""))
+    lags = tuple(lag for lag in LAGS.values() if options.delay or not lag.is_delay)
+    return SearchSpace(options.terms, lags, wanted=OPTIONS.get(options.model))
 
 
-def _prepare(fitter: Fitter, a: float, delay: float) -> None:
-    """Set cycles and weights from a first fit."""
-    samples = fitter.samples
-    samples.prepare(a, np.zeros(samples.rows))
-    h = Hypothesis("dahl", "delay" if delay else "damping", terms=TERMS)
+def _weighted(samples: Samples, a: float, delay: float) -> Samples:
+    """Return samples with cycles and weights from a first fit."""
+    samples = samples.prepared(a, np.zeros(samples.rows))
+    fitter = Fitter(samples)
+    h = Hypothesis(DAHL, DELAY if delay else DAMPING, terms=TERMS)
     at = fitter.optimum(h, fitter.start(h, a, delay))
-    if at is not None:
-        table, _ = fitter.columns(h, at.p, at.limits, h.terms)
-        c = solve(at.grams.sum(axis=0), range(table.shape[1]))
-        samples.prepare(float(np.exp(at.p[0])), samples.torque - table @ c)
+    if at is None:
+        return samples
+    table, _ = fitter.columns(h, at.p, at.limits, h.terms)
+    c = solve(at.grams.sum(axis=0), range(table.shape[1]))
+    return samples.prepared(float(np.exp(at.p[0])), samples.torque - table @ c)
 
 
 def _correct_encoder(
@@ -181,7 +192,7 @@ def _correct_encoder(
 
 def _encoder_error(fitter: Fitter, fits: list[Fit], corrected: list[str]) -> Lack | None:
     """Return the largest periodic error that both a simple Dahl law and the best law leave."""
-    plain = [f for f in fits if f.hypothesis.law == "dahl" and f.hypothesis.size < 4]
+    plain = [f for f in fits if f.hypothesis.law is DAHL and f.hypothesis.size < 4]
     found = diagnose.lack_of_fit(fitter, select.best_of(plain or fits), diagnose.SURE)
     large = [one for one in found if one.gain > MIN_ENCODER_GAIN and one.name not in corrected]
     errors = [one for one in large if one.name.startswith(CORRECTABLE)]
@@ -202,6 +213,10 @@ def _judge(
     quantile = float(student.ppf(CONFIDENCE, max(len(samples.folds) - 1, 1)))
     lacks = [] if hidden else diagnose.lack_of_fit(fitter, seen.best, quantile, corrected)
     low, high = _over_hypotheses(seen, quantile)
+    low, high = _without_lag(seen, fits, low, high)
+    if samples.has_rests:  # friction that creeps back there looks like a viscous torque in motion
+        slips = [f.value[1] + fitter.timed(f).get("viscous", 0.0) for f in seen.fits]
+        high[1] = max(high[1], *slips)
     low, high = _beyond_one_element(seen, fits, lacks, low, high)
     widths = {
         "noise": quantile * seen.chosen.error / value,
@@ -215,8 +230,7 @@ def _judge(
         simulated = widths["counts"] * value
         low = value - np.hypot(value - low, simulated)
         high = value + np.hypot(high - value, simulated)
-    part = SPLINE_ERROR if samples.block < 1 else select.MODEL_ERROR
-    least = part * value  # no parameter is known better than its law
+    least = select.relative_error(samples) * value  # no parameter is known better than its law
     low, high = np.minimum(low, value - least), np.maximum(high, value + least)
     return seen, lacks, Intervals(value, low, high, widths)
 
@@ -238,25 +252,50 @@ def _over_hypotheses(seen: Plausible, quantile: float) -> tuple[np.ndarray, np.n
     return low, high
 
 
+def _without_lag(
+    seen: Plausible, fits: list[Fit], low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return intervals that cover the best Dahl fit without a lag if a lag explains little more.
+
+    A small error of the angle at equal turning points looks like a lag, in each cycle.
+    """
+    plain = [f for f in fits if f.hypothesis.law is DAHL and f.hypothesis.lag is NONE]
+    best = min(plain, key=lambda f: f.total, default=seen.best)
+    if best.total > MAX_WITHOUT_LAG * seen.best.total:
+        return low, high
+    return np.minimum(low, best.value), np.maximum(high, best.value)
+
+
 def _beyond_one_element(
     seen: Plausible, fits: list[Fit], lacks: list[Lack], low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return wider intervals if one Dahl element is not enough.
 
     The fitted law is then one of many with such a curve. Its distance from the best Dahl fit shows
-    how much the choice of the law matters. The truth may lie further on by half of this distance,
-    or by 1.4 times if the law has several elements and the residual shows a lack of fit: it may
-    then lack small stiff elements.
+    how much the choice of the law matters, and so does that from another form of an Fc by speed.
+    The truth may lie further on by half of this distance, or by 1.4 times if the law has several
+    elements and the residual shows a lack of fit: it may then lack small stiff elements. Each law
+    that leaves at most twice as much then counts too, with and without a spring: a soft element.
     """
-    plain = [f for f in fits if f.hypothesis.law == "dahl"]
-    laws = {f.hypothesis.law for f in seen.fits}
-    if not plain or laws & ONE_ELEMENT:
+    laws, best = {f.hypothesis.law for f in seen.fits}, seen.best
+    by_speed = [law for law in LAWS.values() if law.is_by_speed and best.hypothesis.law.is_by_speed]
+    rivals = [[f for f in fits if f.hypothesis.law is law] for law in (DAHL, *by_speed)]
+    nearest = [min(some, key=lambda f: f.total).value for some in rivals if some]
+    if not nearest or any(law.is_one_element for law in laws):
         return low, high
-    several = seen.best.hypothesis.friction.elements > 1
-    value = seen.best.value
-    apart = np.abs(value - min(plain, key=lambda f: f.total).value)
-    apart *= MORE_ELEMENTS if several and lacks else OTHER_LAW
-    return np.minimum(low, value - apart), np.maximum(high, value + apart)
+    lacks_elements = best.hypothesis.law.elements > 1 and bool(lacks)
+    apart = np.max(np.abs(best.value - nearest), axis=0)
+    apart *= MORE_ELEMENTS if lacks_elements else OTHER_LAW
+    most = MAX_OTHER_COST * best.total if lacks_elements else 0.0
+    near = sorted((f for f in fits if f.total <= most), key=lambda f: -f.total)
+    also = [f.value for f in {(f.hypothesis.law, _has_spring(f)): f for f in near}.values()]
+    ends = best.value - apart, best.value + apart
+    return np.min([low, ends[0], *also], axis=0), np.max([high, ends[1], *also], axis=0)
+
+
+def _has_spring(fit: Fit) -> bool:
+    """Whether a fit has a torque that depends on the angle."""
+    return not {"spring", "waves"}.isdisjoint(fit.hypothesis.terms)
 
 
 def _simulated_reach(fitter: Fitter, chosen: Fit) -> np.ndarray:

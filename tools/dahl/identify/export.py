@@ -17,18 +17,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dahl.errors import InputError
-from dahl.identify import models
 from dahl.identify.angle import smooth_angle
 from dahl.identify.fit import Fit
-from dahl.identify.models import LAWS, OPTIONS
+from dahl.identify.lags import NONE
+from dahl.identify.laws import DAHL, OPTIONS, Law
 from dahl.identify.result import Result, term_coefficients, terms_of
+from dahl.identify.runnable import Runnable
 from dahl.identify.samples import KNOTS, NO_CLOCK_STEP, SETTLE_LENGTHS, rates_of
 from dahl.identify.select import best_of
 from dahl.io import encoder_grid
 from dahl.io.files import write_atomic
 
 if TYPE_CHECKING:
-    from dahl.binding.plan_header import AnyPlan
     from dahl.io.log import Log
 
 MIN_PLAN_R2 = 0.9  # on the raw motion; a worse plan does more harm than good
@@ -36,28 +36,15 @@ MAX_REPLAYED_ROWS = 200_000  # of the first log, in a scene
 COMMENT_WIDTH = 110  # columns
 SCENE_TERMS = ("offset", "spring")  # keys of [measured] in a scene
 NO_ENCODER_COUNT = 1e-3  # presliding lengths per count, if the log shows no encoder
-MIN_LOAD_SHARE = 1e-3  # of the load that the plan is for
 
 
 @dataclass(frozen=True)
 class RunnableModel:
-    """The friction of a result as a firmware runs it, by the keys of a scene.
-
-    N m and rad, or N and m. A firmware has no filter, delay or terms.
-    """
+    """The friction of a result as a firmware runs it. It has no filter, delay or terms."""
 
     result: Result
     fit: Fit
-    model: str  # dahl, slip, parallel, asymmetric or loaded
-    sigma0: tuple[float, ...]
-    Fc: tuple[float, ...]  # of each element; asymmetric: forward and backward
-    kinds: tuple[str, ...]  # dahl or slip for each element
-    load: tuple[float, float] = (1.0, 0.0)  # share of the load that the plan is for: at 0, per unit
-
-    @property
-    def a(self) -> float:
-        """sigma0/Fc of all elements together, 1/rad (1/m)."""
-        return sum(self.sigma0) / (sum(self.Fc) / (2 if self.model == "asymmetric" else 1))
+    friction: Runnable
 
     @property
     def terms(self) -> dict[str, float]:
@@ -79,68 +66,26 @@ class RunnableModel:
     @property
     def about(self) -> str:
         """Which model is exported and what it loses; "" if it is Dahl's, as chosen."""
-        law, chosen = self.fit.hypothesis.friction, self.result.hypothesis.friction
-        if law.name == chosen.name == "dahl":
+        law, chosen = self.fit.hypothesis.law, self.result.hypothesis.law
+        if law is chosen is DAHL:
             return self.outside
         why = "asked for" if self.result.options.model else "chosen"
-        if not self.result.options.model and law.name != chosen.name:
+        if not self.result.options.model and law is not chosen:
             why = f"the nearest that the library runs to {chosen.label}"
         loss = f"it loses {self.lost_r2:.4f} of R2 on cycles left out"
         return f"The model is {law.label}, {why}; {loss}. {self.outside}".strip()
 
     @property
-    def sums(self) -> dict[str, float]:
-        """sigma0 and Fc of all elements together; of both directions the mean."""
-        halves = 2 if self.model == "asymmetric" else 1
-        return {"sigma0": sum(self.sigma0), "Fc": sum(self.Fc) / halves}
-
-    @property
     def outside(self) -> str:
         """Which exported numbers lie outside the claimed intervals, and why; "" if none does."""
         found = []
-        for name, value in self.sums.items() if self.model != "loaded" else ():
+        follows_load = self.fit.hypothesis.law.follows_load
+        for name, value in () if follows_load else self.friction.sums.items():
             p = getattr(self.result, name)
             if p.claimed and not p.low <= value <= p.high:
                 found.append(f"its {name}, {value:.4g}, is outside {p.low:.4g} to {p.high:.4g}")
         why = "a simpler law without a lag fits best so on average"
         return f"Note that {' and '.join(found)}: {why}." if found else ""
-
-    def torque(self, moves: np.ndarray, load: np.ndarray | None = None) -> np.ndarray:
-        """Return the torque after each move, from rest: (n,) N m (N)."""
-        whole = [slice(0, len(moves))]
-        if self.model == "loaded" and load is not None:
-            share = np.maximum(self.load[0] + self.load[1] * load, MIN_LOAD_SHARE)
-            return self.Fc[0] * models.dahl_under_load(moves, whole, self.a, share)
-        if self.model == "asymmetric":
-            half, mean = sum(self.Fc) / 2, (self.Fc[0] - self.Fc[1]) / 2
-            w = models.asymmetric(moves, whole, self.a, mean / half)
-            return mean + half * w
-        torque, laws = np.zeros(len(moves)), {"dahl": models.dahl, "slip": models.slip}
-        for kind, sigma0, Fc in zip(self.kinds, self.sigma0, self.Fc, strict=True):  # noqa: N806
-            torque += Fc * laws[kind](moves, whole, sigma0 / Fc)
-        return torque
-
-    def plans(self) -> dict[str, AnyPlan]:
-        """Return the plans of a firmware by the endings of their names.
-
-        Raises dahl.Error for parameters that the library rejects.
-        """
-        from dahl.binding.asymmetric import Asymmetric
-        from dahl.binding.friction import Plan
-        from dahl.binding.slip import Slip
-
-        count = self.theta_per_count
-        if self.model == "asymmetric":
-            return {"": Asymmetric(self.sigma0[0], self.Fc[0], self.Fc[1], count)}
-        several = self.model == "parallel"
-        parts = list(zip(self.kinds, self.sigma0, self.Fc, strict=True))
-        dahls = [Plan(sigma0, Fc, count) for kind, sigma0, Fc in parts if kind == "dahl"]
-        slips = [(sigma0, Fc) for kind, sigma0, Fc in parts if kind == "slip"]
-        found: dict[str, AnyPlan] = {f"_{k}" if several else "": x for k, x in enumerate(dahls, 1)}
-        if slips:
-            stiffness, limits = zip(*slips, strict=True)
-            found["_slip" if several else ""] = Slip(stiffness, limits, count)
-        return found
 
     @cached_property
     def plan_r2(self) -> float:
@@ -150,14 +95,14 @@ class RunnableModel:
         and spring are those that suit the plan.
         """
         lost = spread = 0.0
-        count = self.theta_per_count
+        count, friction = self.theta_per_count, self.friction
         for log in self.result.logs:
             theta = log.theta - log.theta[0]
             theta = np.round(theta / count) * count if count else theta
             moves = np.diff(theta, prepend=0.0)
             measured = self.result.sign * log.torque - _other_torque(self.result, log)
-            torque = self.torque(moves, log.load)
-            fading = np.exp(-np.minimum(self.a * np.cumsum(np.abs(moves)), 700.0))
+            torque = friction.torque(moves, log.load)
+            fading = np.exp(-np.minimum(friction.a * np.cumsum(np.abs(moves)), 700.0))
             free = np.column_stack((fading, *_free_terms(self.result, log)))
             left = measured - torque
             left -= free @ np.linalg.lstsq(free.T @ free, free.T @ left, rcond=None)[0]
@@ -172,13 +117,13 @@ class RunnableModel:
         options = result.options
         grid = "" if options.trust_units else encoder_grid.contradiction(result.logs[0])
         reasons = {
-            "the library has no plan for Coulomb's model": options.model == "coulomb",
+            "the library has no plan for Coulomb's model": _wanted(result) is None,
             "sigma0 and Fc are not both identifiable": not all(result.claimed),
             f"it explains {100 * r2:.0f} % of the friction on the raw motion,"
             f" {100 * MIN_PLAN_R2:.0f} % is the least": r2 < MIN_PLAN_R2,
             "it does not model the play that the log shows": result.play > 0,
             "the log shows no encoder, and this model works by counts alone": not count
-            and self.model != "dahl",
+            and self.friction.needs_encoder,
             grid: bool(grid) and not options.target_counts,
         }
         return [words for words, holds in reasons.items() if holds]
@@ -210,46 +155,34 @@ def _free_terms(result: Result, log: Log) -> list[np.ndarray]:
     return [columns[name] for name in SCENE_TERMS if name in result.hypothesis.terms]
 
 
+def _wanted(result: Result) -> Law | None:
+    """Return the law of --model or the chosen one; None if no fit is of the law of --model."""
+    return OPTIONS.get(result.options.model, result.hypothesis.law)
+
+
 @lru_cache(maxsize=1)  # JSON, tables, picture and header of one result need it
 def runnable_model(result: Result) -> RunnableModel:
     """Return the law of --model or the chosen one; the nearest one if the library lacks it."""
-    wanted = OPTIONS.get(result.options.model, result.hypothesis.law)
-    library = [f for f in result.fits if LAWS[f.hypothesis.law].in_library]
-    same = [f for f in library if f.hypothesis.law == wanted]
-    if result.options.model and wanted != "coulomb" and not same:
+    wanted = _wanted(result)
+    library = [f for f in result.fits if f.hypothesis.law.in_library]
+    same = [f for f in library if f.hypothesis.law is wanted]
+    if result.options.model and wanted is not None and not same:
         raise InputError(f"--model {result.options.model}: this law does not fit the log")
-    is_chosen = wanted == result.hypothesis.law and LAWS[wanted].in_library
+    is_chosen = wanted is result.hypothesis.law and result.hypothesis.law.in_library
     fit = result.chosen if is_chosen else _alone(result, best_of(same or library))
-    kinds, sigma0, Fc = fit.hypothesis.friction.kinds, fit.slopes, fit.limits  # noqa: N806
-    model, load = "parallel", (1.0, 0.0)
-    if fit.hypothesis.law == "asymmetric":
-        model, Fc = "asymmetric", Fc[0] * np.array([1 + fit.p[1], 1 - fit.p[1]])  # noqa: N806
-    elif fit.hypothesis.law == "loaded":
-        most, load = _largest_load(result, fit)
-        model, kinds, sigma0, Fc = "loaded", ("dahl",), sigma0 * most, Fc * most  # noqa: N806
-    elif kinds == ("dahl",) or set(kinds) == {"slip"}:
-        model = kinds[0]
-    sums = tuple(sigma0.tolist()), tuple(Fc.tolist())
-    return RunnableModel(result, fit, model, *sums, kinds, load)
+    friction = fit.hypothesis.law.runnable(fit, result.samples)
+    return RunnableModel(result, fit, friction)
 
 
 def _alone(result: Result, fit: Fit) -> Fit:
     """Fit a law as a plan runs it, without a lag; with the terms of the result if that fits."""
-    if fit.hypothesis.law == "loaded":
+    if fit.hypothesis.law.follows_load:
         return fit
-    h = replace(fit.hypothesis, lag="none", skew=0.0)
-    start = fit.p[: h.friction.parameters]
+    h = replace(fit.hypothesis, lag=NONE, skew=0.0)
+    start = fit.p[: h.law.parameters]
     sets = (result.hypothesis.terms, SCENE_TERMS, ("offset",))
     alone = (result.fitter.fit(replace(h, terms=terms), start) for terms in sets)
     return next((one for one in alone if one is not None), fit)
-
-
-def _largest_load(result: Result, fit: Fit) -> tuple[float, tuple[float, float]]:
-    """Return the factor of sigma0 and Fc at the largest load, and the share of it by load."""
-    assert result.samples.load is not None
-    reference, slope = result.samples.reference.load, float(fit.p[1])
-    most = float((1 + slope * (result.samples.load / reference - 1)).max())
-    return most, ((1 - slope) / most, slope / reference / most)
 
 
 # --- header ---------------------------------------------------------------------------------------
@@ -279,11 +212,12 @@ def header(model: RunnableModel, name: str, title: str) -> str:
     ]
     whole = [line.replace("*/", "* /") for line in comment if line]
     folded = [part for line in whole for part in textwrap.wrap(line, COMMENT_WIDTH)]
-    text = plan_header.text(name, model.plans(), folded)
+    text = plan_header.text(name, model.friction.plans(model.theta_per_count), folded)
     Fc_low, length, high = result.compensator_bounds or (None, None, None)  # noqa: N806
     if Fc_low is not None and length is not None and high is not None:
         text += plan_header.bounds(name, Fc_low, length, high, log.unit, log.angle_unit)
-    return plan_header.with_load(text, name, *model.load) if model.model == "loaded" else text
+    load = model.friction.load
+    return text if load is None else plan_header.with_load(text, name, *load)
 
 
 # --- scene ----------------------------------------------------------------------------------------
@@ -304,8 +238,8 @@ def write_scene(model: RunnableModel, name: str, folder: Path) -> Path:
         torque -= other + model.terms.get("inertia", 0.0) * np.gradient(speed, log.time)
     names = [f"theta_{log.angle_unit}", "torque_N" if log.linear else "torque_Nm"]
     columns = [log.theta - log.theta[0], torque]
-    if model.model == "loaded" and log.load is not None:
-        names, columns = [*names, "load"], [*columns, model.load[0] + model.load[1] * log.load]
+    if model.friction.load is not None and log.load is not None:
+        names, columns = [*names, "load"], [*columns, model.friction.shares(log.load)]
     columns = [column[:MAX_REPLAYED_ROWS] for column in columns]
     write_csv(folder / f"{name}.csv", columns, ",".join(names), ",".join(["%.9g"] * len(names)))
     path = folder / f"{name}.ini"
@@ -314,26 +248,27 @@ def write_scene(model: RunnableModel, name: str, folder: Path) -> Path:
 
 
 def _scene(model: RunnableModel, name: str, angle: str, force: str) -> str:
-    result, log = model.result, model.result.logs[0]
-    sigma0, Fc = (" ".join(map(repr, some)) for some in (model.sigma0, model.Fc))  # noqa: N806
-    count = log.resolution or NO_ENCODER_COUNT / model.a
+    result, log, friction = model.result, model.result.logs[0], model.friction
+    sigma0, Fc = (" ".join(map(repr, some)) for some in (friction.sigma0, friction.Fc))  # noqa: N806
+    kinds = " ".join(element.name for element in friction.elements)
+    count = log.resolution or NO_ENCODER_COUNT / friction.a
     size, unit = log.shown_in
     offset, spring = (model.terms.get(term, 0.0) for term in SCENE_TERMS)
     from_centre = float(log.theta[0]) - result.samples.reference.centre
     moved = np.cumsum(np.abs(log.moves[:MAX_REPLAYED_ROWS]))
-    settled = int(np.searchsorted(moved, SETTLE_LENGTHS / model.a))
+    settled = int(np.searchsorted(moved, SETTLE_LENGTHS / friction.a))
     words = f"written by dahl identify: {result.verdict}. {model.about}"
     lines = [
         *(f"; {line}" for line in textwrap.wrap(words, COMMENT_WIDTH)),
         "[scene]",
         f"title = {name}, identified",
         "[friction]",
-        f"model = {model.model}",
+        f"model = {friction.model}",
         f"sigma0 = {sigma0} ; {log.slope_unit}",
         f"Fc = {Fc} ; {log.unit}",
-        *([f"kinds = {' '.join(model.kinds)}"] if model.model == "parallel" else []),
+        *([f"kinds = {kinds}"] if friction.is_mixed else []),
         f"theta_per_count = {count!r} ; {log.angle_unit}",
-        *(["[load]", "full = 1", "column = load"] if model.model == "loaded" else []),
+        *(["[load]", "full = 1", "column = load"] if friction.load else []),
         "[motion]",
         "kind = log",
         f"file = {name}.csv",

@@ -15,29 +15,21 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.signal import filtfilt, lfilter
 
-from dahl.identify import models
-from dahl.identify.models import LAWS, Law
-from dahl.identify.samples import FAST_PERCENTILE, Samples, delayed
+from dahl.identify import lags, laws
+from dahl.identify.lags import Lag
+from dahl.identify.laws import Law
+from dahl.identify.least_squares import cost_of, jackknife, solve, solve_within
+from dahl.identify.samples import FAST_PERCENTILE, Samples
 
-FILTERS = ("low pass", "zero-phase filter", "damped low pass")  # the second runs to and fro
-DELAYED = ("delay", *FILTERS, "delay+filter")  # the last parameter is a number of samples
-LAGS = ("none", "damping", "play", *DELAYED)
 LATE_TERMS = ("spring", "viscous", "inertia")  # that a late sensor shows late too
-SPECIAL_LAGS = {"delay+filter": ("delay",), "damped low pass": ("damping", "low pass")}
-FADING_SPEED = 0.25  # of fast motion: LuGre's damping fades as its state comes to rest in sliding
 ROUNDS = 8  # Gauss-Newton steps of a fit, at most
 MAX_STEP, MAX_DELAY_STEP = 0.4, 6.0  # of a Gauss-Newton step: in ln a and shapes, in samples
 MIN_GAIN, SETTLED_STEP = 1e-4, 1e-3  # of the cost and of ln a, below which the fit has converged
-MIN_LOW_PASS = 0.3  # samples; a shorter time constant has no effect
 MAX_LINEAR = 0.6  # of ln a: beyond it a linearisation is useless
 MAX_ELEMENT = 1.0  # presliding lengths in a count: one of several elements cannot be stiffer
-MIN_PEAK = -0.02  # of Fc: its increase if slow or after a rest, which noise may bring below 0
 MIN_TIMED = -0.02  # of MAX_FRICTION, at high speed: viscous torque and inertia resist the motion
 MAX_FRICTION = 1.5  # of the measured torque: more would have to be cancelled by inertia or a spring
-MIN_LOG_SPEED = 0.01  # of fast motion; at a reversal a logarithm would have no bound
-MIN_LIMIT = 0.05  # of Fc: friction must not vanish or push at any speed
 DERIVATIVE_STEP, DERIVATIVE_STEP_ROWS = 0.01, 0.05  # of numerical derivatives
 
 
@@ -45,38 +37,28 @@ DERIVATIVE_STEP, DERIVATIVE_STEP_ROWS = 0.01, 0.05  # of numerical derivatives
 class Hypothesis:
     """One description of a log."""
 
-    law: str = "dahl"
-    lag: str = "none"
+    law: Law = laws.DAHL
+    lag: Lag = lags.NONE
     angle: str = "between counts"
     terms: tuple[str, ...] = ("offset",)
     skew: float = 0.0  # samples by which the torque is read after the angle
 
     @property
-    def friction(self) -> Law:
-        return LAWS[self.law]
-
-    @property
     def size(self) -> int:
         """Parameters beyond a Dahl element and an offset."""
-        lag = {"none": 0, "delay+filter": 3, "delays": 2, "damped low pass": 3}.get(self.lag, 1)
         terms = sum(16 if term == "waves" else 1 for term in self.terms) - 1
-        return self.friction.size + lag + terms
-
-    @property
-    def lag_columns(self) -> int:
-        """Linear ones."""
-        return {"damping": 1, "delay+filter": 2, "damped low pass": 2}.get(self.lag, 0)
+        return self.law.size + self.lag.size + terms
 
     def contains(self, other: Hypothesis) -> bool:
         """Whether the other one is a special case of this one."""
-        law = other.law == self.law or other.law in self.friction.special_cases
-        lag = other.lag in (self.lag, "none", *SPECIAL_LAGS.get(self.lag, ()))
+        law = other.law in (self.law, *self.law.special_cases)
+        lag = other.lag in (self.lag, lags.NONE, *self.lag.special_cases)
         terms = set(other.terms) <= set(self.terms)
         return law and lag and terms and self.angle == other.angle
 
     def __str__(self) -> str:
-        lag = "" if self.lag == "none" else f", {self.lag}"
-        return f"{self.law}{lag}, {self.angle}, {'+'.join(self.terms)}"
+        lag = "" if self.lag is lags.NONE else f", {self.lag.name}"
+        return f"{self.law.name}{lag}, {self.angle}, {'+'.join(self.terms)}"
 
 
 @dataclass
@@ -120,8 +102,8 @@ class Fit:
     def is_near_optimum(self) -> bool:
         """Whether the linearisation went no further than it holds, in ln a and in the lag."""
         last = len(self.taken_at) + len(self.p) - 1
-        is_late = self.hypothesis.lag in DELAYED
-        lag = abs(float(self.coefficients[last])) if is_late else 0.0
+        late = self.hypothesis.lag
+        lag = abs(float(self.coefficients[last])) if late.is_late and late.is_common else 0.0
         return self.step < MAX_LINEAR and lag < MAX_DELAY_STEP
 
     @property
@@ -154,40 +136,6 @@ def parameters_of(p: np.ndarray, taken_at: np.ndarray, c: np.ndarray) -> np.ndar
     return np.stack((slopes.sum(axis=-1), limits.sum(axis=-1)), axis=-1)
 
 
-def jackknife(values: np.ndarray) -> np.ndarray:
-    """Standard error of estimates of which each lacks one cycle: (cycles, k) -> (k,)."""
-    n = len(values)
-    spread = np.sum((values - values.mean(axis=0)) ** 2, axis=0)
-    error: np.ndarray = np.sqrt((n - 1) / n * spread)
-    return error
-
-
-def excess(cost: np.ndarray, best: np.ndarray) -> tuple[float, float]:
-    """By how much a cost by cycle is above another, and the standard error of that."""
-    more = cost - best
-    return float(more.sum()), float(more.std(ddof=1) * np.sqrt(len(more)))
-
-
-def solve(gram: np.ndarray, columns: Sequence[int]) -> np.ndarray:
-    """Least squares by Gram matrices (..., k, k), the torque last: coefficients of some columns."""
-    c = list(columns)
-    matrix, right = gram[..., c, :][..., c], gram[..., c, -1]
-    scale = np.sqrt(np.maximum(np.einsum("...ii->...i", matrix), 1e-300))
-    matrix = matrix / scale[..., :, None] / scale[..., None, :] + 1e-10 * np.eye(len(c))
-    found: np.ndarray = np.linalg.solve(matrix, (right / scale)[..., None])[..., 0] / scale
-    return found
-
-
-def cost_of(gram: np.ndarray, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
-    """Sum of squared residuals that these coefficients leave."""
-    c = [*columns, gram.shape[-1] - 1]
-    one = np.ones((*coefficients.shape[:-1], 1))
-    v = np.concatenate((-coefficients, one), axis=-1)
-    left: np.ndarray = np.einsum("...i,...ij,...j->...", v, gram[..., c, :][..., c], v)
-    cost: np.ndarray = np.maximum(left, 0.0)
-    return cost
-
-
 def score(h: Hypothesis, at: Optimum, columns: Sequence[int]) -> Fit:
     """Fit some columns of a linearised model to all cycles, and score them on cycles left out."""
     whole = at.grams.sum(axis=0)
@@ -212,89 +160,21 @@ class Fitter:
 
     def start(self, h: Hypothesis, a: float, lag: float = 0.0) -> np.ndarray:
         """Start values of the nonlinear parameters."""
-        law = h.friction
-        shapes = [first for first, _, _ in law.shape]
-        p = np.array([*(np.log(a) + x for x in law.stiffness), *shapes], dtype=float)
-        if h.lag == "delays":
-            return np.append(p, np.full(self.samples.logs, lag))
-        return np.append(p, lag) if h.lag in (*DELAYED, "play") else p
+        return np.append(h.law.start(a), np.full(h.lag.count(self.samples), lag))
 
     def elements(self, h: Hypothesis, p: np.ndarray) -> list[np.ndarray]:
         """F/Fc of each element, as the torque sensor would show it."""
-        moves = self.moves[h.angle]
-        if h.lag == "play":
-            angle = self.samples.angles[h.angle]
-            width = float(np.exp(p[-1]))
-            moves = self.samples.moves(models.behind_play(angle, self.samples.pieces, width))
-        found = self._without_lag(h, p, moves)
-        return [self._apply_lag(h, p, self.samples.delayed(x, h.skew)) for x in found]
-
-    def _without_lag(self, h: Hypothesis, p: np.ndarray, moves: np.ndarray) -> list[np.ndarray]:
-        """F/Fc of each element on these moves."""
-        law, s, pieces = h.friction, self.samples, self.samples.pieces
-        a = np.exp(np.clip(p[: law.elements], -50, 50))
-        shape = self._shape(h, p)
-        if law.kinds == ("limits",):
-            limits = self._limits(h, a[0], shape)
-            return [models.dahl_with_limits(moves, pieces, a[0], limits)]
-        if h.law == "loaded":
-            assert s.load is not None
-            share = np.maximum(1 + shape[0] * (s.load / s.reference.load - 1), 0.02)
-            return [models.dahl_under_load(moves, pieces, a[0], share)]
-        if h.law == "asymmetric":
-            return [models.asymmetric(moves, pieces, a[0], shape[0])]
-        if shape:
-            return [models.tabulated(moves, pieces, a[0], h.law, shape[0])]
-        laws = {"dahl": models.dahl, "slip": models.slip}
-        return [laws[kind](moves, pieces, a[k]) for k, kind in enumerate(law.kinds)]
-
-    def _shape(self, h: Hypothesis, p: np.ndarray) -> list[float]:
-        law = h.friction
-        return [
-            float(np.clip(x, low, high))
-            for x, (_, low, high) in zip(p[law.elements :], law.shape, strict=False)
-        ]
-
-    def limit_range(self, fit: Fit) -> tuple[float, float]:
-        """Least and largest Fc in parts of the mean or fast Fc that the law states.
-
-        The range covers both directions, and the speeds and rests of the log.
-        """
-        h, shape = fit.hypothesis, self._shape(fit.hypothesis, fit.p)
-        if h.law == "asymmetric":
-            return 1 - abs(shape[0]), 1 + abs(shape[0])
-        if h.friction.kinds != ("limits",):
-            return 1.0, 1.0
-        limits = self._limits(h, float(np.exp(fit.p[0])), shape)
-        return min(float(limits.min()), 1.0), max(float(limits.max()), 1.0)
-
-    def _limits(self, h: Hypothesis, a: float, shape: Sequence[float]) -> np.ndarray:
-        """Fc of each sample, in parts of Fc: (n,)."""
-        s, strength = self.samples, shape[0]
-        if h.law == "stribeck":
-            change = np.exp(-((s.speed / (self.fast * np.exp(shape[1]))) ** 2))
-        elif h.law == "log speed":
-            speed = np.maximum(np.abs(s.speed), MIN_LOG_SPEED * self.fast)
-            change = np.log(speed / s.reference.mean_speed)
-        else:  # breakaway
-            change = np.exp(-a * s.travel_since_rest() / np.exp(shape[1]))
-        limits: np.ndarray = np.maximum(1 + strength * change, MIN_LIMIT)
-        return limits
-
-    def _apply_lag(self, h: Hypothesis, p: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """x as a late or slow torque sensor shows it."""
         s = self.samples
-        if h.lag in ("delay", "delay+filter"):
-            return s.delayed(x, p[-1])
-        if h.lag == "delays":
-            each = p[len(p) - s.logs :]
-            parts = zip(s.pieces, s.log_of, strict=True)
-            return np.concatenate([delayed(x[rows], each[k]) for rows, k in parts])
-        if h.lag in FILTERS:
-            run = filtfilt if h.lag == "zero-phase filter" else lfilter
-            kept = np.exp(-1 / max(p[-1], 1e-2))
-            return s.by_piece(lambda y: run([1 - kept], [1, -kept], y), x)
-        return x
+        moves = h.lag.moves(s, self.moves[h.angle], h.angle, p)
+        found = h.law.ratios(s, moves, p)
+        return [h.lag.apply(s, s.delayed(x, h.skew), p) for x in found]
+
+    def late(self, fit: Fit, x: np.ndarray) -> np.ndarray:
+        """A torque of no friction as the torque sensor of a fit shows it: less its mean."""
+        x, lag = x - x.mean(axis=0), fit.hypothesis.lag
+        if not lag.is_late:
+            return x
+        return np.column_stack([lag.apply(self.samples, one, fit.p) for one in x.T])
 
     def columns(
         self, h: Hypothesis, p: np.ndarray, limits: np.ndarray | None, terms: Iterable[str]
@@ -315,11 +195,11 @@ class Fitter:
             step[k] = DERIVATIVE_STEP_ROWS if k in self._row_parameters(h, p) else DERIVATIVE_STEP
             moved = self.elements(h, p + step)
             change = sum(c * (x - y) for c, x, y in zip(limits, moved, w, strict=True))
-            if k >= h.friction.parameters and h.lag != "play":
+            if k >= h.law.parameters and h.lag.is_late:
                 again = self._other_torques(h, p + step, names)
                 change += sum(c * (x - y) for c, x, y in zip(weights, again, others, strict=True))
             changes.append(change / step[k])
-        lag = self._lag_columns(h, friction)
+        lag = h.lag.derivatives(self.samples, friction)
         return np.column_stack((*w, *changes, *lag, *self._other_torques(h, p, terms))), limits
 
     def _other_torques(
@@ -329,8 +209,8 @@ class Fitter:
         found: list[np.ndarray] = []
         for name in names:
             columns = self.term_columns([name])
-            if name in LATE_TERMS and h.lag in (*DELAYED, "delays"):
-                columns = [self._apply_lag(h, p, x - x.mean()) for x in columns]
+            if name in LATE_TERMS and h.lag.is_late:
+                columns = [h.lag.apply(self.samples, x - x.mean(), p) for x in columns]
             found += columns
         return found
 
@@ -339,23 +219,6 @@ class Fitter:
         gram = self.samples.grams(np.column_stack((friction, *columns))).sum(axis=0)
         found: list[float] = solve(gram, range(len(columns) + 1))[1:].tolist()
         return found
-
-    def _lag_columns(self, h: Hypothesis, friction: np.ndarray) -> list[np.ndarray]:
-        """Derivatives by time that a lag adds, as many as h.lag_columns.
-
-        The second derivative is what any short filter adds to its delay: a mean over rows, a
-        filter that runs to and fro, a torque cell that rings.
-        """
-        s, damping = self.samples, self.samples.rate(friction) / self.fast
-        if h.lag == "damping":
-            return [damping]
-        if h.lag == "damped low pass":
-            return [damping, s.rate(s.acceleration)]
-        if h.lag == "delay+filter":
-            fading = np.exp(-((s.speed / (FADING_SPEED * self.fast)) ** 2))
-            bend = s.by_piece(lambda x: np.gradient(np.gradient(x)), friction)
-            return [bend, damping * fading]
-        return []
 
     def _limits_of(self, w: list[np.ndarray], terms: Iterable[str]) -> np.ndarray:
         """Fc of each element by least squares; small instead of negative."""
@@ -371,11 +234,9 @@ class Fitter:
             found += list(self.samples.waves.T) if name == "waves" else [self.samples.terms[name]]
         return found
 
-    def _row_parameters(self, h: Hypothesis, p: np.ndarray) -> list[int]:
+    def _row_parameters(self, h: Hypothesis, p: np.ndarray) -> range:
         """Which parameters are a number of samples."""
-        if h.lag == "delays":
-            return list(range(len(p) - self.samples.logs, len(p)))
-        return [len(p) - 1] if h.lag in DELAYED else []
+        return range(len(p) - h.lag.count(self.samples) if h.lag.is_late else len(p), len(p))
 
     # --- the fit ---
 
@@ -399,34 +260,36 @@ class Fitter:
             gain, best, p, scale = best - cost, cost, trial, 1.0
             found = Optimum(trial, grams, at, np.abs(table[:, :m]).max(axis=0))
             limits = coefficients[:m] if (coefficients[:m] > 0).all() else None
-            step = self._step(h, p, solve(whole, range(table.shape[1]))[m : m + k])
+            step = self._step(h, p, whole)
             if np.abs(step[:m]).max() < SETTLED_STEP and gain < MIN_GAIN * cost:
                 break
         return found
 
-    def _step(self, h: Hypothesis, p: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-        """A Gauss-Newton step within its limits."""
-        step: np.ndarray = np.clip(wanted, -MAX_STEP, MAX_STEP)
+    def _step(self, h: Hypothesis, p: np.ndarray, gram: np.ndarray) -> np.ndarray:
+        """The Gauss-Newton step that is best within the limits of all parameters."""
+        m, n = h.law.elements, len(p)
+        low, high = np.full(n, -MAX_STEP), np.full(n, MAX_STEP)
         for k in self._row_parameters(h, p):
-            near = np.clip(wanted[k], -MAX_DELAY_STEP, MAX_DELAY_STEP)
-            step[k] = np.clip(near, -self.max_delay - p[k], self.max_delay - p[k])
-        if h.lag in FILTERS:
-            step[-1] = max(step[-1], MIN_LOW_PASS - p[-1])
-        return step
+            low[k] = max(-MAX_DELAY_STEP, -self.max_delay - p[k])
+            high[k] = min(MAX_DELAY_STEP, self.max_delay - p[k])
+        low[-1] = max(low[-1], h.lag.least - p[-1])
+        ends = np.full((2, len(gram) - 1), [[-np.inf], [np.inf]])
+        ends[:, m : m + n] = low, high
+        return solve_within(gram, ends)[m : m + n]
 
     def _is_friction(self, fit: Fit, peaks: np.ndarray) -> bool:
         """Whether a fit is physical, and no element is larger than the log can show."""
-        m, c = len(fit.limits), fit.coefficients
+        m, c, law = len(fit.limits), fit.coefficients, fit.hypothesis.law
         is_positive = (fit.limits > 0).all() and (fit.value > 0).all()
         is_too_large = fit.limits @ peaks > self.max_friction
         is_too_stiff = m > 1 and np.exp(fit.p[:m].max()) * self.samples.count > MAX_ELEMENT
-        has_peak = fit.hypothesis.law in ("stribeck", "breakaway")
-        falls = not has_peak or fit.p[1] + c[m + 1] > MIN_PEAK
+        shape = (fit.p + c[m : m + len(fit.p)])[m : law.parameters]
+        is_physical = (shape[:1] > law.least).all()
         resists = self.timed(fit).get("viscous", 0.0) > MIN_TIMED * self.max_friction
         delays = [fit.p[k] + c[m + k] for k in self._row_parameters(fit.hypothesis, fit.p)]
         is_too_late = max(map(abs, delays), default=0.0) > self.max_delay
         is_beyond = is_too_large or is_too_stiff or is_too_late
-        return bool(is_positive and falls and resists and not is_beyond)
+        return bool(is_positive and is_physical and resists and not is_beyond)
 
     def drives(self, fit: Fit) -> bool:
         """Whether the inertia is negative by more than noise."""
@@ -456,7 +319,7 @@ class Fitter:
         names = [*pool, *(["cubic", "waves"] if waves else [])]
         table, limits = self.columns(h, at.p, at.limits, names)
         at = replace(at, grams=self.samples.grams(table), limits=limits)
-        base = len(limits) + len(at.p) + h.lag_columns
+        base = len(limits) + len(at.p) + h.lag.columns
         term_of = [name for name in names for _ in self.term_columns([name])]
         found = []
         for terms in _term_sets(names):

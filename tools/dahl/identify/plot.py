@@ -52,7 +52,7 @@ def draw(path: Path, result: Result, title: str) -> None:
             if is_claimed
         }
         numbers = ", ".join(found.get(name, f"{name} not known") for name in NAMES)
-        words = f"{plots.escape(title)}\n{result.hypothesis.friction.label}: {numbers}"
+        words = f"{plots.escape(title)}\n{result.hypothesis.law.label}: {numbers}"
         figure.suptitle(words, fontsize=14, fontweight="bold", x=0.01, ha="left")
         plots.save(figure, path)
 
@@ -71,7 +71,7 @@ def _draw_loop(axes: Axes, result: Result, angle: np.ndarray, label: str) -> Non
         what, label = "friction", f"travel since the turn [{unit}]"
     measured, predicted = result.samples.torque - other, result.predicted - other
     for k, rows in enumerate(result.samples.pieces):
-        words = ("measured", f"fitted: {result.hypothesis.friction.label}") if k == 0 else ("", "")
+        words = ("measured", f"fitted: {result.hypothesis.law.label}") if k == 0 else ("", "")
         axes.plot(angle[rows], measured[rows], color=MEASURED, linewidth=1.1, label=words[0])
         start = rows.start + int(np.argmax(result.samples.used[rows] > 0))
         settled = slice(start, rows.stop)

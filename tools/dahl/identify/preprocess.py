@@ -21,7 +21,7 @@ from dahl.io.log import HEAD_ROWS, Log, resolution_of
 
 MIN_ROWS = 30  # of a log or a piece
 MIN_CLIPPED_PART = 0.02  # of all rows, at one extreme torque
-MIN_IN_RUNS, MIN_IN_NOISY_RUNS = 0.7, 0.2  # of these rows, next to another one
+MIN_IN_RUNS = 0.7  # of these rows, next to another one, if the sensor is coarse
 MIN_FINE_LEVELS = 200  # of a torque, from which a sensor is not coarse
 NOISELESS = 1e-4  # of the range of the torque: no sensor resolves such a second difference
 MIN_REPEATED_PART = 0.01  # of all rows; fewer repeated rows do no harm
@@ -123,12 +123,12 @@ def _is_moving(log: Log) -> np.ndarray:
 def _is_stuck(log: Log, rows: np.ndarray) -> bool:
     """Whether the extreme occurs in runs, unlike the last step of a coarse sensor.
 
-    With many levels, the noise of the sensor may interrupt the runs.
+    With many levels, noise may reach the end of the range in single rows: it cuts their mean.
     """
     levels, counts = np.unique(log.torque, return_counts=True)
     near = counts[1:6] if levels[0] == log.torque[rows[0]] else counts[-6:-1]
-    in_runs = MIN_IN_RUNS if len(levels) < MIN_FINE_LEVELS else MIN_IN_NOISY_RUNS
-    return bool(np.mean(np.diff(rows) == 1) > in_runs and len(rows) > 10 * np.mean(near))
+    in_runs = len(levels) > MIN_FINE_LEVELS or np.mean(np.diff(rows) == 1) > MIN_IN_RUNS
+    return bool(in_runs and len(rows) > 10 * np.mean(near))
 
 
 # --- repeated rows --------------------------------------------------------------------------------
@@ -258,8 +258,9 @@ def _are_even(readings: np.ndarray) -> bool:
 def unwrap(log: Log, trust_units: bool = False) -> Log:
     """Unwrap a counter that wraps. Raises dahl.Error if its period is unclear."""
     jumps = wraps(log.theta)
-    if trust_units or not jumps.any():
-        return log
+    paused = [_first_new_row(log, row) - 1 for row in gaps(log).tolist()]
+    if trust_units or not np.any(np.delete(jumps, paused)):
+        return log  # or the shaft moved on while the recorder paused
     times, period = np.count_nonzero(jumps), wrap_period(log, jumps)
     if period == 0:
         raise InputError(

@@ -14,8 +14,11 @@ import numpy as np
 
 from dahl.identify import excitation, models
 from dahl.identify.export import RunnableModel, header, runnable_model, write_scene
-from dahl.identify.fit import Fit, cost_of, jackknife, solve
-from dahl.identify.models import LAWS, turning_points
+from dahl.identify.fit import Fit
+from dahl.identify.lags import NONE
+from dahl.identify.laws import DAHL, SLIP, Law
+from dahl.identify.least_squares import cost_of, jackknife, solve
+from dahl.identify.models import turning_points
 from dahl.identify.result import NAMES, Result, terms_of
 from dahl.identify.samples import MIN_TURN_LENGTHS
 from dahl.identify.select import penalised_cost
@@ -35,10 +38,6 @@ UNITS = {"offset": "{T}", "spring": "{k}", "viscous": "{T} s/{x}", "inertia": "{
 MIN_INFORMING_SLOPE = 0.1  # of sigma0; a smaller slope says little about sigma0
 TABLE_COLUMNS = 80
 MAX_NAME_COLUMNS = 24  # of a log, in the first column
-# Instructions of a Q30 tick on Cortex-M3 (docs/microcontroller.md): of a law, of a sum and of each
-# of its elements.
-TICKS = {"dahl": 20, "asymmetric": 33}
-SUM_TICKS = {"slip": (20, 18), "dahl": (21, 21), "mixed": (49, 21)}
 
 
 def title_of(result: Result) -> str:
@@ -46,22 +45,13 @@ def title_of(result: Result) -> str:
     return ", ".join(dict.fromkeys(Path(name).name for name in result.names))
 
 
-def instructions(law: str) -> int | None:
-    """Return the instructions of a Q30 tick on Cortex-M3; None if the library lacks the law."""
-    if law in TICKS or not LAWS[law].in_library or law == "loaded":
-        return TICKS.get(law)
-    kinds = LAWS[law].kinds
-    base, each = SUM_TICKS[kinds[0] if len(set(kinds)) == 1 else "mixed"]
-    return base + each * len(kinds)
-
-
-def best_by_law(result: Result) -> dict[str, Fit]:
+def best_by_law(result: Result) -> dict[Law, Fit]:
     """Return the best fit of each law, simple laws first; for the chosen law the chosen fit."""
     found = {
         f.hypothesis.law: f for f in sorted(result.fits, key=lambda f: -penalised_cost(f).sum())
     }
     found[result.hypothesis.law] = result.chosen
-    return dict(sorted(found.items(), key=lambda item: LAWS[item[0]].size))
+    return dict(sorted(found.items(), key=lambda item: item[0].size))
 
 
 # --- JSON -----------------------------------------------------------------------------------------
@@ -97,8 +87,8 @@ def numbers(result: Result) -> dict[str, Any]:
         "resolution": log.resolution,
         "r2_plan": model.plan_r2,
         "plan": {
-            "sigma0": list(model.sigma0),
-            "Fc": list(model.Fc),
+            "sigma0": list(model.friction.sigma0),
+            "Fc": list(model.friction.Fc),
             "theta_per_count": model.theta_per_count,
             "of_target": bool(result.options.target_counts),
             "against": model.against,
@@ -139,7 +129,7 @@ def notes(result: Result) -> list[str]:
     for log in result.logs:
         place = f"{Path(log.name).name}: " if len(result.names) > 1 else ""
         found += [f"{place}{note}" for note in log.notes]
-    if any(log.load is not None for log in result.raw) and result.hypothesis.law != "loaded":
+    if any(log.load is not None for log in result.raw) and not result.hypothesis.law.follows_load:
         found.append("load: not used, the friction does not follow it in all logs")
     alike = excitation.warning(result.logs, result.a.value, MIN_TURN_LENGTHS / result.a.value)
     if alike and result.claimed[0]:
@@ -161,10 +151,10 @@ def _simple_models(result: Result) -> dict[str, Any]:
     terms = [name for name in result.hypothesis.terms if name != "waves"]
     columns = result.fitter.term_columns(terms)
     costs = {
-        "dahl": fits["dahl"].total if "dahl" in fits else math.nan,
+        "dahl": fits[DAHL].total if DAHL in fits else math.nan,
         "coulomb": _held_out(result, [s.direction, *columns]),
         "none": _held_out(result, columns or [np.zeros(s.rows)]),
-        "bilinear": fits["slip"].total if "slip" in fits else math.nan,
+        "bilinear": fits[SLIP].total if SLIP in fits else math.nan,
     }
     weight = float(s.used.sum())
     held = {
@@ -176,7 +166,7 @@ def _simple_models(result: Result) -> dict[str, Any]:
         "held_out": held,
         "r2_coulomb": held["coulomb"]["r2"],
         "coulomb_extra": terms,
-        "bilinear_sigma0": float(fits["slip"].value[0]) if "slip" in fits else None,
+        "bilinear_sigma0": float(fits[SLIP].value[0]) if SLIP in fits else None,
     }
 
 
@@ -198,9 +188,9 @@ def _informing_part(result: Result) -> float:
 def _load(result: Result) -> dict[str, Any] | None:
     """Return how sigma0 and Fc follow the load: by the factor 1 + slope (load - reference)."""
     fit, s = result.chosen, result.samples
-    if fit.hypothesis.law != "loaded" or s.load is None:
+    if not fit.hypothesis.law.follows_load or s.load is None:
         return None
-    plain = best_by_law(result)["dahl"]
+    plain = best_by_law(result)[DAHL]
     reference, ends = s.reference.load, (float(s.load.min()), float(s.load.max()))
     slope = float(fit.p[1]) / reference
     return {
@@ -247,8 +237,8 @@ def _models(result: Result, model: RunnableModel) -> dict[str, Any]:
     others = [f for f in result.fits if f is not result.chosen]
     ordered = [*sorted(others, key=lambda f: f.total)[:MAX_CHOICES], result.chosen]
     return {
-        "model": result.hypothesis.friction.label,
-        "exported_model": model.fit.hypothesis.friction.label,
+        "model": result.hypothesis.law.label,
+        "exported_model": model.fit.hypothesis.law.label,
         "exported_model_lost_r2": model.lost_r2,
         "models": [_law_numbers(result, fit) for fit in best_by_law(result).values()],
         "choices": [_hypothesis_numbers(result, fit) for fit in ordered],
@@ -258,22 +248,22 @@ def _models(result: Result, model: RunnableModel) -> dict[str, Any]:
 def _law_numbers(result: Result, fit: Fit) -> dict[str, Any]:
     law = fit.hypothesis.law
     return {
-        "name": LAWS[law].label,
-        "chosen": law == result.hypothesis.law,
-        "parts": _parts(fit),
+        "name": law.label,
+        "chosen": law is result.hypothesis.law,
+        "parts": law.parts(fit),
         "r2": result.r2_of(fit),
         "delay_rows": result.delay_of(fit),
         "extra": terms_of(fit, result.samples),
-        "instructions_m3": instructions(law),
-        "in_library": LAWS[law].in_library,
+        "instructions_m3": law.instructions,
+        "in_library": law.in_library,
     }
 
 
 def _hypothesis_numbers(result: Result, fit: Fit) -> dict[str, Any]:
     h, is_chosen = fit.hypothesis, fit is result.chosen
     return {
-        "model": h.friction.label,
-        "lag": h.lag,
+        "model": h.law.label,
+        "lag": h.lag.name,
         "angle": h.angle,
         "terms": list(h.terms),
         "r2": result.r2_of(fit),
@@ -282,24 +272,6 @@ def _hypothesis_numbers(result: Result, fit: Fit) -> dict[str, Any]:
         "plausible": is_chosen or any(fit is near for near in result.plausible.fits),
         "taken": is_chosen,
     }
-
-
-def _parts(fit: Fit) -> list[dict[str, float | str]]:
-    """Return the elements of a law, each with its kind and parameters."""
-    law = fit.hypothesis.friction
-    if fit.hypothesis.law == "asymmetric":
-        sigma0 = float(fit.slopes[0])
-        ways = {"Fc_forward": 1 + fit.p[1], "Fc_backward": 1 - fit.p[1]}
-        limits = {name: float(fit.limits[0] * part) for name, part in ways.items()}
-        return [{"kind": "asymmetric", "sigma0": sigma0, **limits}]
-    parts: list[dict[str, float | str]] = []
-    for kind, sigma0, limit in zip(law.kinds, fit.slopes, fit.limits, strict=True):
-        words = law.label if kind == "table" else kind
-        parts.append({"kind": words, "sigma0": float(sigma0), "Fc": float(limit)})
-    for k in range(len(law.shape)):
-        name = "exponent" if law.name == "exponent" else f"shape_{k + 1}"
-        parts[0][name] = float(fit.p[law.elements + k])
-    return parts
 
 
 # --- tables for people ----------------------------------------------------------------------------
@@ -344,7 +316,9 @@ def _rows(result: Result, kept: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield name, f"{p.value:.5g} {unit}, 95 %: {p.low:.5g} to {high}"
     yield "compensator", _bounds(result)
     late = _delay(result) if kept["delay_rows"] else ""
-    yield "law", kept["model"] + (late or f", with {h.lag}" * (h.lag != "none"))
+    is_hidden = h.lag.play(result.chosen.p) > 0 and not result.play
+    lag = "travel that a count hides" if is_hidden else h.lag.name
+    yield "law", kept["model"] + (late or f", with {lag}" * (h.lag is not NONE))
     if load := kept["load"]:
         least, most = load["shares"]
         yield (
@@ -362,7 +336,7 @@ def _rows(result: Result, kept: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for path, r2 in kept["checks"].items():
         yield f"check {_shorten_name(Path(path).name)}", f"R2 {r2:.4f}, not fitted"
     model, units = runnable_model(result), kept["units"]
-    sums = ", ".join(f"{key} {x:.5g} {units[key]}" for key, x in model.sums.items())
+    sums = ", ".join(f"{key} {x:.5g} {units[key]}" for key, x in model.friction.sums.items())
     yield "header and scene", f"{sums}. {model.about}".strip()
     yield "R2 of the plan alone", f"{kept['r2_plan']:.4f} on the raw motion"
     yield from (("note", note) for note in kept["notes"])

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dahl.identify.fit import DELAYED, Fit, Fitter, Hypothesis, Optimum, parameters_of, solve
-from dahl.identify.models import ONE_ELEMENT, rise_lengths
+from dahl.identify.fit import Fit, Fitter, Hypothesis, Optimum, parameters_of
+from dahl.identify.lags import NONE
+from dahl.identify.least_squares import solve
 from dahl.identify.refusals import SOURCES as STEPS_OF_SOURCES
 from dahl.identify.refusals import next_step
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, samples_of
@@ -26,9 +27,10 @@ if TYPE_CHECKING:
 NAMES = ("sigma0", "Fc")
 SLIP_LENGTHS = 3  # presliding lengths that a compensator needs if slip elements fit best
 MAX_HALF_WIDTH = 0.3  # of the value; a wider interval is no basis for a firmware
-MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller shapes still more
 MIN_REACHED = 0.8  # of Fc, by the friction in a log; Dahl's law alone may extrapolate further
+MIN_PLAY_COUNTS = 1.5  # of a play that is not the travel hidden by a count
 BOUND_MARGIN = 1.1  # of bounds from intervals that are not claimed
+MUCH_MORE = 3.0  # times the gain of a row of diagnose.py, from which another row is the cause
 MIN_R2 = 0.5  # on cycles left out; below it most of the torque is not friction
 POWERS_OF_REACH = {"spring": 1, "cubic": 3}  # by which samples.py divides the angle of these terms
 SOURCES = {  # of the width of an interval, in the order in which they are added
@@ -151,10 +153,11 @@ class Result:
         if self.against_bounds:
             return None
         law, fit = self.hypothesis.law, self.chosen
-        alike = [fit for fit in self.plausible.fits if fit.hypothesis.law == law]
-        least, most = zip(*map(self.fitter.limit_range, [self.chosen, *alike]), strict=True)
-        lengths = max(most) * (SLIP_LENGTHS if "slip" in self.hypothesis.friction.kinds else 1)
-        lengths *= rise_lengths(self.hypothesis.friction, fit.p, fit.limits)
+        alike = [fit.p for fit in self.plausible.fits if fit.hypothesis.law is law]
+        ranges = [law.limit_range(self.samples, p) for p in (fit.p, *alike)]
+        least, most = zip(*ranges, strict=True)
+        lengths = max(most) * (SLIP_LENGTHS if law.has_slip else 1)
+        lengths *= law.rise_lengths(fit)
         margin = 1.0 if all(self.claimed) else BOUND_MARGIN
         is_asked = any("angle" in log.questions for log in self.raw)
         Fc_low = min(least) * self.Fc.low / margin  # noqa: N806
@@ -167,7 +170,7 @@ class Result:
     @property
     def against_bounds(self) -> str:
         """Reason against bounds for a compensator; "" if there is none."""
-        if self.hypothesis.law == "loaded":
+        if self.hypothesis.law.follows_load:
             return "the friction follows a load"
         if self.play > 0:
             return "a play is between encoder and friction"
@@ -204,13 +207,17 @@ class Result:
     def delay_of(self, fit: Fit) -> float:
         """Rows by which the torque is late in a fit: the mean of all logs."""
         h = fit.hypothesis
-        late = float(np.mean(fit.p[h.friction.parameters :])) if "delay" in h.lag else 0.0
+        late = float(np.mean(fit.p[h.law.parameters :])) if h.lag.is_delay else 0.0
         return (late + h.skew) * self.samples.block
 
     @property
     def play(self) -> float:
-        """Width of the play between encoder and bearing in the chosen hypothesis, rad (m)."""
-        return float(np.exp(self.chosen.p[-1])) if self.hypothesis.lag == "play" else 0.0
+        """Width of the play between encoder and bearing in the chosen hypothesis, rad (m).
+
+        A play of about a count is the travel that a count hides at a turn: 0.
+        """
+        width = self.hypothesis.lag.play(self.chosen.p)
+        return width if width > MIN_PLAY_COUNTS * self.samples.count else 0.0
 
     @property
     def terms(self) -> dict[str, float]:
@@ -305,16 +312,16 @@ class Result:
     def predict(self, pieces: Sequence[Log]) -> tuple[Samples, np.ndarray]:
         """Samples of preprocessed logs that were not fitted, and their torque by this result."""
         samples = samples_of(pieces, reference=self.samples.reference)
-        samples.torque = self.sign * samples.torque
+        samples = replace(samples, torque=self.sign * samples.torque)
         fit = self.chosen
         if self.hypothesis.angle not in samples.angles:
             samples = samples.with_angle(self.hypothesis.angle, samples.angles["between counts"])
-        if self.hypothesis.lag in (*DELAYED, "delays"):
+        if self.hypothesis.lag.is_late:
             p = fit.p.copy()
-            lags = p[self.hypothesis.friction.parameters :]  # of each log, or one of all logs
+            lags = p[self.hypothesis.law.parameters :]  # of each log, or one of all logs
             lags[:] = lags.mean() * self.samples.block / samples.block
             fit = replace(fit, p=p)
-        samples.prepare(self.a.value, np.zeros(samples.rows))
+        samples = samples.prepared(self.a.value, np.zeros(samples.rows))
         return samples, Fitter(samples).predicted(fit)
 
     # --- the verdict ---
@@ -340,13 +347,14 @@ class Result:
 def term_coefficients(fit: Fit, samples: Samples) -> dict[str, np.ndarray]:
     """Coefficients of the columns of each term in N m (N): (1,), of waves (KNOTS - 1,)."""
     h = fit.hypothesis
-    k, found = len(fit.limits) + len(fit.p) + h.lag_columns, {}
+    k, found = len(fit.limits) + len(fit.p) + h.lag.columns, {}
     for name in h.terms:
         width = samples.waves.shape[1] if name == "waves" else 1
         found[name] = fit.coefficients[k : k + width]
         k += width
-    if h.law == "asymmetric":  # the mean of both limits is friction, not offset
-        found["offset"] = found.get("offset", np.zeros(1)) - fit.limits[0] * fit.p[1]
+    mean = h.law.mean_torque(fit)
+    if mean is not None:  # it is friction, not offset
+        found["offset"] = found.get("offset", np.zeros(1)) - mean
     return found
 
 
@@ -360,12 +368,6 @@ def terms_of(fit: Fit, samples: Samples) -> dict[str, float]:
     }
 
 
-def _is_steepest_at_rest(fit: Fit) -> bool:
-    """Whether the slope falls within the first parts of Fc, so that no log resolves it at rest."""
-    law = fit.hypothesis.friction
-    return law.name == "bouc-wen" and float(fit.p[law.elements]) < MIN_BOUC_WEN
-
-
 # Against claims of sigma0 and of Fc: a reason of refusals.NEXT_STEPS, and the words for it.
 Objection = tuple[tuple[bool, bool], str, str]
 
@@ -376,7 +378,7 @@ def claims_of(result: Result) -> Result:
     objections = [
         *_against_units(result),
         *_against_log(result),
-        *_against_widths(i),
+        *_against_widths(result, i),
         *_against_lacks(result),
         *_against_sigma0(result, i),
         *_against_short_strokes(result),
@@ -389,21 +391,29 @@ def claims_of(result: Result) -> Result:
         if one is not None
     }
     claimed = (first[0] is None, first[1] is None)
-    reasons = [text for _, _, text in objections if text]
+    reasons = list(dict.fromkeys(text for _, _, text in objections if text))
     return replace(result, intervals=i, claimed=claimed, reasons=reasons, refusals=refusals)
 
 
 def _against_lacks(result: Result) -> Iterator[Objection]:
-    for lack in result.lacks:
-        yield lack.withdraws, lack.name, lack.text
+    """Objections of rows of diagnose.py; if others explain as much, they are named too."""
+    for lack in sorted(result.lacks, key=lambda lack: -lack.gain):
+        rivals = [one for one in result.lacks if one is not lack and 2 * one.gain > lack.gain]
+        named, words = max([lack, *rivals], key=lambda one: one.gain), ""
+        if not any(lack.withdraws) or named.gain < MUCH_MORE * lack.gain:
+            named = lack
+        if any(lack.withdraws) and rivals:
+            others = [one.name.split(" each")[0] for one in [lack, *rivals] if one is not named]
+            words = f" (or {' or '.join(dict.fromkeys(others))} would)"
+        yield lack.withdraws, named.name, named.text + words
 
 
 def _against_short_strokes(result: Result) -> Iterator[Objection]:
     """Objections to an Fc that only the form of an unusual law extrapolates."""
     friction = np.abs(result.predicted - result.other_torque)[result.samples.used > 0]
     part = float(friction.max(initial=0.0)) / result.Fc.value
-    laws = {fit.hypothesis.law for fit in result.plausible.fits}
-    if part < MIN_REACHED and laws - ONE_ELEMENT:
+    laws = [fit.hypothesis.law for fit in result.plausible.fits]
+    if part < MIN_REACHED and not all(law.is_one_element for law in laws):
         text = f"friction reaches {100 * part:.0f} % of Fc only"
         yield (False, True), "no end of the interval", text
 
@@ -442,29 +452,37 @@ def _against_log(result: Result) -> Iterator[Objection]:
         yield (True, True), "few cycles", text
 
 
-def _against_widths(i: Intervals) -> Iterator[Objection]:
+def _against_widths(result: Result, i: Intervals) -> Iterator[Objection]:
+    is_wrong = any(any(lack.withdraws) for lack in result.lacks)  # so that no width has its cause
     for k, name in enumerate(NAMES):
         half = (i.high[k] - i.low[k]) / 2 / i.value[k]
         if half > MAX_HALF_WIDTH and np.isfinite(half):
-            cause = SOURCES[i.dominant(k)]
-            text = f"{name} is known within {100 * half:.0f} % only, due to {cause}"
-            yield (k == 0, k == 1), STEPS_OF_SOURCES[i.dominant(k)], text
+            source = "lack of fit" if is_wrong else i.dominant(k)
+            text = f"{name} is known within {100 * half:.0f} % only, due to {SOURCES[source]}"
+            yield (k == 0, k == 1), STEPS_OF_SOURCES[source], text
 
 
 def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
     """Objections to the slope at rest, if no log resolves it; an unusual lag hides Fc too."""
-    if i is not result.intervals:
-        text = "presliding is shorter than a count or a move of one row"
-        yield (True, False), "short presliding", text
-    plausible = [fit.hypothesis for fit in result.plausible.fits]
-    if all(h.lag != "none" and h.law not in ONE_ELEMENT for h in plausible):
-        text = "law and lag both round the loop at a reversal, and both are unusual"
-        hides_Fc = result.hypothesis.law != "breakaway"  # noqa: N806  (its peak is at the turns)
-        yield (True, hides_Fc), "law and lag", f"{text}: no log separates them"
-    if result.hypothesis.law == "breakaway":
+    law, plausible = result.hypothesis.law, [fit.hypothesis for fit in result.plausible.fits]
+    is_hidden = i is not result.intervals
+    is_unusual = all(h.lag is not NONE and not h.law.is_one_element for h in plausible)
+    is_unusual &= not law.turns_as_dahl
+    if law.peaks_after_rest:
         text = "the torque has a peak after each rest: its form changes the slope there"
         yield (True, False), "peak after a rest", text
-    if any(_is_steepest_at_rest(fit) for fit in result.plausible.fits):
+    if result.samples.has_rests and not law.is_one_element and (is_hidden or is_unusual):
+        text = "friction may change in the rests, or law and lag both round the loop at a reversal"
+        yield (True, is_unusual), "peak after a rest", text
+    if is_hidden:
+        what, reason = "presliding is", "short presliding"
+        if not law.is_one_element:
+            what, reason = "the steepest part of the fitted law is", "steepest at rest"
+        yield (True, False), reason, f"{what} shorter than a count or a move of one row"
+    if is_unusual:
+        text = "law and lag both round the loop at a reversal, and both are unusual"
+        yield (True, True), "law and lag", f"{text}: no log separates them"
+    if any(fit.hypothesis.law.is_steepest_at_rest(fit.p) for fit in result.plausible.fits):
         text = "the loop is steepest at rest, as of small stiff elements: sigma0 is larger"
         yield (True, False), "steepest at rest", text
 

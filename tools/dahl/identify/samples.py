@@ -49,6 +49,7 @@ MIN_SEGMENT_ROWS, MIN_WINDOW_ROWS = 300, 100  # of a segment, and of one round a
 NO_CLOCK_STEP = 1e-3  # s, of rows without a clock
 FAST_PERCENTILE = 98  # of the speeds: a few wild ones of a jittering clock lie above
 REST_SPEED = 0.02  # of fast motion, below which the shaft rests
+MIN_RESTS = 0.05  # of the samples; a sine is as slow as a rest in 1 %
 KNOTS = 17  # of a torque that depends on the angle
 MIN_STEP = 0.2  # of the usual time step: a shorter one is jitter and would give a wild speed
 
@@ -64,7 +65,7 @@ class Reference:
     load: float = 1.0  # at which sigma0 and Fc are given
 
 
-@dataclass
+@dataclass(frozen=True)
 class Samples:
     """Arrays of shape (n,) over all pieces; `angles` by the treatment of the angle."""
 
@@ -126,6 +127,11 @@ class Samples:
         rests: np.ndarray = np.abs(self.speed) < REST_SPEED * self.reference.fast
         return rests
 
+    @property
+    def has_rests(self) -> bool:
+        """Whether the shaft rests for more than the turns of a smooth motion."""
+        return bool(self.is_at_rest.mean() > MIN_RESTS)
+
     def travel_since_rest(self) -> np.ndarray:
         """Travel since the last sample at rest or the start of a piece: (n,) rad (m)."""
         travel = np.cumsum(np.abs(self.moves(self.angles["between counts"])))
@@ -169,10 +175,9 @@ class Samples:
         low, high = np.percentile(lengths, (10, 90))
         return float(np.median(lengths)) / 2 if high < MIN_STROKE_RATIO * low else np.inf
 
-    def prepare(self, a: float, residual: np.ndarray) -> None:
-        """Set weights and cycles for a stiffness `a` that is roughly known."""
-        if (self.weight > 0).all():
-            self.weight = self._huber(residual)
+    def prepared(self, a: float, residual: np.ndarray) -> Samples:
+        """The same samples with weights and cycles for a stiffness `a` that is roughly known."""
+        weight = self._huber(residual) if (self.weight > 0).all() else self.weight
         settled, cycle = np.zeros(self.rows, dtype=bool), np.zeros(self.rows, dtype=int)
         turns_in_all = 0
         for rows in self.pieces:
@@ -181,9 +186,9 @@ class Samples:
             turns_in_all += len(turns)
             first = int(cycle[rows.start - 1]) + 1 if rows.start else 0
             cycle[rows] = first + _cycle_numbers(turns, rows.stop - rows.start)
-        self.cycles = turns_in_all // 2
-        self.used = self.weight * settled if (self.weight * settled).any() else self.weight.copy()
-        self.folds = self._folds_of(cycle)
+        used = weight * settled if (weight * settled).any() else weight
+        folds = _folds_of(cycle, used)
+        return replace(self, weight=weight, used=used, folds=folds, cycles=turns_in_all // 2)
 
     def _huber(self, residual: np.ndarray) -> np.ndarray:
         """Less weight for samples that disagree with their neighbours."""
@@ -202,20 +207,21 @@ class Samples:
         settled[:edge] = settled[len(angle) - edge :] = False
         return settled
 
-    def _folds_of(self, cycle: np.ndarray) -> list[slice]:
-        """Cycles with enough weight, in at most MAX_FOLDS groups of neighbours."""
-        mass = np.bincount(cycle, self.used)
-        kept = np.flatnonzero(mass > 0.1 * mass.mean())
-        group = -(-len(kept) // MAX_FOLDS) or 1
-        folds = []
-        for i in range(0, len(kept), group):
-            several = kept[i : i + group]
-            rows = np.flatnonzero((cycle >= several[0]) & (cycle <= several[-1]))
-            folds.append(slice(int(rows[0]), int(rows[-1]) + 1))
-        if len(folds) >= MIN_FOLDS:
-            return folds
-        ends = np.linspace(0, self.rows, FEW_CYCLES_FOLDS + 1).astype(int).tolist()
-        return [slice(i, j) for i, j in zip(ends, ends[1:], strict=False)]
+
+def _folds_of(cycle: np.ndarray, used: np.ndarray) -> list[slice]:
+    """Cycles with enough weight, in at most MAX_FOLDS groups of neighbours."""
+    mass = np.bincount(cycle, used)
+    kept = np.flatnonzero(mass > 0.1 * mass.mean())
+    group = -(-len(kept) // MAX_FOLDS) or 1
+    folds = []
+    for i in range(0, len(kept), group):
+        several = kept[i : i + group]
+        rows = np.flatnonzero((cycle >= several[0]) & (cycle <= several[-1]))
+        folds.append(slice(int(rows[0]), int(rows[-1]) + 1))
+    if len(folds) >= MIN_FOLDS:
+        return folds
+    ends = np.linspace(0, len(cycle), FEW_CYCLES_FOLDS + 1).astype(int).tolist()
+    return [slice(i, j) for i, j in zip(ends, ends[1:], strict=False)]
 
 
 def delayed(x: np.ndarray, delay: float) -> np.ndarray:
@@ -272,8 +278,7 @@ def samples_of(
         reference=reference or _reference_of(joined),
         load=joined.get("load"),
     )
-    _add_terms(samples)
-    return samples
+    return _with_terms(samples)
 
 
 def fill_quick_strokes(logs: Sequence[Log]) -> list[Log]:
@@ -464,11 +469,11 @@ def _in_blocks(table: dict[str, np.ndarray], block: int) -> dict[str, np.ndarray
     return {key: x[:whole].reshape(-1, block).mean(axis=1) for key, x in table.items()}
 
 
-def _add_terms(samples: Samples) -> None:
-    """Add the columns of torques other than friction."""
+def _with_terms(samples: Samples) -> Samples:
+    """Return samples with the columns of torques other than friction."""
     reference = samples.reference
     z = (samples.angles["between counts"] - reference.centre) / reference.reach
-    samples.terms = {
+    terms = {
         "offset": np.ones(samples.rows),
         "spring": z,
         "viscous": samples.speed,
@@ -476,4 +481,5 @@ def _add_terms(samples: Samples) -> None:
         "cubic": z**3,
     }
     knots = np.linspace(-1, 1, KNOTS)
-    samples.waves = np.column_stack([np.interp(z, knots, row) for row in np.eye(KNOTS)[1:]])
+    waves = np.column_stack([np.interp(z, knots, row) for row in np.eye(KNOTS)[1:]])
+    return replace(samples, terms=terms, waves=waves)

@@ -9,34 +9,27 @@ to the best one. The interval covers all plausible hypotheses.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
 
-from dahl.identify import models
-from dahl.identify.fit import (
-    FILTERS,
-    LAGS,
-    SPECIAL_LAGS,
-    Fit,
-    Fitter,
-    Hypothesis,
-    excess,
-)
-from dahl.identify.models import LAWS
+from dahl.identify.fit import Fit, Fitter, Hypothesis
+from dahl.identify.lags import DAMPING, DELAY, DELAYS, LAGS, MAX_LOGS_WITH_DELAYS, NONE, Lag
+from dahl.identify.laws import DAHL, LAWS, Law
+from dahl.identify.least_squares import excess
+from dahl.identify.samples import Samples
 from dahl.identify.start import pair_starts, slip_start
 from dahl.io.log import TERMS
 
 PLAUSIBLE_ERRORS = 1.5  # standard errors from the best score; 7 % of the true are further away
 MODEL_ERROR = 0.003  # of Fc, rms, that even the right law is off; a judgement
+SPLINE_ERROR = 0.02  # the same if turns between two rows are those of a spline
 PENALTY = 0.002  # of the best cost, for each parameter: a tie goes to the simpler hypothesis
 SKEW_SAMPLES = 0.5  # torque and angle of one row may be read half a row apart
 MAX_SKEWED = 3  # hypotheses that are fitted with a skew
-MAX_LOGS_WITH_DELAYS = 4  # logs that may each have a delay of their own
 FAR_STEP = 0.1  # of ln a: a plausible subset whose linearisation went further is fitted again
 MAX_REFITS = 8  # until the best one is at its optimum
-MIN_RESTS = 0.05  # of the samples; a sine is as slow as a rest in 1 %
 OTHER_ANGLES = 5  # laws that are fitted again with the other angles
 
 
@@ -45,16 +38,16 @@ class SearchSpace:
     """The hypotheses to fit."""
 
     terms: tuple[str, ...] | None = None  # exactly these; None: those that improve the score
-    lags: tuple[str, ...] = LAGS
-    laws: tuple[str, ...] = tuple(LAWS)
-    wanted: str = ""  # a law that is fitted in any case
+    lags: tuple[Lag, ...] = field(default_factory=lambda: tuple(LAGS.values()))
+    laws: tuple[Law, ...] = field(default_factory=lambda: tuple(LAWS.values()))
+    wanted: Law | None = None  # a law that is fitted in any case
     shapes: bool = True  # whether a torque may depend on the angle by more than a spring
 
 
 def few_cycles(space: SearchSpace) -> SearchSpace:
     """The hypotheses that a few cycles can distinguish; more would predict other logs worse."""
-    lags = tuple(lag for lag in space.lags if lag in ("none", "damping"))
-    laws = tuple(law for law in space.laws if LAWS[law].kinds[0] in ("dahl", "slip", "loaded"))
+    lags = tuple(lag for lag in space.lags if lag in (NONE, DAMPING))
+    laws = tuple(law for law in space.laws if law.suits_few_cycles)
     return replace(space, lags=lags, laws=laws, shapes=False)
 
 
@@ -93,31 +86,23 @@ def _with_best_at_optimum(fitter: Fitter, fits: list[Fit]) -> list[Fit]:
 
 def _with_all_choices(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[Fit]:
     """Dahl's law, also under a load, with each lag, angle and set of terms."""
-    starts = {
-        "delay": delay or 1.0,
-        "delay+filter": delay,
-        "delays": delay,
-        "low pass": max(delay, 3.0),
-        "zero-phase filter": 3.0,
-        "damped low pass": max(delay, 2.0),
-        "play": float(np.log(0.2 / a)),
-    }
-    choices = [("dahl", lag) for lag in space.lags]
-    if "delay" in space.lags and 1 < fitter.samples.logs <= MAX_LOGS_WITH_DELAYS:
-        choices.append(("dahl", "delays"))
-    if fitter.samples.load is not None and "loaded" in space.laws:
-        choices += [("loaded", lag) for lag in space.lags if lag in ("none", "delay")]
+    choices: list[tuple[Law, Lag]] = [(DAHL, lag) for lag in space.lags]
+    if DELAY in space.lags and 1 < fitter.samples.logs <= MAX_LOGS_WITH_DELAYS:
+        choices.append((DAHL, DELAYS))
+    if fitter.samples.load is not None:
+        loaded = [law for law in space.laws if law.follows_load]
+        choices += [(law, lag) for law in loaded for lag in space.lags if lag in (NONE, DELAY)]
     fits: list[Fit] = []
     for angle, (law, lag) in product(fitter.samples.angles, choices):
         h = Hypothesis(law, lag, angle)
         if not _smooths_counts(h):
-            fits += _fit_term_sets(fitter, h, fitter.start(h, a, starts.get(lag, 0.0)), space)
+            fits += _fit_term_sets(fitter, h, fitter.start(h, a, lag.guess(a, delay)), space)
     return fits
 
 
 def _smooths_counts(h: Hypothesis) -> bool:
     """Whether a filter would smooth the steps of an angle as read, which no torque has."""
-    return h.angle == "as read" and h.lag in (*FILTERS, "delay+filter")
+    return h.angle == "as read" and h.lag.smooths_counts
 
 
 def _fit_term_sets(fitter: Fitter, h: Hypothesis, p: np.ndarray, space: SearchSpace) -> list[Fit]:
@@ -135,13 +120,13 @@ def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit
     a, angle = float(np.exp(best.p[0])), best.hypothesis.angle
     by_lag = {f.hypothesis.lag: f for f in sorted(fits, key=lambda f: -f.total)}
     terms = best.hypothesis.terms if "waves" not in best.hypothesis.terms else ("offset",)
-    starts = _law_starts(fitter, Hypothesis("dahl", "none", angle, terms), a, space)
+    starts = _law_starts(fitter, Hypothesis(DAHL, NONE, angle, terms), a, space)
     found: list[Fit] = []
     own_lag = best.hypothesis.lag
-    lags = {"none", "damping", own_lag, *SPECIAL_LAGS.get(own_lag, ())}
-    for lag in sorted(lags & {*space.lags, "delays"}):
+    lags = {NONE, DAMPING, own_lag, *own_lag.special_cases} & {*space.lags, DELAYS}
+    for lag in sorted(lags, key=lambda lag: lag.name):
         own = by_lag.get(lag, best)
-        lead = own.p[own.hypothesis.friction.parameters :]
+        lead = own.p[own.hypothesis.law.parameters :]
         for law, p in starts.items():
             h = Hypothesis(law, lag, angle, terms)
             found += _fit_term_sets(fitter, h, np.append(p, lead), space)
@@ -150,27 +135,24 @@ def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit
 
 def _law_starts(
     fitter: Fitter, plain: Hypothesis, a: float, space: SearchSpace
-) -> dict[str, np.ndarray]:
+) -> dict[Law, np.ndarray]:
     """Start values without a lag, by law; `plain` is Dahl's law without one."""
-    laws = ["slip", "stribeck", "log speed", "asymmetric"]
-    if fitter.samples.is_at_rest.mean() > MIN_RESTS:
-        laws.append("breakaway")
-    if len(models.strokes(fitter.moves[plain.angle])[0]) < models.MAX_STROKES:
-        laws += ["exponent", "bouc-wen", "soft shaft"]
-    starts = {law: fitter.start(replace(plain, law=law), a) for law in laws}
+    samples, moves = fitter.samples, fitter.moves[plain.angle]
+    others = [law for law in LAWS.values() if law is not DAHL]
+    starts = {law: law.start(a) for law in others if law.starts_from_dahl(samples, moves)}
     starts |= pair_starts(fitter, plain, a)
     several = slip_start(fitter, plain, a)
     if several is not None:
         starts[several[0].law] = several[1]
-    if space.wanted in LAWS:
-        starts.setdefault(space.wanted, fitter.start(replace(plain, law=space.wanted), a))
+    if space.wanted is not None:
+        starts.setdefault(space.wanted, space.wanted.start(a))
     return {law: p for law, p in starts.items() if law in (*space.laws, space.wanted)}
 
 
 def _with_other_angles(fitter: Fitter, fits: list[Fit], angle: str) -> list[Fit]:
     """The best laws with the other treatments of the angle."""
     found: list[Fit] = []
-    seen: set[tuple[str, str]] = set()
+    seen: set[tuple[Law, Lag]] = set()
     others = [name for name in fitter.samples.angles if name != angle]
     for one in sorted(fits, key=lambda f: float(penalised_cost(f).sum())):
         h = one.hypothesis
@@ -206,9 +188,8 @@ def plausible(fitter: Fitter, fits: list[Fit], hidden: float) -> Plausible:
     chosen = min(near, key=lambda f: (f.hypothesis.size, f.total))
     chosen = fitter.fit(chosen.hypothesis, chosen.p) or chosen  # without a step of linearisation
     kept = [_converge(fitter, f) for f in near if not _is_dominated(f, near)]
-    kept = [
-        f for f in kept if is_near(penalised_cost(f), limit, free) and (f.error < f.value).all()
-    ]
+    kept = [f for f in kept if f.is_near_optimum and (f.error < f.value).all()]
+    kept = [f for f in kept if is_near(penalised_cost(f), limit, free)]
     kept = kept or [chosen]
     kept += _with_skew(fitter, kept, limit, free)
     if hidden:  # more parameters than the chosen one only fit the rounding
@@ -218,7 +199,13 @@ def plausible(fitter: Fitter, fits: list[Fit], hidden: float) -> Plausible:
 
 def model_error(fitter: Fitter, best: Fit) -> float:
     """Cost of the error that even the right law has."""
-    return float(fitter.samples.used.sum()) * (MODEL_ERROR * float(best.value[1])) ** 2
+    part = relative_error(fitter.samples)
+    return float(fitter.samples.used.sum()) * (part * float(best.value[1])) ** 2
+
+
+def relative_error(samples: Samples) -> float:
+    """Return the part of sigma0, Fc and torque that even the right law is off."""
+    return SPLINE_ERROR if samples.block < 1 else MODEL_ERROR
 
 
 def is_near(cost: np.ndarray, best: np.ndarray, hidden: float = 0.0) -> bool:
@@ -253,7 +240,7 @@ def _is_dominated(fit: Fit, others: list[Fit]) -> bool:
 def _with_skew(fitter: Fitter, kept: list[Fit], limit: np.ndarray, free: float) -> list[Fit]:
     """The best ones with torque and angle read half a row apart, if that is as plausible."""
     found = []
-    without = [f for f in kept if "delay" not in f.hypothesis.lag]
+    without = [f for f in kept if not f.hypothesis.lag.is_delay]
     for one in sorted(without, key=lambda f: f.total)[:MAX_SKEWED]:
         for skew in (-SKEW_SAMPLES, SKEW_SAMPLES):
             other = fitter.fit(replace(one.hypothesis, skew=skew), one.p)

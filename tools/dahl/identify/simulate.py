@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from dahl.identify import models
-from dahl.identify.fit import Fit, Fitter, Hypothesis, jackknife, solve
+from dahl.identify.fit import Fit, Fitter, Hypothesis
+from dahl.identify.least_squares import jackknife, solve
 from dahl.identify.samples import MIN_TURN_LENGTHS, Samples, samples_of
 from dahl.io.log import Log, resolution_of
 
@@ -55,8 +56,8 @@ def _refit(fitter: Fitter, fit: Fit, draw: int, random: np.random.Generator) -> 
         for k, rows in zip(samples.log_of, samples.pieces, strict=True)
     ]
     made = samples_of(logs, block=1, reference=samples.reference, angles=(h.angle,))
-    made = replace(made, noise=samples.noise, load=samples.load)
-    made.used, made.folds, made.cycles = samples.used, samples.folds, samples.cycles
+    kept = {name: getattr(samples, name) for name in ("noise", "load", "used", "folds", "cycles")}
+    made = replace(made, **kept)
     if h.angle not in made.angles:
         made = made.with_angle(h.angle, made.angles["between counts"])
     return Fitter(made).fit(h, fit.p, REFIT_ROUNDS)

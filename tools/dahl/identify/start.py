@@ -10,7 +10,10 @@ import numpy as np
 from scipy.optimize import nnls
 
 from dahl.identify import models
-from dahl.identify.fit import Fitter, Hypothesis, cost_of, solve
+from dahl.identify.fit import Fitter, Hypothesis
+from dahl.identify.laws import LAWS, SLIPS, Law, Sum
+from dahl.identify.least_squares import cost_of, solve
+from dahl.identify.models import DAHL_ELEMENT, SLIP_ELEMENT
 from dahl.identify.samples import Samples
 
 DELAYS = (0.0, -60.0, -25.0, -10.0, 10.0, 25.0, 60.0)  # samples
@@ -25,7 +28,6 @@ GRID_SAMPLES = 3000  # that the coarse grid is scored on
 PAIR_GRID = np.geomspace(0.15, 7, 8)  # of a, for pairs of elements
 SLIP_GRID = np.geomspace(0.2, 12, 11)  # of a, for sums of slip elements
 MIN_ELEMENT = 0.01  # of Fc in all; a smaller element is noise
-MAX_SLIPS = 4  # as the library's tables and pictures show them
 
 
 @dataclass(frozen=True)
@@ -121,21 +123,19 @@ def _stiffnesses(fitter: Fitter) -> np.ndarray:
     return np.geomspace(low, high, round(np.log(high / low) / np.log(STIFFNESS_RATIO)) + 1)
 
 
-def pair_starts(fitter: Fitter, h: Hypothesis, a: float) -> dict[str, np.ndarray]:
+def pair_starts(fitter: Fitter, h: Hypothesis, a: float) -> dict[Law, np.ndarray]:
     """ln a of both elements of each law of two elements: the best pair on a grid."""
     grid = a * PAIR_GRID
     n, moves, pieces = len(grid), fitter.moves[h.angle], fitter.samples.pieces
-    w = [law(moves, pieces, x) for law in (models.dahl, models.slip) for x in grid]
+    first = {DAHL_ELEMENT: 0, SLIP_ELEMENT: n}  # column of each kind
+    w = [element.run(moves, pieces, x) for element in first for x in grid]
     table = np.column_stack((*w, *fitter.term_columns(h.terms)))
     gram = fitter.samples.grams(table).sum(axis=0)
     columns = table.shape[1]
-    pairs = {
-        "2 dahl": [(i, j) for i in range(n) for j in range(i)],
-        "mixed": [(i, n + j) for i in range(n) for j in range(n)],
-        "2 slip": [(n + i, n + j) for i in range(n) for j in range(i)],
-    }
-    found = {}
-    for law, both in pairs.items():
+    found: dict[Law, np.ndarray] = {}
+    for law in (law for law in LAWS.values() if isinstance(law, Sum) and law.elements == 2):
+        one, other = (first[kind] for kind in law.kinds)
+        both = [(one + i, other + j) for i in range(n) for j in range(i if one == other else n)]
         chosen = np.array([[*pair, *range(2 * n, columns), columns] for pair in both])
         grams = gram[chosen[:, :, None], chosen[:, None, :]]
         c = solve(grams, range(grams.shape[-1] - 1))
@@ -166,7 +166,7 @@ def slip_start(fitter: Fitter, h: Hypothesis, a: float) -> tuple[Hypothesis, np.
             groups.append([k])
     if len(groups) < 3:
         return None
-    while len(groups) > MAX_SLIPS:
+    while len(groups) > max(SLIPS):
         groups.pop(int(np.argmin([c[group].sum() for group in groups])))
     p = [float(np.log(c[group] @ grid[group] / c[group].sum())) for group in groups]
-    return replace(h, law=f"{len(groups)} slip"), np.array(p)
+    return replace(h, law=SLIPS[len(groups)]), np.array(p)

@@ -226,4 +226,7 @@ def check_clock(time: np.ndarray, place: Callable[[int], str]) -> None:
     if len(back):
         row = int(back[0]) + 1
         before, now = time[row - 1], time[row]
-        raise InputError(f"{place(row)}: {now:g} after {before:g}, the clock goes backward")
+        raise InputError(
+            f"{place(row)}: {now:g} after {before:g}, the clock goes backward: split the log there,"
+            " or sort its rows"
+        )

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The lines of `candump -L`, which canplayer replays: written and read here only.
+"""The lines of `candump -L`, which canplayer replays. Python writes and reads them here only;
+dahl-loop writes them in host_sim/candump.c.
 
     (seconds) bus 123#0011      data; an id of 8 digits is extended, or an error class with bit 29
     (seconds) bus 123#R8        a remote frame and its length

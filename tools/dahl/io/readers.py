@@ -43,7 +43,7 @@ NO_TIME = "no column of times: what depends on speed (viscous, inertia) is not f
 
 ROLES = {  # patterns of the names of columns
     "angle": r"angle|theta|position|deflection|displacement|encoder|counts?$|winkel|weg(?![a-z])"
-    r"|(?<![a-z])pos(?![a-z])|(^|[/.])(?<!current\.)q\d*(?![a-z])",
+    r"|(?<![a-z])pos(?![a-z])|(^|[/.])(?<!current\.)q\d*(?![a-z]|_(current|axis|volt))",
     "torque": r"torque|friction|force|trq|load|moment|kraft|effort|(?<![a-z])(N_?m|tau)(?![a-z])"
     r"|(?<![a-z])i_?q(?![a-z])|current(?![._ ]?(pos|angle|vel|speed|temp|time|state|mode))|amps",
     # not T and T_degC, which are temperatures

@@ -87,8 +87,12 @@ def _from_mat(path: Path) -> pandas.DataFrame:
 
 def _from_npz(path: Path) -> pandas.DataFrame:
     """Read the vectors of an archive of numpy."""
+    columns = {}
     with np.load(path, allow_pickle=False) as content:
-        return _longest(path, dict(content))
+        for name in content.files:
+            with contextlib.suppress(ValueError):  # objects of Python are no vectors
+                columns[name] = content[name].squeeze()
+    return _longest(path, columns)
 
 
 def _longest(path: Path, content: dict[str, Any]) -> pandas.DataFrame:

@@ -20,7 +20,7 @@ from dahl.io import files
 LIST = ".dahl-files.json"
 WRITTEN = (  # by a demo, `dahl plot` and `dahl report`
     *("own.ini", "own.csv", "hub.ini", "run.log", "trace.csv", "uncompensated.csv"),
-    *(f"{role}.{kind}" for role in ("node", "encoder", "both") for kind in ("json", "err")),
+    *(f"{role}.err" for role in ("node", "encoder", "both")),
     *("params.*.bin", "qemu.*.err", "summary.json", "report.html"),
     *("loop.png", "compensation.png", "park-steer.png"),
 )

@@ -37,7 +37,6 @@ SHAPE: dict[str, Any] = {
     "max_error_ulp_Fc": NUMBER,
     "rmse_measured": NUMBER,
     "r2_measured": NUMBER,
-    "bus_load": NUMBER,
     "realtime_factor": NUMBER,
     "parameters": NUMBERS,
     "control": NUMBERS,
@@ -57,7 +56,6 @@ ROWS = {  # in this order: name, unit, format
     "max_error_ulp_Fc": ("largest error against the exact torque", "ulp of Fc", ".3f"),
     "rmse_measured": ("rms error against the measurement", "", ".4g"),
     "r2_measured": ("R² against the measurement", "", ".4f"),
-    "bus_load": ("bus load", "", ".1%"),
     "realtime_factor": ("times real time", "", ".1f"),
 }
 LATENCIES = {"latency_us": "latency of an answer", "jitter_us": "jitter"}

@@ -8,7 +8,6 @@ recorded frames.
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
 import re
 import signal
@@ -26,6 +25,9 @@ from dahl.errors import Error, RunError, Timeout
 from dahl.interrupt import Stop
 from dahl.io import files
 from dahl.io.candump import candump_line
+from dahl.sim import scene
+from dahl.sim.run_file import RunFile
+from dahl.sim.scene import Scene
 
 if TYPE_CHECKING:
     import can
@@ -33,8 +35,6 @@ if TYPE_CHECKING:
 PROGRAM_TIMEOUT_S = 5.0  # for a bus to open and for a program to end
 DRAIN_S = 0.3  # after the encoder has ended, the last frames are still recorded
 SERVED = re.compile(r"^socketcand [\d.]+:(\d+) ", re.MULTILINE)
-MISSING_LIBRARY = re.compile(r"error (?:while )?loading shared librar\w+:? (\S+?):", re.IGNORECASE)
-PACKAGES = "libinih1 libcsv3 libcjson1"  # of Debian, with what dahl-loop links to
 MAX_SILENCE_S = 10.0  # without any frame; after it a run has failed
 
 
@@ -42,13 +42,13 @@ MAX_SILENCE_S = 10.0  # without any frame; after it a run has failed
 class Setup:
     """The settings of a run and the places of its files."""
 
-    scene: Path
+    scene: Scene
     bus: str  # socketcan:IF, socketcand, socketcand:PORT
     folder: Path
     log: Path | None = None  # recorded motion that replaces that of the scene
     seconds: float | None = None
     seed: int | None = None
-    node_scene: Path | None = None  # of the node that serves the bus, if another node answers
+    node_scene: Scene | None = None  # of the node that serves the bus, if another node answers
     attach: Callable[[int], AbstractContextManager[object]] | None = (
         None  # starts that other node on a port
     )
@@ -64,11 +64,12 @@ class Program:
 
     def __init__(self, setup: Setup, role: str, bus: str, *extra: str) -> None:
         self.is_ending = False  # after end()
-        self.role, self.summary = role, setup.folder / f"{role}.json"
-        self.summary.unlink(missing_ok=True)
+        self.role = role
+        self._facts = (bus, 1 if setup.seed is None else setup.seed, setup.alone)
+        self._run = RunFile(setup.scene, setup.log, role)
         self.errors = (setup.folder / f"{role}.err").open("w", encoding="utf-8")
-        command = [paths.loop_program(), "--scene", setup.scene, "--role", role, "--bus", bus]
-        command += ["--summary", self.summary, "--with-parent", os.getpid()]
+        command = [paths.loop_program(), self._run.path, "--role", role, "--bus", bus]
+        command += ["--counters", self._run.counters, "--with-parent", os.getpid()]
         command += [*_options(setup, role), *extra]
         self.process = subprocess.Popen(
             [str(word) for word in command],
@@ -76,6 +77,7 @@ class Program:
             stdout=self.errors,
             stderr=self.errors,
             start_new_session=True,
+            pass_fds=self._run.fds,
         )
 
     def has_ended(self) -> bool:
@@ -108,16 +110,13 @@ class Program:
             self.is_ending and code == -signal.SIGINT
         ):  # before it could listen
             return
-        missing = MISSING_LIBRARY.search(self.output())
-        if missing:
-            raise RunError(f"dahl-loop needs {missing[1]}: apt-get install {PACKAGES}")
         lines = [line.strip() for line in self.output().split("\n") if line.strip()]
         words = next(
             (line.removeprefix("error: ") for line in lines if line.startswith("error: ")), ""
         )
         kind = Error if self.process.returncode == 2 else RunError
         ended = f"dahl-loop ({self.role}) ended with code {self.process.returncode}"
-        raise kind(words or self._unwritable() or ended)
+        raise kind(self._run.explain(words) or self._unwritable() or ended)
 
     def _unwritable(self) -> str:
         """Return why its messages could not be written, such as a full disk; "" if they could."""
@@ -147,18 +146,14 @@ class Program:
         raise RunError(f"dahl-loop ({self.role}) did not print the port that it serves")
 
     def numbers(self) -> dict[str, Any]:
-        """Return its summary, {} if it did not write one."""
-        try:
-            known: dict[str, Any] = json.loads(self.summary.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            return {}
-        return known
+        """Return its summary, {} if it did not write its counters."""
+        return self._run.summary(*self._facts)
 
 
 def _options(setup: Setup, role: str) -> list[str]:
     if role == "node":
         return []
-    named = {"--log-file": setup.log, "--seconds": setup.seconds, "--seed": setup.seed}
+    named = {"--seconds": setup.seconds, "--seed": setup.seed}
     words = [str(word) for pair in named.items() if pair[1] is not None for word in pair]
     return words + ["--lockstep"] * setup.lockstep
 
@@ -254,10 +249,16 @@ def _open_log(folder: Path) -> Iterator[IO[str]]:
 
 def run_uncompensated(setup: Setup, trace: Path) -> None:
     """Run the scene again with gain 0, in virtual time and without a bus; leave its trace."""
-    words = ["--virtual", "--set", "friction.gain=0", "--trace", trace]
-    command = [paths.loop_program(), "--scene", setup.scene, *words, *_options(setup, "both")]
+    run = RunFile(scene.read(setup.scene.path, ["friction.gain=0"]), setup.log)
+    command = [paths.loop_program(), run.path, "--virtual", "--trace", trace]
+    command += _options(setup, "both")
     done = subprocess.run(
-        list(map(str, command)), capture_output=True, text=True, check=False, errors="replace"
+        list(map(str, command)),
+        capture_output=True,
+        text=True,
+        check=False,
+        errors="replace",
+        pass_fds=run.fds,
     )
     if done.returncode:
         last = done.stderr.strip().splitlines()[-1:] or [f"code {done.returncode}"]

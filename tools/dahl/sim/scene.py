@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: MIT
 """Read scene files: the parameters of the node and the measurement to compare with.
 
-dahl-loop checks all sections, except the values of [measured], which only this module reads. A log
-of the user also becomes a scene.
+scene_reader.py reads and checks the file. A log of the user also becomes a scene.
 """
 
 from __future__ import annotations
 
-import configparser
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -20,14 +19,12 @@ from dahl import paths
 from dahl.binding import models
 from dahl.errors import InputError
 from dahl.io import files, readers, units
-from dahl.sim import scene_keys
+from dahl.sim import keys
+from dahl.sim.scene_reader import Contents, SceneFile
 
-MAX_TEXT_BYTES = scene_keys.text_size()
 SHOWN_UNITS = ("deg", "rad", "mm")  # of angles in the picture of a user's own log
 
-NODE_KEYS = scene_keys.node_settings()
-OWN_KEYS = {row.key: name for name, row in models.table().items() if row.key}  # of one model only
-KNOWN_KEYS = {section: scene_keys.names(section) for section, _ in scene_keys.rows("SECTION")}
+NODE_KEYS = keys.node_settings()
 
 
 @dataclass
@@ -60,13 +57,12 @@ class Scene:
     """The contents of a scene file."""
 
     path: Path
-    title: str
+    title: str  # the name of the file if it has none
     model: str = "dahl"  # a name in models.table()
     # (sigma0 [N m/rad], Fc [N m]) of each element, or of each direction: forward, backward
     elements: tuple[tuple[float, float], ...] = ()
     theta_per_count: float = 0.0
     seconds: float = 0.0  # length of the motion; 0 if the scene does not give it
-    motion: dict[str, str] = field(default_factory=dict)
     measured: Measured = field(default_factory=Measured)
     parts: tuple[str, ...] = ()  # sections in the file
     kinds: tuple[str, ...] = ()  # dahl or slip for each element
@@ -75,7 +71,7 @@ class Scene:
     friction: dict[str, float] = field(default_factory=dict)  # NODE_KEYS in the file
     status_ms: float = 0.0  # period of Status; 0: only after an event
     node: int = 0  # number of the node on the bus
-    refusal: str = ""  # why dahl-loop refuses the node; element() raises it
+    file: Contents = field(default_factory=Contents, repr=False)
 
     @property
     def name(self) -> str:
@@ -105,17 +101,22 @@ class Scene:
     @property
     def log(self) -> str:
         """The log that the scene replays ([motion] file), else ""."""
-        return self.motion.get("file", "") if self.motion.get("kind") == "log" else ""
+        return self.file.text("motion", "file")
 
 
 def element(scene: Scene) -> models.AnyModel:
-    """Return the model of a Node of this scene. Raises dahl.Error if dahl-loop refuses it."""
-    if scene.refusal:
-        raise InputError(f"{scene.path}: {scene.refusal}")
+    """Return the model of a Node of this scene. Raises dahl.Error if the library refuses it."""
+    if not scene.elements:
+        raise InputError(f"{scene.path}: has no [friction]")
     model = models.table()[scene.model]
     sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
     own = getattr(scene, model.key) if model.key else None
-    return models.make(model, sigma0[: model.sigma0s or None], torques, scene.theta_per_count, own)
+    try:
+        return models.make(
+            model, sigma0[: model.sigma0s or None], torques, scene.theta_per_count, own
+        )
+    except InputError as error:
+        raise InputError(f"{scene.file.place('friction')}: [friction] {error}") from None
 
 
 def settings(scene: Scene) -> dict[str, Any]:
@@ -138,135 +139,35 @@ def find(name: str, *others: str) -> Path:
     raise InputError(f"no scene '{name}' (shipped: {known}; or give the path of a scene file)")
 
 
-class _Parser(configparser.ConfigParser):
-    def optionxform(self, optionstr: str) -> str:
-        """Keep the case of keys: Fc differs from fc."""
-        return optionstr
-
-
-def read(path: Path) -> Scene:
-    """Read a scene file. Raises dahl.Error that names file and key."""
-    parser = _Parser(inline_comment_prefixes=(";",), interpolation=None, default_section="")
-    try:
-        parser.read_string(path.read_text(encoding="utf-8-sig"), source=str(path))
-    except (OSError, UnicodeDecodeError, configparser.Error) as error:
-        raise InputError(f"{path}: {' '.join(str(error).split())}") from None
-    _check_sections(path, parser)
-    scene = Scene(path, parser.get("scene", "title", fallback=path.stem))
-    scene.model = parser.get("friction", "model", fallback="dahl")
-    sigma0, torques = (_numbers(path, parser, "friction", key) for key in ("sigma0", "Fc"))
-    scene.refusal = _refusal(parser, scene.model, len(sigma0), len(torques))
-    scene.refusal = scene.refusal or _beyond_limits(path, parser)
+def read(path: Path, sets: Sequence[str] = ()) -> Scene:
+    """Read a scene file; `sets` are settings "section.key=value" that override it. Raises
+    dahl.Error that names place, key, value and range.
+    """
+    file = SceneFile(path, sets)
+    scene = Scene(path, file.text("scene", "title") or path.stem, file=file)
+    scene.model = file.text("friction", "model")
+    sigma0, torques = file.numbers("friction", "sigma0"), file.numbers("friction", "Fc")
     if scene.has_directions:
         sigma0 = sigma0 * len(torques)
     scene.elements = tuple(zip(sigma0, torques, strict=False))
-    scene.kinds = tuple(parser.get("friction", "kinds", fallback="").split())
-    scene.breakaway = _number(path, parser, "friction", "breakaway", 0.0)
-    scene.theta_per_count = _number(path, parser, "friction", "theta_per_count", 0.0)
-    scene.seconds = max(
-        _number(path, parser, section, "seconds", 0.0) for section in ("motion", "motor")
-    )
-    scene.motion = dict(parser["motion"]) if parser.has_section("motion") else {}
-    scene.measured = _read_measured(path, parser)
-    scene.parts = tuple(parser.sections())
+    scene.kinds = tuple(file.text("friction", "kinds").split())
+    scene.breakaway = file.number("friction", "breakaway")
+    scene.theta_per_count = file.number("friction", "theta_per_count")
+    scene.seconds = max(file.number(section, "seconds") for section in ("motion", "motor"))
+    scene.measured = _measured(file)
+    scene.parts = file.sections
     scene.friction = {
-        key: _number(path, parser, "friction", key, 0.0)
-        for key in NODE_KEYS
-        if parser.has_option("friction", key)
+        key: file.number("friction", key) for key in NODE_KEYS if file.has("friction", key)
     }
-    scene.status_ms = _number(path, parser, "status", "period_ms", 0.0)
-    scene.node = _node_number(path, parser)
-    scene.compensates = any(
-        parser.has_option("friction", key) for key in ("gain", "limit", "ramp_ms")
-    )
+    scene.status_ms = file.number("status", "period_ms")
+    scene.node = int(file.number("friction", "node"))
+    scene.compensates = any(file.has("friction", key) for key in ("gain", "limit", "ramp_ms"))
     return scene
 
 
-def _check_sections(path: Path, parser: configparser.ConfigParser) -> None:
-    """Raise dahl.Error for a section or a key that does not exist."""
-    for section in parser.sections():
-        if section not in KNOWN_KEYS:
-            raise InputError(
-                f"{path}: unknown section [{section}] (known: {', '.join(KNOWN_KEYS)})"
-            )
-        known = KNOWN_KEYS[section]
-        for key in parser[section]:
-            if key not in known:
-                raise InputError(
-                    f"{path}: [{section}] has no key '{key}' (known: {', '.join(known)})"
-                )
-
-
-def _refusal(parser: configparser.ConfigParser, model: str, sigma0: int, torques: int) -> str:
-    """Return why dahl-loop would refuse [friction] or [status], "" if it would not."""
-    known = models.table()
-    if model not in known:
-        return f"[friction] model = {model}: not one of {', '.join(known)}"
-    if not sigma0 or not torques:
-        return "[friction] has no sigma0 and Fc"
-    if not known[model].fits(sigma0, torques):
-        return f"[friction] sigma0 has {sigma0} numbers and Fc {torques}: not those of {model}"
-    kinds = parser.get("friction", "kinds", fallback="").split()
-    if model == "parallel" and (len(kinds) != torques or not {*kinds} <= {"dahl", "slip"}):
-        return f"[friction] kinds = {' '.join(kinds)}: not dahl or slip for each of {torques}"
-    for key in parser["friction"]:
-        if OWN_KEYS.get(key, model) != model:
-            return f"[friction] {key} has no meaning for model = {model}"
-    return ""
-
-
-def _beyond_limits(path: Path, parser: configparser.ConfigParser) -> str:
-    """Return why dahl-loop would refuse a setting of the node, "" if it would not."""
-    for section, name in (*(("friction", name) for name in NODE_KEYS), ("status", "period_ms")):
-        key = scene_keys.keys()[section, name]
-        value = _number(path, parser, section, name, key.high)
-        if not key.low <= value <= key.high:
-            return f"[{section}] {name} = {value:g} is outside {key.low:g} to {key.high:g}"
-        if key.type == "WHOLE" and not value.is_integer():
-            return f"[{section}] {name} = {value:g} is not a whole number"
-    return ""
-
-
-def _numbers(path: Path, parser: configparser.ConfigParser, section: str, key: str) -> list[float]:
-    """Return numbers separated by blanks, one for each element; dahl-loop checks their count."""
-    text = parser.get(section, key, fallback="")
-    try:
-        return [float(word) for word in text.split()]
-    except ValueError:
-        raise InputError(f"{path}: [{section}] {key} = '{text}' is not a number") from None
-
-
-def _number(
-    path: Path, parser: configparser.ConfigParser, section: str, key: str, default: float
-) -> float:
-    text = parser.get(section, key, fallback=None)
-    try:
-        return default if text is None else float(text)
-    except ValueError:
-        raise InputError(f"{path}: [{section}] {key} = '{text}' is not a number") from None
-
-
-def _node_number(path: Path, parser: configparser.ConfigParser) -> int:
-    """[friction] node, from 0 to 15."""
-    key = scene_keys.keys()["friction", "node"]
-    number = _number(path, parser, "friction", "node", key.default)
-    if not (key.low <= number <= key.high and number.is_integer()):
-        limits = f"from {key.low:g} to {key.high:g}"
-        raise InputError(f"{path}: [friction] node = {number:g} is not a whole number {limits}")
-    return int(number)
-
-
-def _read_measured(path: Path, parser: configparser.ConfigParser) -> Measured:
-    measured = Measured()
-    if not parser.has_section("measured"):
-        return measured
-    for key, text in parser["measured"].items():
-        kind = type(getattr(measured, key))
-        number = 0.0 if kind is str else _number(path, parser, "measured", key, 0.0)
-        if kind is int and not number.is_integer():
-            raise InputError(f"{path}: [measured] {key} = '{text}' is not a whole number")
-        setattr(measured, key, text if kind is str else kind(number))
-    return measured
+def _measured(file: Contents) -> Measured:
+    found: dict[str, Any] = {name: file.get("measured", name) for name in keys.names("measured")}
+    return Measured(**found | {"settle": int(found["settle"])})
 
 
 @dataclass
@@ -281,14 +182,10 @@ class Recorded:
 def read_log(scene: Scene, log: Path) -> Recorded:
     """Read torque and time of the scene's log, and check its angle. Raises dahl.Error."""
     wanted = {
-        "angle": scene.motion.get("angle", ""),
+        "angle": scene.file.text("motion", "angle"),
         "torque": scene.measured.torque,
-        "time": scene.motion.get("time", ""),
+        "time": scene.file.text("motion", "time"),
     }
-    if not wanted["angle"]:
-        raise InputError(
-            f"{scene.path}: [motion] angle is missing: which column of {log.name} holds the angle?"
-        )
     _, table = readers.read_columns(log, {role: name for role, name in wanted.items() if name})
     _check_unwrapped(scene, log, table["angle"])
     torque = table.get("torque")
@@ -298,10 +195,7 @@ def read_log(scene: Scene, log: Path) -> Recorded:
 
 def _check_unwrapped(scene: Scene, log: Path, angle: np.ndarray) -> None:
     """Raise dahl.Error for an angle that wraps: dahl-loop would turn the shaft back in one tick."""
-    try:
-        per_unit = scene.theta_per_count * float(scene.motion.get("counts_per_unit", "1"))
-    except ValueError:  # dahl-loop reports it with its line
-        return
+    per_unit = scene.theta_per_count * scene.file.number("motion", "counts_per_unit")
     if scene.measured.unit == "N" or not per_unit > 0:
         return
     turn = 2 * math.pi / per_unit
@@ -423,6 +317,6 @@ def _check_names(own: OwnLog) -> None:
 
 
 def _is_representable(name: str) -> bool:
-    """Return whether a scene file can contain a name: no comment sign, no outer spaces, short."""
+    """Return whether a scene file can contain a name: no comment sign, no outer spaces."""
     plain = re.fullmatch(r"\S(.*\S)?", name) and not re.search(r"(^|\s);", name)
-    return bool(plain) and len(name.encode("utf-8", "surrogateescape")) < MAX_TEXT_BYTES
+    return bool(plain)
