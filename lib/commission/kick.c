@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /** Stage 6: the compensator runs on the bounds that were found, the load is fed forward, and short pushes move the axis. It
- * must come to rest after each. A swing lengthens length_long; after MAX_FAILS the last gain that passed is the result. */
+ * must come to rest after each. A swing lengthens length_long; after MAX_FAILS the last gain that passed is the result. If the
+ * axis creeps, because the load differs from its table, the gain is lowered. */
 #include "commission.h"
 
 #define GAINS 3
@@ -12,11 +13,12 @@
 #define MAX_SPEED 2.5f       /* rad/s */
 #define WINDOW_S 0.2f
 #define MAX_WINDOWS 10
-#define CREEP 0.006f         /* rad in a window: a slow creep is rest, a swing is not */
+#define CREEP_WINDOWS 7
+#define CREEP 0.0015f        /* rad in a window that is rest */
 #define MAX_EXCURSION 0.25f  /* rad beyond the travel */
 #define STILL_SPEED 0.04f    /* rad/s of the ring on the bristles */
 
-static const float gains[GAINS] = {0.3f, 0.6f, 0.9f};
+static const float gains[GAINS] = {0.5f, 0.9f, 0.94f};
 
 enum { FADE_IN, PUSH, SETTLE };
 
@@ -88,19 +90,21 @@ static void start_window(dahl_commission_t *axis)
     axis->work.kick.low = axis->work.kick.high = axis->work.kick.first = axis->theta;
 }
 
-/** Return 1 if a window ends in which the axis rested. */
-static int rests(dahl_commission_t *axis)
+/** What a window showed. */
+typedef enum { NOT_ENDED, RESTS, CREEPS, SWINGS } window_t;
+
+static window_t check_window(dahl_commission_t *axis)
 {
     axis->work.kick.low = dahl_smaller(axis->work.kick.low, axis->theta);
     axis->work.kick.high = dahl_larger(axis->work.kick.high, axis->theta);
     if (axis->step_ticks % dahl_ticks(axis, WINDOW_S) != 0) {
-        return 0;
+        return NOT_ENDED;
     }
     float range = axis->work.kick.high - axis->work.kick.low;
     float drift = dahl_absolute(axis->theta - axis->work.kick.first);
     axis->work.kick.windows++;
     start_window(axis);
-    return range - (drift < CREEP ? drift : 0) <= axis->work.kick.still;
+    return range - drift > axis->work.kick.still ? SWINGS : drift > CREEP + axis->work.kick.still ? CREEPS : RESTS;
 }
 
 static void fail(dahl_commission_t *axis)
@@ -117,27 +121,41 @@ static void fail(dahl_commission_t *axis)
     }
 }
 
+/** Repeat the strong pushes with the gain below. */
+static void lower_gain(dahl_commission_t *axis)
+{
+    if (axis->work.kick.gain == 0) {
+        dahl_refuse(axis, DAHL_COMMISSION_SWINGS);
+        return;
+    }
+    axis->work.kick.gain--;
+    axis->work.kick.creeps++;
+    axis->work.kick.kick = 2;
+    dahl_return_to_middle(axis);
+}
+
 static void pass(dahl_commission_t *axis)
 {
-    uint8_t last = axis->work.kick.gain == GAINS - 1 ? 4 : 2;
+    const uint8_t highest = GAINS - 1 - axis->work.kick.creeps, last = axis->work.kick.gain >= highest ? 4 : 2;
     dahl_return_to_middle(axis);
     if (++axis->work.kick.kick < last) {
         return;
     }
     axis->work.kick.kick = 0;
     axis->result.gain = gains[axis->work.kick.gain];
-    if (++axis->work.kick.gain == GAINS) {
+    if (++axis->work.kick.gain > highest) {
         finish(axis);
     }
 }
 
 static void settle_tick(dahl_commission_t *axis)
 {
-    if (dahl_absolute(axis->theta) > axis->config.travel + MAX_EXCURSION) {
-        fail(axis);
-    } else if (rests(axis)) {
+    window_t window = check_window(axis);
+    if (window == RESTS) {
         pass(axis);
-    } else if (axis->work.kick.windows >= MAX_WINDOWS) {
+    } else if (window == CREEPS && axis->work.kick.windows >= CREEP_WINDOWS) {
+        lower_gain(axis);
+    } else if (axis->work.kick.windows >= MAX_WINDOWS || dahl_absolute(axis->theta) > axis->config.travel + MAX_EXCURSION) {
         fail(axis);
     }
 }

@@ -11,6 +11,7 @@
 #define ACCELERATION 60.0f       /* rad/s2 */
 #define SETTLE_S 0.04f           /* of a stroke before its first sample */
 #define MIN_SAMPLES 4            /* of a bin */
+#define NARROW 0.035f            /* rad: a stroke settles within a bin of this */
 #define MIN_BINS 4               /* of a speed */
 #define MAX_SHIFT 0.2f           /* of the friction between two passes, over Fc */
 #define MAX_SCATTER 0.25f        /* of the bins between two passes, over Fc */
@@ -101,9 +102,16 @@ static void use_bin(dahl_commission_t *axis, int bin, summary_t *summary)
     }
 }
 
-/** Empty bins at the ends get the values of their neighbours. */
-static void fill_ends(dahl_commission_t *axis)
+/** Empty bins at the ends get the values of their neighbours. Return 0 if too many are empty: an end stop. */
+static int fill_ends(dahl_commission_t *axis)
 {
+    const int is_narrow = axis->config.travel < NARROW * BINS / 2;
+    const int ends = is_narrow + 2 * axis->is_soft;
+    for (int bin = ends; bin < BINS - ends; bin++) {
+        if (!(dahl_absolute(axis->table.friction[bin]) > 0)) {
+            return 0;
+        }
+    }
     for (int k = 0; k < 2 * BINS; k++) {
         int bin = k < BINS ? k : 2 * BINS - 1 - k, from = k < BINS ? bin - 1 : bin + 1;
         if (from >= 0 && from < BINS && axis->table.friction[bin] == 0) {
@@ -111,6 +119,7 @@ static void fill_ends(dahl_commission_t *axis)
             axis->result.load[bin] = axis->result.load[from];
         }
     }
+    return 1;
 }
 
 /** The friction is known now, so the torque limit comes down. */
@@ -143,14 +152,13 @@ static int finish_speed(dahl_commission_t *axis)
     for (int bin = 0; bin < BINS; bin++) {
         use_bin(axis, bin, &summary);
     }
-    if (summary.bins < (speed == 0 ? BINS / 2 : MIN_BINS)) {
+    if (speed == 0 ? !fill_ends(axis) : summary.bins < MIN_BINS) {
         if (speed == 0) {
             dahl_refuse(axis, DAHL_COMMISSION_NO_DATA);
         }
         return 0;
     }
     if (speed == 0) {
-        fill_ends(axis);
         lower_torque_limit(axis);
         summary.reference = summary.friction;
     }

@@ -226,7 +226,7 @@ typedef struct {
             dahl_compensator_plan_t plan;
             dahl_compensator_t compensator;
             float start, push, speed, low, high, first, still;
-            uint8_t kick, gain, fails, phase, windows;
+            uint8_t kick, gain, fails, creeps, phase, windows;
         } kick;
     } work;                      /**< of the present stage */
 } dahl_commission_t;
