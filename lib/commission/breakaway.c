@@ -9,7 +9,7 @@
 #define RELAX_S 0.1f         /* the bristles relax before the ramp */
 #define SLIDING_RAD 0.06f
 #define SLIDING_SPEED 0.5f   /* rad/s */
-#define BACKWARD_RAD 0.05f
+#define WRONG_WAY_RAD 0.05f
 #define MAX_BREAKAWAY 1.9f   /* of the largest Fc */
 #define UNSEEN_BREAKAWAY 1.36f /* breakaway over that of a ramp: slow Stribeck */
 #define STEEPER 1.32f        /* steepest stiffness over that of the cycle: slip elements */
@@ -76,7 +76,7 @@ static void find_length(dahl_commission_t *axis)
     result->length.most = result->Fc.most / result->sigma0.least;
 }
 
-static void finish(dahl_commission_t *axis)
+static void finish_breakaway(dahl_commission_t *axis)
 {
     float both = 0.5f * (axis->break_torque[0] + axis->break_torque[1]);
     axis->result.breakaway = dahl_larger(1, both / axis->middle_Fc);
@@ -111,9 +111,9 @@ static void ramp_tick(dahl_commission_t *axis)
         axis->break_torque[axis->pass++] = axis->work.breakaway.peak;
         dahl_return_to_middle(axis);
         if (axis->pass == 2) {
-            finish(axis);
+            finish_breakaway(axis);
         }
-    } else if (moved < -BACKWARD_RAD) {
+    } else if (moved < -WRONG_WAY_RAD) {
         dahl_refuse(axis, DAHL_COMMISSION_DISTURBED);
     } else if (torque > MAX_BREAKAWAY * axis->table.most) {
         dahl_refuse(axis, DAHL_COMMISSION_COARSE);

@@ -8,6 +8,8 @@
 #define TWO_PI 6.28318531f
 /** Directions of a LuGre or worn axis differ by at most this part of Fc. */
 #define UNEQUAL_SHARE 0.15f
+/** [rad] If the load moves the axis by this at rest, the loop holds it. */
+#define FALL_RAD 0.02f
 
 static inline float dahl_absolute(float x)
 {

@@ -12,11 +12,11 @@
  * slower sines. */
 #include "commission.h"
 
-#define STROKES 5             /* the first one is not sampled */
+#define SINE_STROKES 5             /* the first one is not sampled */
 #define MEAN_SPEED 2.0f       /* rad/s, less if the travel is short */
 #define SPEED_PER_TRAVEL 5.7f /* 1/s */
-#define ACCELERATION 60.0f    /* rad/s2 of a stroke */
-#define SETTLE_S 0.04f
+#define SINE_ACCELERATION 60.0f    /* rad/s2 of a stroke */
+#define SINE_SETTLE_S 0.04f
 #define WINDOW_S 0.25f
 #define MIN_SHARE 0.1f        /* least speed of a sine over that of its reference */
 #define MAX_FACTOR 5.0f       /* of the inertia over that of the configuration */
@@ -71,7 +71,7 @@ static void next_stroke(dahl_commission_t *axis)
 {
     uint8_t stroke = ++axis->work.inertia.stroke;
     float end = stroke & 1 ? axis->config.travel : -axis->config.travel;
-    dahl_stroke_to(axis, stroke > STROKES ? 0 : end, axis->work.inertia.mean_speed, ACCELERATION);
+    dahl_stroke_to(axis, stroke > SINE_STROKES ? 0 : end, axis->work.inertia.mean_speed, SINE_ACCELERATION);
     axis->work.inertia.window[0] = 1;
     axis->work.inertia.window[1] = 0;
 }
@@ -81,7 +81,7 @@ static float envelope(const dahl_commission_t *axis)
 {
     float ticks = (float)(2 * axis->stroke.ramp_ticks + axis->stroke.cruise_ticks);
     float share = dahl_smaller(1, (float)axis->stroke.tick / ticks);
-    return axis->work.inertia.stroke == 1 ? share : axis->work.inertia.stroke > STROKES ? 1 - share : 1;
+    return axis->work.inertia.stroke == 1 ? share : axis->work.inertia.stroke > SINE_STROKES ? 1 - share : 1;
 }
 
 /** Add the sines to the base motion. */
@@ -99,16 +99,16 @@ static void add_sines(dahl_commission_t *axis)
 }
 
 /** Demodulate one tick: the torque that is not load, and the speed over that of the base motion. */
-static void add_sample(dahl_commission_t *axis, int32_t dcounts, float base_speed)
+static void add_to_sines(dahl_commission_t *axis, int32_t dcounts, float base_speed)
 {
     float speed = (float)dcounts * axis->config.theta_per_count / axis->config.period - base_speed;
     float torque = axis->torque - dahl_commission_load(axis, axis->theta);
-    uint32_t first = axis->stroke.ramp_ticks + dahl_ticks(axis, SETTLE_S);
+    uint32_t first = axis->stroke.ramp_ticks + dahl_ticks(axis, SINE_SETTLE_S);
     uint32_t tick = axis->stroke.tick, stroke = axis->work.inertia.stroke;
-    if (stroke < 2 || stroke > STROKES || tick < first || tick >= first + dahl_ticks(axis, WINDOW_S)) {
+    if (stroke < 2 || stroke > SINE_STROKES || tick < first || tick >= first + dahl_ticks(axis, WINDOW_S)) {
         return;
     }
-    const int half = stroke > 1 + STROKES / 2;
+    const int half = stroke > 1 + SINE_STROKES / 2;
     float weight = 1 - axis->work.inertia.window[0];
     dahl_rotate(axis->work.inertia.window, axis->work.inertia.window_turn);
     for (int k = 0; k < SINES; k++) {
@@ -131,7 +131,8 @@ static float angle_of(float tangent)
 static int find_ratio(const dahl_commission_t *axis, const float torque[2], const float speed[2], float least, float ratio[2])
 {
     float square = speed[0] * speed[0] + speed[1] * speed[1];
-    least *= axis->work.inertia.mean_speed * (float)dahl_ticks(axis, WINDOW_S);
+    const uint32_t ticks = dahl_ticks(axis, WINDOW_S);
+    least *= axis->work.inertia.mean_speed * (float)ticks;
     if (!(square > least * least)) {
         return 0;
     }
@@ -144,7 +145,7 @@ static int find_ratio(const dahl_commission_t *axis, const float torque[2], cons
  * is negative if the load swings against the rotor. Return 0 if the sine did not move the axis, or if the phase is too large. */
 static int find_inertia(dahl_commission_t *axis, int k, float guess, float *phase)
 {
-    const float w = frequency_of(axis, k), least = MIN_SHARE * shares[k] * (STROKES - 1) / 4;
+    const float w = frequency_of(axis, k), least = MIN_SHARE * shares[k] * (SINE_STROKES - 1) / 4;
     float half[2][2], all[2], turn[2], torque[2], speed[2];
     for (int part = 0; part < 2; part++) {
         torque[part] = axis->work.inertia.torque[0][k][part] + axis->work.inertia.torque[1][k][part];
@@ -310,11 +311,11 @@ void dahl_inertia_tick(dahl_commission_t *axis, int32_t dcounts)
         try_slower(axis);
         return;
     }
-    add_sample(axis, dcounts, axis->work.inertia.base.speed);
+    add_to_sines(axis, dcounts, axis->work.inertia.base.speed);
     axis->command.angle = axis->work.inertia.base.angle;
     axis->command.speed = axis->work.inertia.base.speed;
     int is_end = dahl_stroke_tick(axis);
-    if (is_end && axis->work.inertia.stroke > STROKES) {
+    if (is_end && axis->work.inertia.stroke > SINE_STROKES) {
         evaluate(axis);
         return;
     }

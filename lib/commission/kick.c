@@ -11,7 +11,7 @@
 #define PUSH_S 0.05f         /* longest push */
 #define PUSH_RAD 0.1f
 #define MAX_SPEED 2.5f       /* rad/s */
-#define WINDOW_S 0.2f
+#define WATCH_S 0.2f
 #define MAX_WINDOWS 10
 #define CREEP_WINDOWS 7
 #define CREEP 0.0015f        /* rad in a window that is rest */
@@ -22,7 +22,7 @@ static const float gains[GAINS] = {0.5f, 0.9f, 0.94f};
 
 enum { FADE_IN, PUSH, SETTLE };
 
-static void finish(dahl_commission_t *axis)
+static void finish_kicks(dahl_commission_t *axis)
 {
     axis->result.seconds = (float)axis->ticks * axis->config.period;
     axis->command.mode = DAHL_COMMISSION_OFF;
@@ -97,7 +97,7 @@ static window_t check_window(dahl_commission_t *axis)
 {
     axis->work.kick.low = dahl_smaller(axis->work.kick.low, axis->theta);
     axis->work.kick.high = dahl_larger(axis->work.kick.high, axis->theta);
-    if (axis->step_ticks % dahl_ticks(axis, WINDOW_S) != 0) {
+    if (axis->step_ticks % dahl_ticks(axis, WATCH_S) != 0) {
         return NOT_ENDED;
     }
     float range = axis->work.kick.high - axis->work.kick.low;
@@ -117,7 +117,7 @@ static void fail(dahl_commission_t *axis)
     } else if (axis->work.kick.gain == 0) {
         dahl_refuse(axis, DAHL_COMMISSION_SWINGS);
     } else {
-        finish(axis);
+        finish_kicks(axis);
     }
 }
 
@@ -136,7 +136,7 @@ static void lower_gain(dahl_commission_t *axis)
 
 static void pass(dahl_commission_t *axis)
 {
-    const uint8_t highest = GAINS - 1 - axis->work.kick.creeps, last = axis->work.kick.gain >= highest ? 4 : 2;
+    const int highest = GAINS - 1 - axis->work.kick.creeps, last = axis->work.kick.gain >= highest ? 4 : 2;
     dahl_return_to_middle(axis);
     if (++axis->work.kick.kick < last) {
         return;
@@ -144,48 +144,64 @@ static void pass(dahl_commission_t *axis)
     axis->work.kick.kick = 0;
     axis->result.gain = gains[axis->work.kick.gain];
     if (++axis->work.kick.gain > highest) {
-        finish(axis);
+        finish_kicks(axis);
     }
 }
 
 static void settle_tick(dahl_commission_t *axis)
 {
+    const int is_gone = dahl_absolute(axis->theta) > axis->config.travel + MAX_EXCURSION;
     window_t window = check_window(axis);
     if (window == RESTS) {
         pass(axis);
     } else if (window == CREEPS && axis->work.kick.windows >= CREEP_WINDOWS) {
         lower_gain(axis);
-    } else if (axis->work.kick.windows >= MAX_WINDOWS || dahl_absolute(axis->theta) > axis->config.travel + MAX_EXCURSION) {
+    } else if (is_gone || axis->work.kick.windows >= MAX_WINDOWS) {
         fail(axis);
     }
 }
 
 static void next_phase(dahl_commission_t *axis)
 {
-    axis->work.kick.phase++;
+    axis->work.kick.phase = axis->work.kick.phase == FADE_IN ? PUSH : SETTLE;
     axis->step_ticks = 0;
     start_window(axis);
+}
+
+static void wait_tick(dahl_commission_t *axis)
+{
+    if (dahl_wait_in_middle(axis, 0.05f)) {
+        arm(axis);
+    }
+}
+
+static void fade_tick(dahl_commission_t *axis)
+{
+    if (axis->step_ticks > dahl_ticks(axis, FADE_S)) {
+        next_phase(axis);
+    }
+}
+
+static void kick_push_tick(dahl_commission_t *axis)
+{
+    axis->command.torque += axis->work.kick.push;
+    if (!pushes(axis)) {
+        next_phase(axis);
+    }
 }
 
 void dahl_kick_tick(dahl_commission_t *axis, int32_t dcounts)
 {
     if (axis->step == 0) {
-        if (dahl_wait_in_middle(axis, 0.05f)) {
-            arm(axis);
-        }
+        wait_tick(axis);
         return;
     }
     axis->step_ticks++;
     axis->command.torque = dahl_commission_load(axis, axis->theta) + compensate(axis, dcounts);
     if (axis->work.kick.phase == FADE_IN) {
-        if (axis->step_ticks > dahl_ticks(axis, FADE_S)) {
-            next_phase(axis);
-        }
+        fade_tick(axis);
     } else if (axis->work.kick.phase == PUSH) {
-        axis->command.torque += axis->work.kick.push;
-        if (!pushes(axis)) {
-            next_phase(axis);
-        }
+        kick_push_tick(axis);
     } else {
         settle_tick(axis);
     }

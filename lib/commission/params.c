@@ -11,7 +11,7 @@
 dahl_compensator_err_t dahl_commission_params(const dahl_commission_t *axis, dahl_compensator_params_t *params, int has_load)
 {
     const dahl_commission_result_t *result = &axis->result;
-    const float Fc = result->Fc.least, length = (result->elastic ? 4 : 1) * result->length.most;
+    const float Fc = result->Fc.least, length = (result->elastic ? 4.0f : 1.0f) * result->length.most;
     const float load = has_load ? result->load_most : 0;
     const float ring = Fc * dahl_root(result->sigma0.most / result->inertia.least);
     dahl_compensator_plan_t plan;

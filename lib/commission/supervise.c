@@ -7,7 +7,6 @@
 #define HOLD_RAD 0.05f         /* tracking error while a falling axis is held */
 #define SOFT_SHARE 0.4f        /* tracking error over the travel: see dahl_stroke_to() */
 #define BACKWARD_RAD 0.012f    /* against the first command */
-#define FALL_RAD 0.02f         /* of an axis at rest: see rest.c */
 #define FROZEN_S 0.01f
 #define FROZEN_PUSH_S 0.006f
 #define FROZEN_SHARE 0.6f      /* of Fc: the bristles give way before */
@@ -62,7 +61,7 @@ static void become_soft(dahl_commission_t *axis)
 static dahl_commission_refusal_t check_loop(dahl_commission_t *axis, int32_t dcounts)
 {
     const int is_rest = axis->command.stage == DAHL_COMMISSION_REST;
-    const int is_first = axis->command.stage == DAHL_COMMISSION_SWEEPS && axis->table.level[0] == 0
+    const int is_first = axis->command.stage == DAHL_COMMISSION_SWEEPS && !(axis->table.level[0] > 0)
                          && axis->work.sweeps.stroke == 0 && !axis->is_held;
     if (is_first && axis->theta < -BACKWARD_RAD - FALL_RAD) {
         return DAHL_COMMISSION_SIGN;

@@ -31,7 +31,7 @@ typedef struct {
 
 static int bin_of(const dahl_commission_t *axis, float angle)
 {
-    float x = (angle + axis->config.travel) * (BINS / 2) / axis->config.travel;
+    float x = (angle + axis->config.travel) * (0.5f * BINS) / axis->config.travel;
     return x < 0 ? 0 : x >= BINS ? BINS - 1 : (int)x;
 }
 
@@ -39,7 +39,7 @@ static int bin_of(const dahl_commission_t *axis, float angle)
 float dahl_commission_load(const dahl_commission_t *axis, float angle)
 {
     const float *load = axis->result.load;
-    float x = (angle + axis->config.travel) * (BINS / 2) / axis->config.travel - 0.5f;
+    float x = (angle + axis->config.travel) * (0.5f * BINS) / axis->config.travel - 0.5f;
     if (!(x > 0)) {
         return load[0];
     }
@@ -50,7 +50,7 @@ float dahl_commission_load(const dahl_commission_t *axis, float angle)
     return load[bin] + (x - (float)bin) * (load[bin + 1] - load[bin]);
 }
 
-static void add_sample(dahl_commission_t *axis)
+static void add_to_bin(dahl_commission_t *axis)
 {
     uint32_t first = axis->stroke.ramp_ticks + dahl_ticks(axis, SETTLE_S);
     uint32_t last = axis->stroke.ramp_ticks + axis->stroke.cruise_ticks;
@@ -94,7 +94,7 @@ static void use_bin(dahl_commission_t *axis, int bin, summary_t *summary)
     summary->change += second - first;
     summary->square += (second - first) * (second - first);
     summary->bins++;
-    if (axis->table.least == 0 || friction < axis->table.least) {
+    if (axis->work.sweeps.bins++ == 0 || friction < axis->table.least) {
         axis->table.least = friction;
     }
     if (speed < SPEEDS - 1) { /* the fastest speed is viscous */
@@ -105,7 +105,7 @@ static void use_bin(dahl_commission_t *axis, int bin, summary_t *summary)
 /** Empty bins at the ends get the values of their neighbours. Return 0 if too many are empty: an end stop. */
 static int fill_ends(dahl_commission_t *axis)
 {
-    const int is_narrow = axis->config.travel < NARROW * BINS / 2;
+    const int is_narrow = axis->config.travel < NARROW * 0.5f * BINS;
     const int ends = is_narrow + 2 * axis->is_soft;
     for (int bin = ends; bin < BINS - ends; bin++) {
         if (!(dahl_absolute(axis->table.friction[bin]) > 0)) {
@@ -114,7 +114,7 @@ static int fill_ends(dahl_commission_t *axis)
     }
     for (int k = 0; k < 2 * BINS; k++) {
         int bin = k < BINS ? k : 2 * BINS - 1 - k, from = k < BINS ? bin - 1 : bin + 1;
-        if (from >= 0 && from < BINS && axis->table.friction[bin] == 0) {
+        if (from >= 0 && from < BINS && !(dahl_absolute(axis->table.friction[bin]) > 0)) {
             axis->table.friction[bin] = axis->table.friction[from];
             axis->result.load[bin] = axis->result.load[from];
         }
@@ -175,7 +175,7 @@ static int finish_speed(dahl_commission_t *axis)
 static void fit_line(dahl_commission_t *axis)
 {
     float n = 0, v = 0, f = 0, vv = 0, vf = 0, error = 0, fastest = speeds[0];
-    for (int k = 0; k < SPEEDS && axis->table.level[k] != 0; k++) {
+    for (int k = 0; k < SPEEDS && axis->table.level[k] > 0; k++) {
         n += 1;
         v += speeds[k];
         f += axis->table.level[k];
@@ -185,7 +185,7 @@ static void fit_line(dahl_commission_t *axis)
     }
     float slope = n > 1 ? (n * vf - v * f) / (n * vv - v * v) : 0;
     axis->result.Fc.best = (f - dahl_larger(0, slope) * v) / n;
-    for (int k = 0; k < SPEEDS && axis->table.level[k] != 0; k++) {
+    for (int k = 0; k < SPEEDS && axis->table.level[k] > 0; k++) {
         float gap = axis->table.level[k] - f / n - slope * (speeds[k] - v / n);
         error = dahl_larger(error, dahl_absolute(gap) + axis->table.noise[k]);
     }
@@ -235,7 +235,7 @@ void dahl_sweeps_tick(dahl_commission_t *axis)
         axis->work.sweeps.speed = 0;
         dahl_stroke_to(axis, travel, speeds[0], ACCELERATION);
     }
-    add_sample(axis);
+    add_to_bin(axis);
     if (!dahl_stroke_tick(axis)) {
         return;
     }

@@ -203,7 +203,7 @@ typedef struct {
         struct {
             float sum[4][DAHL_COMMISSION_BINS];
             uint16_t samples[4][DAHL_COMMISSION_BINS];
-            uint8_t speed, stroke;
+            uint8_t speed, stroke, bins;
         } sweeps;
         struct {
             float sum[16], start, from, rotor[2], turn[2];
