@@ -5,7 +5,7 @@
 
 #define RATE 0.5f            /* Fc/s: a faster ramp hides the breakaway of a slow Stribeck curve */
 #define FAST_RATE 8.0f       /* Fc/s below FAST_SHARE */
-#define FAST_SHARE 0.7f      /* of Fc */
+#define FAST_SHARE 0.8f      /* of Fc */
 #define RELAX_S 0.1f         /* the bristles relax before the ramp */
 #define SLIDING_RAD 0.06f
 #define SLIDING_SPEED 0.5f   /* rad/s */

@@ -27,7 +27,7 @@
 #define SOFTEST 1.15f         /* the load rings at least at this multiple of the slowest sine */
 #define STIFFEST_HZ 200.0f    /* resonance of the stiffest shaft of an elastic axis */
 #define HIDDEN_HZ 130.0f      /* the same of an axis whose sines show no shaft */
-#define FINER 1.01f           /* from one stiffness to the next */
+#define FINER 1.015f          /* from one stiffness to the next */
 #define LOUD 0.6f             /* speed over its limit: a resonance is near, so the sines stop */
 #define DELAY_ERROR 0.05f     /* ticks; the error of the fastest sine comes on top */
 #define ELASTIC_DELAY_ERROR 0.3f /* more of an elastic axis */
