@@ -280,7 +280,7 @@ static void search_tick(dahl_commission_t *axis)
         axis->work.inertia.shaft *= FINER;
         return;
     }
-    float ratio = result->best / axis->config.inertia, error = INERTIA_ERROR * result->best;
+    float ratio = result->best / axis->config.inertia, error = error_of(axis, 1) + INERTIA_ERROR * result->best;
     if (!(ratio > 1 / MAX_FACTOR && ratio < MAX_FACTOR && axis->work.inertia.gap < axis->work.inertia.inertia[0])) {
         try_slower(axis);
         return;

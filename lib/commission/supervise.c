@@ -12,6 +12,7 @@
 #define FROZEN_SHARE 0.6f      /* of Fc: the bristles give way before */
 #define FROZEN_RAD 0.06f       /* of the reference without a count */
 #define FROZEN_PUSH_RAD 0.01f
+#define FROZEN_COUNTS 6.0f     /* of a coarse encoder, more */
 #define GUESSED_PUSH 120.0f    /* rad/s2 as a torque, before Fc is known */
 #define TRAVEL_RAD 0.35f       /* a longer travel takes longer */
 #define TORQUE_ROUNDING 1.001f
@@ -46,7 +47,7 @@ static int is_frozen_in_loop(dahl_commission_t *axis, int32_t dcounts)
     int is_pushed = grown > (Fc > 0 ? FROZEN_SHARE * Fc : GUESSED_PUSH * axis->config.inertia);
     axis->watch.frozen_ticks++;
     return axis->watch.frozen_ticks > dahl_ticks(axis, is_pushed ? FROZEN_PUSH_S : FROZEN_S)
-           && moved > (is_pushed ? FROZEN_PUSH_RAD : FROZEN_RAD);
+           && moved > (is_pushed ? FROZEN_PUSH_RAD : FROZEN_RAD) + FROZEN_COUNTS * axis->config.theta_per_count;
 }
 
 /** The loop is too soft for the friction: start the sweeps again, with pushes. */

@@ -203,7 +203,8 @@ typedef struct {
         struct {
             float sum[4][DAHL_COMMISSION_BINS];
             uint16_t samples[4][DAHL_COMMISSION_BINS];
-            uint8_t speed, stroke, bins;
+            float friction, reference, change, square; /* sums over the bins of this speed */
+            uint8_t speed, stroke, bins, bin;
         } sweeps;
         struct {
             float sum[16], start, from, rotor[2], turn[2];
