@@ -62,6 +62,9 @@ int dahl_wait_in_middle(dahl_commission_t *axis, float seconds);
 /** Start the way back to the middle. */
 void dahl_return_to_middle(dahl_commission_t *axis);
 
+/** Write the parameters of the compensator without a check. */
+void dahl_write_params(const dahl_commission_t *axis, dahl_compensator_params_t *params, int has_load);
+
 void dahl_supervise(dahl_commission_t *axis, int32_t dcounts);
 
 /* Stages */

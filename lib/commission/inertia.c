@@ -142,7 +142,7 @@ static int find_ratio(const dahl_commission_t *axis, const float torque[2], cons
 }
 
 /** Write the inertia that the sine shows, its phase near `guess`, and the difference of the halves of the strokes. The inertia
- * is negative if the load swings against the rotor. Return 0 if the sine did not move the axis, or if the phase is too large. */
+ * is negative if the load swings against the rotor. Return 0 if the sine did not move the axis, or if its phase is too large. */
 static int find_inertia(dahl_commission_t *axis, int k, float guess, float *phase)
 {
     const float w = frequency_of(axis, k), least = MIN_SHARE * shares[k] * (SINE_STROKES - 1) / 4;
@@ -197,7 +197,8 @@ static void find_delay(dahl_commission_t *axis, const float phase[])
 {
     const float period = axis->config.period, w0 = frequency_of(axis, 0), w2 = frequency_of(axis, 2);
     float *inertia = axis->work.inertia.inertia;
-    float delay = (w2 * phase[2] - w0 * phase[0]) / (w2 * w2 - w0 * w0), error = DELAY_ERROR * period + error_of(axis, 2) / (inertia[0] * w2);
+    float delay = (w2 * phase[2] - w0 * phase[0]) / (w2 * w2 - w0 * w0);
+    float error = DELAY_ERROR * period + error_of(axis, 2) / (inertia[0] * w2);
     axis->result.elastic = dahl_absolute(inertia[2] - inertia[0]) > error_of(axis, 2) || axis->work.inertia.set != 0;
     if (axis->result.elastic) {
         delay = 0;
@@ -243,7 +244,7 @@ static void try_shaft(dahl_commission_t *axis, float a)
     }
 }
 
-/** A shaft is too soft for the sines. Above its resonance, the inertia that they found is that of the rotor, or less. */
+/** A shaft is too soft for the sines. */
 static void try_slower(dahl_commission_t *axis)
 {
     if (++axis->work.inertia.set == SETS) {

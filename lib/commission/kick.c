@@ -18,9 +18,9 @@
 #define MAX_EXCURSION 0.25f  /* rad beyond the travel */
 #define STILL_SPEED 0.04f    /* rad/s of the ring on the bristles */
 
-static const float gains[GAINS] = {0.5f, 0.9f, 0.94f};
+enum { PREPARE_ELEMENT, PREPARE_COMPENSATOR, FADE_IN, PUSH, SETTLE };
 
-enum { FADE_IN, PUSH, SETTLE };
+static const float gains[GAINS] = {0.5f, 0.9f, 0.94f};
 
 static void finish_kicks(dahl_commission_t *axis)
 {
@@ -30,22 +30,34 @@ static void finish_kicks(dahl_commission_t *axis)
     dahl_enter(axis, DAHL_COMMISSION_DONE);
 }
 
-/** Prepare the compensator with the next gain. Return 0 after a refusal. */
-static int prepare(dahl_commission_t *axis)
+/** Write the parameters with the next gain. */
+static void write_params(dahl_commission_t *axis)
 {
-    dahl_compensator_params_t params;
-    float passed = axis->result.gain;
+    const float passed = axis->result.gain;
     axis->result.gain = gains[axis->work.kick.gain];
-    dahl_compensator_err_t code = dahl_commission_params(axis, &params, 0);
+    dahl_write_params(axis, &axis->work.kick.params, 0);
     axis->result.gain = passed;
-    if (code != DAHL_COMPENSATOR_OK || dahl_prepare(&axis->work.kick.friction, &params.friction) != DAHL_OK
-        || dahl_compensator_prepare(&axis->work.kick.plan, &params) != DAHL_COMPENSATOR_OK) {
-        dahl_refuse(axis, code == DAHL_COMPENSATOR_INERTIA ? DAHL_COMMISSION_LIGHT : DAHL_COMMISSION_COARSE);
-        return 0;
-    }
     axis->work.kick.bristle = (dahl_state_t){0};
     axis->work.kick.compensator = (dahl_compensator_t){0};
-    return 1;
+}
+
+/** Prepare the element, then the compensator: a tick each, because both are long. */
+static void prepare_tick(dahl_commission_t *axis)
+{
+    const dahl_compensator_params_t *params = &axis->work.kick.params;
+    if (axis->work.kick.phase == PREPARE_ELEMENT) {
+        if (dahl_prepare(&axis->work.kick.friction, &params->friction) != DAHL_OK) {
+            dahl_refuse(axis, DAHL_COMMISSION_COARSE);
+        }
+        axis->work.kick.phase = PREPARE_COMPENSATOR;
+        return;
+    }
+    dahl_compensator_err_t code = dahl_compensator_prepare(&axis->work.kick.plan, params);
+    if (code != DAHL_COMPENSATOR_OK) {
+        dahl_refuse(axis, code == DAHL_COMPENSATOR_INERTIA ? DAHL_COMMISSION_LIGHT : DAHL_COMMISSION_COARSE);
+    }
+    axis->work.kick.phase = FADE_IN;
+    axis->step_ticks = 0;
 }
 
 /** Pushes go both ways, two of 1 Fc, then two of 2 Fc. They end at a speed that friction stops within half of the travel. */
@@ -53,9 +65,7 @@ static void arm(dahl_commission_t *axis)
 {
     const dahl_commission_result_t *result = &axis->result;
     uint8_t kick = axis->work.kick.kick;
-    if (!prepare(axis)) {
-        return;
-    }
+    write_params(axis);
     float left = 1 - gains[axis->work.kick.gain] * result->Fc.least / result->Fc.best;
     float braking = left * result->Fc.best / result->inertia.best;
     float ring = dahl_root(result->sigma0.best / result->inertia.best);
@@ -63,7 +73,7 @@ static void arm(dahl_commission_t *axis)
     axis->work.kick.push = (kick & 1 ? -1.0f : 1.0f) * (kick < 2 ? 1.0f : 2.0f) * result->Fc.best;
     axis->work.kick.still = (float)(2 * result->noise + 1) * axis->config.theta_per_count + STILL_SPEED / ring;
     axis->work.kick.start = axis->theta;
-    axis->work.kick.phase = FADE_IN;
+    axis->work.kick.phase = PREPARE_ELEMENT;
     axis->work.kick.windows = 0;
     dahl_next_step(axis);
 }
@@ -194,6 +204,10 @@ void dahl_kick_tick(dahl_commission_t *axis, int32_t dcounts)
 {
     if (axis->step == 0) {
         wait_tick(axis);
+        return;
+    }
+    if (axis->work.kick.phase < FADE_IN) {
+        prepare_tick(axis);
         return;
     }
     axis->step_ticks++;

@@ -10,6 +10,7 @@
 #define FROZEN_S 0.01f
 #define FROZEN_PUSH_S 0.006f
 #define FROZEN_SHARE 0.6f      /* of Fc: the bristles give way before */
+#define FROZEN_BRISTLE_COUNTS 5.0f
 #define FROZEN_RAD 0.06f       /* of the reference without a count */
 #define FROZEN_PUSH_RAD 0.01f
 #define FROZEN_COUNTS 6.0f     /* of a coarse encoder, more */
@@ -19,13 +20,23 @@
 
 static const float most_seconds[] = {3, 25, 12, 12, 20, 60}; /* by stage */
 
+/** Return the torque that moves the bristles by some counts. The ramp is slow, so it must not wait for FROZEN_SHARE. */
+static float frozen_torque(const dahl_commission_t *axis)
+{
+    const float most = FROZEN_SHARE * axis->result.Fc.best, count = axis->config.theta_per_count;
+    if (axis->command.stage != DAHL_COMMISSION_BREAKAWAY) {
+        return most;
+    }
+    return dahl_smaller(most, FROZEN_BRISTLE_COUNTS * count * 2 * axis->cycle_torque / axis->cycle_travel);
+}
+
 /** Torque mode, and OFF: the torque grows but no count comes. */
 static int is_frozen_in_torque(dahl_commission_t *axis, int32_t dcounts)
 {
     if (dcounts != 0 || axis->command.mode == DAHL_COMMISSION_OFF || !(axis->result.Fc.best > 0)) {
         axis->watch.torque = axis->torque;
     }
-    if (dahl_absolute(axis->torque - axis->watch.torque) <= FROZEN_SHARE * axis->result.Fc.best) {
+    if (dahl_absolute(axis->torque - axis->watch.torque) <= frozen_torque(axis)) {
         axis->watch.frozen_ticks = 0;
         return 0;
     }

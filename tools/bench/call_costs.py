@@ -62,7 +62,7 @@ MEMORY_MARKS = ("<!-- bench:memory -->", "<!-- /bench:memory -->")
 
 
 def public_calls() -> list[str]:
-    """Return the functions of an element, a compensator, a commissioning and a node, in the order of the headers."""
+    """Return the functions of all parts that firmware calls, in the order of the headers."""
     functions = re.findall(r"^\w[\w* ]*\b(dahl_\w+)\(", DECLARATIONS.read_text(), re.MULTILINE)
     functions = [x for x in functions if x not in CALLED_BY_CALLS and not INLINE.fullmatch(x)]
     return [x for x in functions if not NOT_MEASURED.match(x)]
