@@ -5,7 +5,6 @@
  * viscous. Two passes per speed show if the friction repeats. */
 #include "commission.h"
 
-#define BINS DAHL_COMMISSION_BINS
 #define SPEEDS DAHL_COMMISSION_SPEEDS
 #define STROKES 4                /* at each speed: down, up, down, up */
 #define ACCELERATION 60.0f       /* rad/s2 */
