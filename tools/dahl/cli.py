@@ -19,6 +19,7 @@ from typing import Any, NoReturn, TextIO
 
 from dahl import dependencies, interrupt, paths
 from dahl.commands import (
+    commission,
     complete,
     data,
     dbc,
@@ -91,6 +92,7 @@ class Parser(argparse.ArgumentParser):
 
 COMMANDS = {
     "demo": demo,
+    "commission": commission,
     "loop": loop,
     "identify": identify,
     "excite": excite,

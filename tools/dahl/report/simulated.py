@@ -99,7 +99,7 @@ def _play_commission(_: int, begin: Begin) -> Played:
     from dahl.sim import axis
 
     advance = begin(len(axis.STAGES) + 2, "steps")
-    done = axis.commission(axis.simulated(), axis.Shaft(), progress=axis.each_stage(advance))
+    done = axis.commission(axis.simulated(), axis.Shaft(), watch=axis.each_stage(advance))
     tracking = []
     for is_compensated in (False, True):
         tracking.append(axis.track(done.axis, is_compensated))

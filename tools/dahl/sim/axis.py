@@ -26,6 +26,7 @@ FC, SIGMA0, VISCOUS = 0.5, 100.0, 0.01  # N m, N m/rad, N m s/rad: a presliding 
 INERTIA, GRAVITY = 0.002, 0.15  # kg m2, N m at the first angle
 COUNTS_PER_TURN = 65536
 TORQUE_LIMIT = 10 * FC  # N m
+TRAVEL = 0.35  # rad
 BANDWIDTH_HZ = 35.0  # of the position loop
 MAX_BANDWIDTH_TICKS = 0.035  # bandwidth times period: a faster loop is unstable with its delay
 SPEED_FILTER_HZ = 150.0
@@ -113,6 +114,13 @@ class Trace:
     angle: list[float] = field(default_factory=list)  # rad, at the start of the tick
     torque: list[float] = field(default_factory=list)  # N m, sent in the tick
 
+    def append(self, command: Command, angle: float, torque: float) -> None:
+        self.stage.append(command.stage)
+        self.mode.append(command.mode)
+        self.reference.append(command.angle)
+        self.angle.append(angle)
+        self.torque.append(torque)
+
 
 @dataclass
 class Commissioned:
@@ -126,25 +134,18 @@ def commission(
     axis: Commission,
     plant: Plant,
     bandwidth: float = BANDWIDTH_HZ,
-    progress: Callable[[str], None] = lambda stage: None,
+    watch: Callable[[Command], object] = lambda command: None,
 ) -> Commissioned:
-    """Run an axis to its end. progress(stage) is called in each tick. A refusal is not raised."""
+    """Run an axis to its end. watch(command) is called in each tick. A refusal is not raised."""
     loop = PositionLoop(axis.period, axis.theta_per_count, axis.inertia, bandwidth)
     trace = Trace(axis.period)
 
     def drive(command: Command) -> tuple[int, float]:
         torque = loop.torque(command)
-        for values, value in (
-            (trace.stage, command.stage),
-            (trace.mode, command.mode),
-            (trace.reference, command.angle),
-            (trace.angle, loop.angle),
-            (trace.torque, torque),
-        ):
-            values.append(value)  # type: ignore[attr-defined]
+        trace.append(command, loop.angle, torque)
         moved = plant.move(torque)
         loop.read(moved)
-        progress(command.stage)
+        watch(command)
         return moved, torque
 
     try:
@@ -155,26 +156,27 @@ def commission(
     return Commissioned(axis, trace)
 
 
-def each_stage(advance: Callable[[], None]) -> Callable[[str], None]:
-    """Return a progress for commission() that calls advance() at the end of each stage."""
+def each_stage(advance: Callable[[], None]) -> Callable[[Command], None]:
+    """Return a `watch` of commission() that calls advance() at the end of each stage."""
     last = STAGES[0]
 
-    def progress(stage: str) -> None:
+    def watch(command: Command) -> None:
         nonlocal last
-        if stage != last:
-            last = stage
+        if command.stage != last:
+            last = command.stage
             advance()
 
-    return progress
+    return watch
 
 
-def simulated() -> Commission:
+def simulated(travel: float = TRAVEL) -> Commission:
     """Return a new Commission for the simulated shaft. Its inertia is 20 % too large."""
     return Commission(
         period=PERIOD_S,
         theta_per_count=Shaft.theta_per_count,
         inertia=1.2 * INERTIA,
         torque_limit=TORQUE_LIMIT,
+        travel=travel,
     )
 
 
