@@ -146,13 +146,13 @@ class Axis:
         )
 
     def _check_period(self, timestamp: float) -> None:
-        if self._ticks == 0:
+        self._ticks += 1
+        if self._ticks == 1:
             self._first = timestamp
-        if self._ticks == CHECKED_TICKS:
+        if self._ticks == CHECKED_TICKS + 1:
             found = (timestamp - self._first) / CHECKED_TICKS
             if abs(found / self._period - 1) > MAX_PERIOD_ERROR:
                 raise RunError(
                     f"an angle comes each {1e3 * found:.3g} ms, not each {1e3 * self._period:g} ms:"
                     " set the rate of the drive, or --period"
                 )
-        self._ticks += 1
