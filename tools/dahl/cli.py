@@ -92,9 +92,9 @@ class Parser(argparse.ArgumentParser):
 
 COMMANDS = {
     "demo": demo,
-    "commission": commission,
     "loop": loop,
     "identify": identify,
+    "commission": commission,
     "excite": excite,
     "plan": plan,
     "fmu": fmu,

@@ -5,9 +5,8 @@ from __future__ import annotations
 
 import math
 
-import pytest
-
 import dahl
+import pytest
 from dahl.binding.commission import Command
 
 PERIOD, COUNT, INERTIA, FC, SIGMA0, LOAD = 1e-3, 2 * math.pi / 2**16, 0.002, 0.5, 100.0, 0.1

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""`dahl commission`: a simulated axis, the recording of a table, and drives on a bus. The drives are
-those of the simulated shaft, whose parameters are the truth.
+"""`dahl commission`: a simulated axis, the recording of a table, and drives on a bus. All have the
+simulated shaft, whose parameters are the truth.
 """
 
 import ctypes
@@ -64,8 +64,11 @@ def assert_header(numbers: dict, root: Path, folder: Path) -> None:
     includes = [f"-I{root}/lib/include", "-Iout"]
     strict = ["-Wall", "-Wextra", "-Werror", "-fsyntax-only", *includes]
     run("c++", "-std=c++11", "-x", "c++", *strict, "-Wno-missing-declarations", source)
-    sources = [one for name in ("arith", "model", "parts", "compensator")
-               for one in (root / "lib" / name).glob("*.c")]
+    sources = [
+        one
+        for name in ("arith", "model", "parts", "compensator")
+        for one in (root / "lib" / name).glob("*.c")
+    ]
     lib = shared_object(folder, *includes, source, *sources)
     lib.load.restype, lib.load.argtypes = ctypes.c_float, [ctypes.c_float]
     assert lib.prepare() == 0
@@ -200,7 +203,9 @@ class SimulatedDrive:
 
 
 @contextmanager
-def drive_on(channel: str, kind: str, sign: int = 1, period: float = 1e-3) -> Iterator[SimulatedDrive]:
+def drive_on(
+    channel: str, kind: str, sign: int = 1, period: float = 1e-3
+) -> Iterator[SimulatedDrive]:
     settings = {"protocol": can.CanProtocol.CAN_FD, "preserve_timestamps": True}
     with can.Bus(interface="virtual", channel=channel, **settings) as bus:
         drive = SimulatedDrive(bus, kind, sign, period)
@@ -279,8 +284,12 @@ def test_bad_words_are_refused(words: str, said: str, dahl) -> None:
 
 
 def test_code_and_page_have_the_same_next_step_for_each_refusal(root: Path) -> None:
-    codes = set(re.findall(r"DAHL_COMMISSION_(\w+) = -4\d|DAHL_COMMISSION_(\w+) = -5\d",
-                           (root / "lib/include/dahl_commission.h").read_text()))
+    codes = set(
+        re.findall(
+            r"DAHL_COMMISSION_(\w+) = -4\d|DAHL_COMMISSION_(\w+) = -5\d",
+            (root / "lib/include/dahl_commission.h").read_text(),
+        )
+    )
     names = {one or other for one, other in codes} - {"PARAM"}
     assert names == set(REASONS)
     rows = re.findall(r"^\| `(\w+)` \| ([^|]+) \| ([^|]+) \|", page(root), re.MULTILINE)

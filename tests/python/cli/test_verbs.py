@@ -16,7 +16,7 @@ from log_writers import DBC, STEP
 from log_writers import frames as write_frames
 
 VERBS = ("demo", "identify", "excite", "plan", "fmu", "node", "monitor", "record", "plot", "report")
-VERBS += ("dbc", "loop")
+VERBS += ("dbc", "loop", "commission")
 
 
 @pytest.mark.parametrize("verb", VERBS)

@@ -5,6 +5,7 @@ within limit and slew, in the units that they promise.
 
 import ctypes
 import importlib
+import json
 import math
 import random
 import re
@@ -364,6 +365,22 @@ def test_the_host_needs_a_known_drive_each_bound_and_a_bus(
         runpy.run_path(str(root / "examples/odrive_moteus/feed_forward.py"), run_name="__main__")
     assert said in f"{ended.value.code} {capsys.readouterr().err}"
     assert given == ({"interface": "socketcan"} | asked if asked else {})
+
+
+def test_the_host_takes_the_bounds_of_a_commissioning(root, dahl, monkeypatch) -> None:
+    """It has them, so that only the bus is missing. Those of a refused axis are null."""
+    assert dahl("commission", "--simulate", "-o", ".").returncode == 0
+    known = json.loads(Path("axis.json").read_text())
+    assert known["compensator_without_load_table"]["gain"] < known["compensator"]["gain"]
+    Path("refused.json").write_text(json.dumps(known | {"compensator_without_load_table": None}))
+    for name, said in (("axis.json", "error: cannot open can7"), ("refused.json", "2")):
+        words = ["feed_forward.py", "odrive", "can7", "--from", name]
+        monkeypatch.setattr(sys, "argv", words)
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_path(
+                str(root / "examples/odrive_moteus/feed_forward.py"), run_name="__main__"
+            )
+        assert str(ended.value.code).startswith(said)
 
 
 def torques_of_moves(moves: list[int], period: float) -> np.ndarray:

@@ -169,8 +169,7 @@ def commission(name: str, params: Any, load: Sequence[float], travel: float) -> 
     half, values = len(load) // 2, "{" + ", ".join(map(_float, load)) + "}"
     lines = [
         "",
-        "/* Parameters for dahl_compensator_prepare(), if the firmware adds the load to its command."
-        " */",
+        "/* For dahl_compensator_prepare(), if the firmware adds the load to its command. */",
         f"#ifndef {guard}",
         f"#define {guard}",
         '#include "dahl_compensator.h"',
@@ -183,7 +182,8 @@ def commission(name: str, params: Any, load: Sequence[float], travel: float) -> 
         f"static inline float dahl_plan_{name}_load(float angle)",
         "{",
         *_fold(f"static const float load[{len(load)}] = {values};"),
-        f"    const float travel = {_float(travel)}, x = (angle + travel) * {half} / travel - 0.5f;",
+        f"    const float travel = {_float(travel)};",
+        f"    const float x = (angle + travel) * {half} / travel - 0.5f;",
         f"    const int bin = x > 0 ? x < {last} ? (int)x : {last} : 0;",
         "",
         f"    return bin < {last} && x > 0"

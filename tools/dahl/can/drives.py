@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import struct
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
 from dahl.errors import RunError, Timeout
@@ -49,8 +50,8 @@ def float_at(data: bytes | bytearray, place: int) -> float | None:
 class ODrive:
     """CAN Simple: Get_Encoder_Estimates (9), which the drive sends each encoder_rate_ms (0.6:
     encoder_msg_rate_ms), and Set_Input_Torque (14), little-endian floats in turns and N m. Checked
-    against the protocol table and can_simple.cpp of firmware 0.5.4. The drive must be in closed-loop
-    control, in torque mode.
+    against the protocol table and can_simple.cpp of firmware 0.5.4. The drive must be in torque
+    mode, with its loop closed.
     """
 
     def __init__(self, node: int = 0) -> None:
@@ -91,7 +92,10 @@ class Moteus:
         )
 
 
-DRIVES = {"odrive": ODrive, "moteus": Moteus}
+DRIVES: dict[str, Callable[[int], Drive]] = {"odrive": ODrive, "moteus": Moteus}
+
+
+DEFAULT_NODES = {"odrive": 0, "moteus": 1}
 
 
 class Axis:

@@ -53,7 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("a live axis")
     words = "frames of the drive (default odrive)"
     group.add_argument("--drive", choices=DRIVES, default="odrive", help=words)
-    group.add_argument("--node", type=whole(0, 127), metavar="N", help="number of the drive")
+    group.add_argument(
+        "--node", type=whole(0, 127), metavar="N", help="of the drive (default 0; moteus 1)"
+    )
     for name, metavar, words in (
         ("--inertia", "J", "kg m2, of all that moves, within a factor of 1.5"),
         ("--torque-limit", "T", "N m, largest torque: 4 times the friction is enough"),
@@ -137,7 +139,8 @@ def _drive(args: argparse.Namespace) -> Report:
     from dahl.sim import axis
 
     axis_of_user = _commission(args)
-    frames = drives.DRIVES[args.drive](*([] if args.node is None else [args.node]))
+    number = drives.DEFAULT_NODES[args.drive] if args.node is None else args.node
+    frames = drives.DRIVES[args.drive](number)
     rates = {} if args.bandwidth is None else {"bandwidth": args.bandwidth}
     with open_from(args) as bus, Bar(console(stderr=True), leaves_nothing=True) as bar:
         plant = drives.Axis(

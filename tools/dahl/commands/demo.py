@@ -56,7 +56,12 @@ OWN_LOG = (  # type, name of the value, help
     ("--spring", finite, "K", "N m/rad; its product with the angle is added"),
 )
 RUN = (
-    ("--scene", str, "NAME", "a shipped scene, a scene file, commission, compensation or park-steer"),
+    (
+        "--scene",
+        str,
+        "NAME",
+        "a shipped scene, a scene file, commission, compensation or park-steer",
+    ),
     ("--bus", str, "SPEC", "socketcan:IF or socketcand (default: the best there is)"),
     ("--target", str, "CORE", "compute the torque in firmware on an emulated core, such as m4f"),
     ("--seconds", seconds, "S", "end the motion after S seconds"),

@@ -25,10 +25,19 @@ if TYPE_CHECKING:
 UNITS = {
     **{"Fc": "N m", "length": "rad", "sigma0": "N m/rad", "inertia": "kg m2", "delay": "s"},
     **{"viscous": "N m s/rad", "load": "N m", "load_error": "N m", "load_most": "N m"},
-    **{"theta_per_count": "rad", "angle": "rad", "friction": "N m", "noise": "count", "play": "count", "seconds": "s"},
+    **{
+        "theta_per_count": "rad",
+        "angle": "rad",
+        "friction": "N m",
+        "noise": "count",
+        "play": "count",
+        "seconds": "s",
+    },
 }
-CONFIGURATION = ("period", "theta_per_count", "inertia", "torque_limit", "travel")
-CONFIGURATION += ("angle_limit", "speed_limit")
+CONFIGURATION = (
+    *("period", "theta_per_count", "inertia", "torque_limit"),
+    *("travel", "angle_limit", "speed_limit"),
+)
 FULL_GAIN = 0.89
 COMMENT_WIDTH = 100  # columns
 NEEDS_DRIVE = ("Fc_low", "length_long", "sigma0_high", "delay", "gain")

@@ -108,7 +108,9 @@ def _ramps(trace: Trace) -> list[np.ndarray]:
     rows = np.flatnonzero((stage == "breakaway") & (mode == "torque"))
     runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
     torque = np.array(trace.torque)
-    return [run[np.flatnonzero(torque[run] != torque[run[0]])] for run in runs if np.ptp(torque[run])]
+    return [
+        run[np.flatnonzero(torque[run] != torque[run[0]])] for run in runs if np.ptp(torque[run])
+    ]
 
 
 def _draw_kicks(axes: Axes, trace: Trace) -> None:
