@@ -279,18 +279,15 @@ def test_bash_completes_commands_options_and_values(dahl, root):
         ask += 'printf "%s\\n" "${COMPREPLY[@]}"'
         return run("bash", "--norc", "-uc", script + ask).split()
 
-    assert re.findall(r"^    (\w+) ", dahl("--help").stdout, re.MULTILINE) == list(OPTIONS)
+    assert re.findall(r"^    (\w+)\b", dahl("--help").stdout, re.MULTILINE) == list(OPTIONS)
     assert set(completed("")) == {*OPTIONS}
     assert set(completed("-")) == {"-h", "--help", "--version"}
     assert completed("mon") == ["monitor"] and completed("demo", "--sce") == ["--scene"]
     for verb in OPTIONS:
         assert set(completed(verb, "-")) == names_of(verb) | {"-h", "--help"}
     scenes = {path.stem for path in (root / "host_sim" / "scenes").glob("*.ini")}
-    assert set(completed("demo", "--scene", "")) == scenes | {
-        "commission",
-        "compensation",
-        "park-steer",
-    }
+    scenes |= {"commission", "compensation", "park-steer"}
+    assert set(completed("demo", "--scene", "")) == scenes
     assert completed("plan", "--model", "asy") == ["asymmetric"]
     for name in ("-i", "--interface"):
         assert "socketcand" in completed("node", name, "socketcan")
