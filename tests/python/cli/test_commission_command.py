@@ -263,6 +263,18 @@ def test_a_silent_bus_is_one_line(live) -> None:
     assert code == 1 and "no angle" in line and "--node" in line
 
 
+@pytest.mark.parametrize("call", ["send", "recv"])
+def test_a_bus_that_is_lost_is_one_line(call: str, live, monkeypatch) -> None:
+    """Also if no frame with torque 0 can be sent any more."""
+
+    def fail(*_: object, **__: object) -> None:
+        raise can.CanOperationError("unplugged")
+
+    monkeypatch.setattr(can.interfaces.virtual.VirtualBus, call, fail)
+    code, line = complaint(live(new_channel(), "odrive"))
+    assert code == 1 and "unplugged" in line
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

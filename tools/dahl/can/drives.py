@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
+from dahl.can.bus import receive, transmit
 from dahl.errors import RunError, Timeout
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ class Axis:
         if self._paced:
             self._next = max(self._next + self._period, time.monotonic() - self._period)
             time.sleep(max(0.0, self._next - time.monotonic()))
-        self._bus.send(self._drive.command(torque))
+        self._send(torque)
         counts = round(self._wait() * self._per_turn)
         before, self._counts = self._counts, counts
         return 0 if before is None else counts - before
@@ -132,14 +133,17 @@ class Axis:
     def stop(self) -> None:
         """Set the torque to 0. More than one frame, since one may be lost."""
         for _ in range(OFF_FRAMES):
-            self._bus.send(self._drive.command(0.0))
+            self._send(0.0)
+
+    def _send(self, torque: float) -> None:
+        transmit(self._bus, self._drive.command(torque), f"a torque of {torque:g} N m")
 
     def _wait(self) -> float:
         """Return the next angle in turns."""
         patience = START_S if self._counts is None else TIMEOUT_S
         end = time.monotonic() + patience
         while (left := end - time.monotonic()) > 0:
-            message = self._bus.recv(left)
+            message = receive(self._bus, left)
             turns = self._drive.turns(message) if message else None
             if message is not None and turns is not None:
                 self._check_period(message.timestamp)
