@@ -2,6 +2,12 @@
 /** Motions of the stages: strokes that accelerate, cruise and brake, and the way to the middle. */
 #include "commission.h"
 
+#define PUSH_RATE 8.0f     /* Fc/s */
+#define FIRST_RATE 0.25f   /* of the torque limit in 1/s, before Fc is known */
+#define FREE_RAD 0.01f     /* a push ends if the axis moved by this */
+#define STUCK_RAD 0.05f    /* tracking error */
+#define STUCK_S 0.02f      /* without a count */
+
 #define RETURN_SPEED 1.0f         /* rad/s */
 #define RETURN_ACCELERATION 20.0f /* rad/s2 */
 
@@ -16,8 +22,18 @@ void dahl_track_from_here(dahl_commission_t *axis)
     axis->watch.angle = axis->theta;
 }
 
+/** A soft loop would take long to break the axis away: push it without the loop. The loop then starts with that torque. */
+static void start_push(dahl_commission_t *axis)
+{
+    axis->command.mode = DAHL_COMMISSION_TORQUE;
+    axis->command.torque = axis->torque;
+    axis->stroke.is_push = 1;
+    axis->stroke.tick = 0;
+    axis->stroke.start = axis->theta;
+}
+
 /** Whole ticks, so that the stroke ends exactly: the speed gives way. A short stroke has no cruise. */
-void dahl_stroke_to(dahl_commission_t *axis, float end, float speed, float acceleration)
+static void plan_stroke(dahl_commission_t *axis, float end, float speed, float acceleration)
 {
     const float period = axis->config.period;
     float way = end - axis->command.angle, length = dahl_absolute(way);
@@ -37,8 +53,42 @@ void dahl_stroke_to(dahl_commission_t *axis, float end, float speed, float accel
     axis->command.acceleration = 0;
 }
 
+void dahl_stroke_to(dahl_commission_t *axis, float end, float speed, float acceleration)
+{
+    axis->stroke.end = end;
+    axis->stroke.want_speed = speed;
+    axis->stroke.want_acceleration = acceleration;
+    if (axis->is_soft) {
+        start_push(axis);
+    } else {
+        plan_stroke(axis, end, speed, acceleration);
+    }
+}
+
+static void push_tick(dahl_commission_t *axis)
+{
+    const float Fc = dahl_larger(axis->table.level[0], axis->result.Fc.best);
+    const float rate = Fc > 0 ? PUSH_RATE * Fc : FIRST_RATE * axis->config.torque_limit;
+    const float direction = axis->stroke.end < axis->stroke.start ? -1.0f : 1.0f;
+    axis->command.torque += direction * rate * axis->config.period;
+    if (direction * (axis->theta - axis->stroke.start) > FREE_RAD) {
+        axis->stroke.is_push = 0;
+        dahl_track_from_here(axis);
+        plan_stroke(axis, axis->stroke.end, axis->stroke.want_speed, axis->stroke.want_acceleration);
+    }
+}
+
 int dahl_stroke_tick(dahl_commission_t *axis)
 {
+    if (axis->stroke.is_push) {
+        push_tick(axis);
+        return 0;
+    }
+    if (axis->is_soft && axis->watch.frozen_ticks > dahl_ticks(axis, STUCK_S)
+        && dahl_absolute(axis->command.angle - axis->theta) > STUCK_RAD) {
+        start_push(axis);
+        return 0;
+    }
     const float period = axis->config.period;
     dahl_commission_command_t *command = &axis->command;
     uint32_t tick = axis->stroke.tick++, brake = axis->stroke.ramp_ticks + axis->stroke.cruise_ticks;
@@ -70,7 +120,7 @@ void dahl_return_to_middle(dahl_commission_t *axis)
 /** The integrator of a loop hunts on an axis that sticks, so the axis waits without the loop. */
 int dahl_wait_in_middle(dahl_commission_t *axis, float seconds)
 {
-    if (axis->command.mode == DAHL_COMMISSION_TRACK) {
+    if (axis->command.mode == DAHL_COMMISSION_TRACK || axis->stroke.is_push) {
         if (dahl_stroke_tick(axis)) {
             axis->command.mode = DAHL_COMMISSION_TORQUE;
             axis->command.torque = dahl_commission_load(axis, 0);

@@ -5,6 +5,7 @@
 #define SATURATED_SHARE 0.98f  /* of the limit */
 #define SATURATED_S 0.03f
 #define HOLD_RAD 0.05f         /* tracking error while a falling axis is held */
+#define SOFT_SHARE 0.4f        /* tracking error over the travel: see dahl_stroke_to() */
 #define BACKWARD_RAD 0.012f    /* against the first command */
 #define FALL_RAD 0.02f         /* of an axis at rest: see rest.c */
 #define FROZEN_S 0.01f
@@ -13,14 +14,15 @@
 #define FROZEN_RAD 0.06f       /* of the reference without a count */
 #define FROZEN_PUSH_RAD 0.01f
 #define GUESSED_PUSH 120.0f    /* rad/s2 as a torque, before Fc is known */
+#define TRAVEL_RAD 0.35f       /* a longer travel takes longer */
 #define TORQUE_ROUNDING 1.001f
 
-static const float most_seconds[] = {3, 25, 12, 12, 6, 60}; /* by stage */
+static const float most_seconds[] = {3, 25, 12, 12, 20, 60}; /* by stage */
 
 /** Torque mode, and OFF: the torque grows but no count comes. */
 static int is_frozen_in_torque(dahl_commission_t *axis, int32_t dcounts)
 {
-    if (dcounts != 0 || axis->command.mode == DAHL_COMMISSION_OFF) {
+    if (dcounts != 0 || axis->command.mode == DAHL_COMMISSION_OFF || !(axis->result.Fc.best > 0)) {
         axis->watch.torque = axis->torque;
     }
     if (dahl_absolute(axis->torque - axis->watch.torque) <= FROZEN_SHARE * axis->result.Fc.best) {
@@ -48,6 +50,15 @@ static int is_frozen_in_loop(dahl_commission_t *axis, int32_t dcounts)
            && moved > (is_pushed ? FROZEN_PUSH_RAD : FROZEN_RAD);
 }
 
+/** The loop is too soft for the friction: start the sweeps again, with pushes. */
+static void become_soft(dahl_commission_t *axis)
+{
+    axis->is_soft = 1;
+    axis->torque = 0;
+    dahl_enter(axis, DAHL_COMMISSION_SWEEPS);
+    axis->stage_ticks = 1;
+}
+
 static dahl_commission_refusal_t check_loop(dahl_commission_t *axis, int32_t dcounts)
 {
     const int is_rest = axis->command.stage == DAHL_COMMISSION_REST;
@@ -56,10 +67,15 @@ static dahl_commission_refusal_t check_loop(dahl_commission_t *axis, int32_t dco
     if (is_first && axis->theta < -BACKWARD_RAD - FALL_RAD) {
         return DAHL_COMMISSION_SIGN;
     }
+    if (axis->command.stage == DAHL_COMMISSION_SWEEPS && !axis->is_soft
+        && dahl_absolute(axis->command.angle - axis->theta) > SOFT_SHARE * axis->config.travel) {
+        become_soft(axis);
+        return DAHL_COMMISSION_OK;
+    }
     if (dahl_absolute(axis->command.angle - axis->theta) > (is_rest ? HOLD_RAD : axis->config.travel)) {
         return DAHL_COMMISSION_TRACKING;
     }
-    return is_frozen_in_loop(axis, dcounts) ? DAHL_COMMISSION_ENCODER : DAHL_COMMISSION_OK;
+    return is_frozen_in_loop(axis, dcounts) && !axis->is_soft ? DAHL_COMMISSION_ENCODER : DAHL_COMMISSION_OK;
 }
 
 /** Limits of angle, speed, torque and time. */
@@ -81,7 +97,8 @@ static dahl_commission_refusal_t check_limits(dahl_commission_t *axis)
     if (axis->watch.saturated_ticks > dahl_ticks(axis, SATURATED_S)) {
         return DAHL_COMMISSION_SATURATED;
     }
-    int is_late = axis->stage_ticks > dahl_ticks(axis, most_seconds[axis->command.stage]);
+    const float longer = dahl_larger(1, config->travel / TRAVEL_RAD);
+    int is_late = axis->stage_ticks > dahl_ticks(axis, longer * most_seconds[axis->command.stage]);
     return is_late ? DAHL_COMMISSION_TIMEOUT : DAHL_COMMISSION_OK;
 }
 

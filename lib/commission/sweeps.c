@@ -224,6 +224,7 @@ void dahl_sweeps_tick(dahl_commission_t *axis)
 {
     const float travel = axis->config.travel;
     if (axis->stage_ticks == 1) {
+        axis->work.sweeps.speed = 0;
         dahl_stroke_to(axis, travel, speeds[0], ACCELERATION);
     }
     add_sample(axis);

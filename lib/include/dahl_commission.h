@@ -72,7 +72,7 @@ extern "C" {
 /** Speeds of the sweeps. */
 #define DAHL_COMMISSION_SPEEDS 3
 /** Sines of the stage INERTIA. */
-#define DAHL_COMMISSION_SINES 2
+#define DAHL_COMMISSION_SINES 3
 /** [rad/s] Fastest sweep. */
 #define DAHL_COMMISSION_SPEED_MAX 2.5f
 
@@ -177,11 +177,12 @@ typedef struct {
     int32_t counts;              /**< [count] since the start */
     float theta, speed, torque;  /**< [rad], [rad/s] low-pass, [N m] of the last tick */
     uint32_t ticks, stage_ticks, step_ticks;
-    uint8_t step, pass, tries, is_held;
+    uint8_t step, pass, tries, is_held, is_soft;
     struct {
-        float end, speed, acceleration;
+        float start, end, want_speed, want_acceleration, speed, acceleration;
         uint32_t ramp_ticks, cruise_ticks, tick;
-    } stroke;                    /**< accelerate, cruise, brake */
+        uint8_t is_push;
+    } stroke;                    /**< accelerate, cruise, brake; with a soft loop push before */
     struct {
         float angle, torque;     /**< reference and torque of the last count */
         uint32_t frozen_ticks, saturated_ticks;
@@ -214,9 +215,10 @@ typedef struct {
         struct {
             dahl_commission_command_t base; /* without the sines */
             float sine[DAHL_COMMISSION_SINES][2], turn[DAHL_COMMISSION_SINES][2];
-            float torque[DAHL_COMMISSION_SINES][2], speed[DAHL_COMMISSION_SINES][2];
+            float torque[2][DAHL_COMMISSION_SINES][2], speed[2][DAHL_COMMISSION_SINES][2];
             float window[2], window_turn[2], mean_speed;
-            uint8_t stroke;
+            float inertia[DAHL_COMMISSION_SINES], error[DAHL_COMMISSION_SINES], shaft, gap;
+            uint8_t stroke, set;
         } inertia;
         struct {
             dahl_plan_t friction;

@@ -12,7 +12,6 @@
 #include "dahl_commission.h"
 
 #define TWO_PI 6.283185307179586
-#define TRAVEL 0.35
 #define SUBSTEP 4e-5 /* s */
 
 enum { SLIPS = 6, LATEST = 4 };
@@ -23,7 +22,7 @@ typedef struct {
     double Fc, sigma0, breakaway, stribeck, damping, viscous; /* N m, N m/rad, 1, rad/s, N m s/rad */
     double unequal, ripple, ripple_n, ripple_phase;           /* of Fc */
     double inertia, gravity, gravity_phase, cogging, cogging_n, torque_constant;
-    double period, count, lag, noise, eccentric;
+    double period, count, lag, noise, eccentric, travel;
     int delay;
     double loop_inertia, loop_hz;
     double load_inertia, shaft, shaft_damping, load_share; /* a second mass with Dahl's friction; 0: a rigid axis */
@@ -59,7 +58,7 @@ static inline axis_t random_axis(uint64_t number)
         random_u32(s);
     }
     double kind = uniform(s, 0, 1);
-    axis_t axis = {.kind = kind < 0.25 ? AXIS_DAHL : kind < 0.75 ? AXIS_LUGRE : AXIS_SLIP, .sign = 1, .period = 1e-3, .loop_hz = 35};
+    axis_t axis = {.kind = kind < 0.25 ? AXIS_DAHL : kind < 0.75 ? AXIS_LUGRE : AXIS_SLIP, .sign = 1, .period = 1e-3, .loop_hz = 35, .travel = 0.35};
     axis.Fc = log_uniform(s, 0.03, 2);
     axis.inertia = axis.Fc / log_uniform(s, 60, 600);
     axis.breakaway = axis.kind == AXIS_LUGRE ? uniform(s, 1, 1.5) : 1;
@@ -83,6 +82,20 @@ static inline axis_t random_axis(uint64_t number)
     axis.lag = uniform(s, 1e-4, 5e-4);
     axis.loop_inertia = axis.inertia / axis.torque_constant * uniform(s, 0.7, 1.4);
     axis.seed = seed;
+    return axis;
+}
+
+/* Other encoders, ticks, delays and travels. */
+static inline axis_t other_axis(uint64_t number)
+{
+    axis_t axis = random_axis(number);
+    uint64_t seed = axis.seed + 2;
+    axis.period = 1e-3 / (1 << (random_u32(&seed) >> 30) % 3);
+    axis.count = TWO_PI / pow(2, floor(uniform(&seed, 12, 21)));
+    axis.noise = axis.count > 5e-4 ? fmin(axis.noise, 1) : axis.noise;
+    axis.delay = 1 + (int)uniform(&seed, 0, 3);
+    axis.lag = uniform(&seed, 0.1, 0.5) * axis.period;
+    axis.travel = log_uniform(&seed, 0.2, 1.5);
     return axis;
 }
 
@@ -246,7 +259,7 @@ static inline dahl_commission_t commission_axis(const axis_t *axis, motion_t *mo
     double limit = axis->limit > 0 ? axis->limit : 10 * axis->Fc, torque = 0;
     dahl_commission_config_t config = {
         .period = (float)axis->period, .theta_per_count = (float)axis->count, .inertia = (float)axis->loop_inertia,
-        .travel = (float)TRAVEL, .angle_limit = 2 * (float)TRAVEL, .speed_limit = 10, .torque_limit = (float)limit};
+        .travel = (float)axis->travel, .angle_limit = 2 * (float)axis->travel, .speed_limit = 10, .torque_limit = (float)limit};
     if (dahl_commission_start(&state, &config) != DAHL_COMMISSION_OK) {
         return state;
     }
@@ -305,7 +318,7 @@ static inline double speed_after_push(const axis_t *axis, const dahl_commission_
 {
     compensation_t compensation;
     motion_t motion;
-    double most = 0, torque = 0, end_speed = sqrt(0.25 * TRAVEL * axis->Fc / axis->inertia);
+    double most = 0, torque = 0, end_speed = sqrt(0.25 * axis->travel * axis->Fc / axis->inertia);
     int is_pushed = 1;
     if (!start_compensation(state, has_load, &compensation)) {
         return INFINITY;

@@ -26,7 +26,7 @@ static truth_t truth_of(const axis_t *axis)
 {
     truth_t truth = {.least = INFINITY};
     for (int k = 0; k < 400; k++) {
-        double friction = coulomb(axis, TRAVEL * (k / 200.0 - 1), k & 1 ? 1 : -1) / axis->torque_constant;
+        double friction = coulomb(axis, axis->travel * (k / 200.0 - 1), k & 1 ? 1 : -1) / axis->torque_constant;
         truth.least = fmin(truth.least, friction);
         truth.most = fmax(truth.most, friction);
         truth.mean += friction / 400;
@@ -53,7 +53,7 @@ static int has_load(const axis_t *axis, const dahl_commission_result_t *result)
 {
     double error = 0;
     for (int bin = 0; bin < DAHL_COMMISSION_BINS; bin++) {
-        double angle = TRAVEL * ((2 * bin + 1.0) / DAHL_COMMISSION_BINS - 1);
+        double angle = axis->travel * ((2 * bin + 1.0) / DAHL_COMMISSION_BINS - 1);
         error = fmax(error, fabs(load_torque(axis, angle) / axis->torque_constant - (double)result->load[bin]));
     }
     return error <= (double)result->load_error;

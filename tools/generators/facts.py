@@ -109,15 +109,7 @@ def boards_of() -> list[tuple[str, str, int]]:
 # --- declarations for cffi ------------------------------------------------------------------------
 
 HEADERS = "dahl dahl_encoder dahl_parts dahl_compensator dahl_commission".split()
-HEADERS += [
-    "dahl_float",
-    "dahl_batch",
-    "dahl_can_bus",
-    "dahl_frames",
-    "dahl_node",
-    "rotor",
-    "controller",
-]
+HEADERS += "dahl_float dahl_batch dahl_can_bus dahl_frames dahl_node rotor controller".split()
 STANDARD = ("stdint", "stdbool", "stddef")  # cffi knows their types
 TYPES = "size_t bool".split() + [f"{u}int{n}_t" for u in ("", "u") for n in (8, 16, 32, 64)]
 CONSTANT = re.compile(r"#define DAHL_\w+ (?:0x[0-9a-fA-F]+|\d+)u?")  # a whole number
