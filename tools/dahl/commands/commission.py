@@ -206,6 +206,6 @@ def _read(args: argparse.Namespace) -> Report:
     axis = Commission(period=table.period, theta_per_count=count, **limits)
     done = sweep_table.replay(axis, placed)
     inertia = None
-    with contextlib.suppress(InputError):  # the recording ends before the strokes with sines
+    with contextlib.suppress(InputError):  # a slow recording does not show it
         inertia = loop_log.inertia_of(log) if axis.has_sweeps else None
     return Report(done, f"recording {args.log}", inertia)

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The motions of a commissioning that need no answer of the axis, as a table, and its recording.
+"""The sweeps of a commissioning as a table for a drive, and the recording of that table.
 
-A table has the sweeps and the strokes with two sines. The stages between them need the torque mode
-of the drive, and the kicks need the compensator in it.
+The later stages need the torque mode of the drive, and the kicks need the compensator in it.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ from dahl.io.log import Log
 from dahl.sim import axis as simulation
 from dahl.sim.axis import Commissioned, Trace
 
-HOLD_S = 0.5  # between both parts
 MAX_ERROR = 0.2  # of the travel: RMS distance of a recording from its table
 
 
@@ -43,16 +41,12 @@ def motion(travel: float) -> Motion:
     axis = simulation.simulated(travel)
     commands: list[Command] = []
     simulation.commission(axis, simulation.Shaft(gravity=0.0), watch=commands.append)
-    rows = np.array([one[1:4] for one in commands])
-    stage, mode = (np.array([one[k] for one in commands]) for k in (6, 0))
-    is_back = (stage == "cycle") & (mode == "track")
-    sweeps = np.flatnonzero((stage == "rest") | (stage == "sweeps") | is_back)
-    inertia = np.flatnonzero((stage == "inertia") & (mode == "track"))
-    inertia = inertia[np.argmax(rows[inertia, 0] == 0.0) :]  # after the way to the middle
-    hold = np.zeros((round(HOLD_S / axis.period), 3))
-    angle, speed, acceleration = np.concatenate((rows[sweeps], hold, rows[inertia])).T
-    count = int(np.count_nonzero(stage == "rest") + np.count_nonzero(stage == "sweeps"))
-    return Motion(axis.period, travel, angle, speed, acceleration, count)
+    stages = [one.stage for one in commands]
+    sweeps = stages.index("cycle")
+    is_back = [one.mode != "track" for one in commands[sweeps:]]  # the way back to the middle
+    rows = commands[: sweeps + is_back.index(True)]
+    angle, speed, acceleration = np.array([one[1:4] for one in rows]).T
+    return Motion(axis.period, travel, angle, speed, acceleration, sweeps)
 
 
 @dataclass(frozen=True)
