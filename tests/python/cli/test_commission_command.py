@@ -7,6 +7,7 @@ import ctypes
 import json
 import math
 import re
+import signal
 import struct
 import threading
 from collections.abc import Iterator
@@ -261,6 +262,22 @@ def test_a_drive_at_another_rate_is_refused(live) -> None:
 def test_a_silent_bus_is_one_line(live) -> None:
     code, line = complaint(live(new_channel(), "odrive"))
     assert code == 1 and "no angle" in line and "--node" in line
+
+
+def test_ctrl_c_leaves_torque_0(live, monkeypatch) -> None:
+    channel, frames, receive = new_channel(), [], drives.receive
+
+    def interrupt(*words: object) -> can.Message | None:
+        frames.append(words)
+        if len(frames) == 1500:
+            signal.raise_signal(signal.SIGINT)
+        return receive(*words)
+
+    monkeypatch.setattr(drives, "receive", interrupt)
+    with drive_on(channel, "odrive") as drive:
+        done = live(channel, "odrive")
+    assert done.returncode == 130 and not Path("out").exists()
+    assert max(map(abs, drive.torques)) > 0.3 and drive.torques[-1] == 0
 
 
 @pytest.mark.parametrize("call", ["send", "recv"])
