@@ -4,11 +4,12 @@ simulated shaft, whose parameters are the truth.
 """
 
 import ctypes
+import importlib
 import json
 import math
 import re
 import signal
-import struct
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,6 +20,7 @@ import can
 import numpy as np
 import pytest
 from bus_frames import new_channel
+from conftest import ROOT
 from dahl.binding.commission import REASONS, SWEEP_SPEEDS, Command
 from dahl.binding.library import c
 from dahl.can import drives
@@ -159,15 +161,17 @@ def test_a_table_does_not_overwrite_a_file_of_the_user(dahl) -> None:
 
 # --- a drive on a bus -----------------------------------------------------------------------------
 
+sys.path.append(str(ROOT / "examples/odrive_moteus"))
+simulated_drive = importlib.import_module("simulated_drive")
 OPTIONS = ["--counts-per-turn", COUNTS_PER_TURN, "--inertia", 1.2 * INERTIA, "--torque-limit", 5]
 
 
-class SimulatedDrive:
-    """Answers each torque with the angle one period later, by frames as a drive sends them."""
+class Bench:
+    """The simulated drive of the examples. It answers each torque with the angle a period later."""
 
     def __init__(self, bus: can.BusABC, kind: str, sign: int, period: float) -> None:
-        self._bus, self._kind, self._sign, self._period = bus, kind, sign, period
-        self._shaft, self._counts = Shaft(), 0
+        self._bus, self._period = bus, period
+        self._drive = simulated_drive.SimulatedDrive(kind, 3, sign)
         self._ended = threading.Event()
         self.torques: list[float] = []
         self._thread = threading.Thread(target=self._run)
@@ -177,39 +181,22 @@ class SimulatedDrive:
         self._ended.set()
         self._thread.join()
 
-    def _torque(self, message: can.Message) -> float:
-        if self._kind == "odrive":
-            assert message.arbitration_id == 3 << 5 | 0x0E and not message.is_extended_id
-            return struct.unpack("<f", message.data)[0]
-        assert message.arbitration_id == 0x8003 and message.is_fd
-        return struct.unpack_from("<f", message.data, 14)[0]
-
-    def _angle(self) -> can.Message:
-        turns = struct.pack("<f", self._counts / COUNTS_PER_TURN)
-        stamp = 1e9 + len(self.torques) * self._period
-        if self._kind == "odrive":
-            frame = {"arbitration_id": 3 << 5 | 0x09, "data": turns + bytes(4)}
-            return can.Message(timestamp=stamp, is_extended_id=False, **frame)
-        frame = {"arbitration_id": 0x300, "data": b"\x2d\x01" + turns, "is_fd": True}
-        return can.Message(timestamp=stamp, is_extended_id=True, **frame)
-
     def _run(self) -> None:
         while not self._ended.is_set():
             message = self._bus.recv(0.05)
-            if message is None:
-                continue
-            self.torques.append(self._torque(message))
-            self._counts += self._shaft.move(self._sign * self.torques[-1])
-            self._bus.send(self._angle())
+            torque = self._drive.torque(message) if message else None
+            if torque is not None:
+                self.torques.append(torque)
+                angle = self._drive.move(torque)
+                angle.timestamp = 1e9 + len(self.torques) * self._period
+                self._bus.send(angle)
 
 
 @contextmanager
-def drive_on(
-    channel: str, kind: str, sign: int = 1, period: float = 1e-3
-) -> Iterator[SimulatedDrive]:
+def drive_on(channel: str, kind: str, sign: int = 1, period: float = 1e-3) -> Iterator[Bench]:
     settings = {"protocol": can.CanProtocol.CAN_FD, "preserve_timestamps": True}
     with can.Bus(interface="virtual", channel=channel, **settings) as bus:
-        drive = SimulatedDrive(bus, kind, sign, period)
+        drive = Bench(bus, kind, sign, period)
         try:
             yield drive
         finally:
@@ -240,6 +227,27 @@ def test_a_drive_on_a_bus_is_commissioned(kind: str, live) -> None:
     assert_true(numbers)
     assert numbers["source"].startswith(kind) and Path("out/dahl_plan_axis.h").is_file()
     assert max(map(abs, drive.torques)) <= 5 and drive.torques[-1] == 0
+
+
+def test_the_simulated_drive_sends_angles_and_has_a_watchdog(monkeypatch) -> None:
+    """On a clock of the test: one torque of twice the friction, then none."""
+    now, frames, waiting = 0.0, [], [drives.ODrive(3).command(2 * FC)]
+
+    def recv(seconds: float) -> can.Message | None:
+        nonlocal now
+        now += seconds
+        if now > 0.2:
+            raise InterruptedError
+        return waiting.pop() if waiting else None
+
+    clock = SimpleNamespace(monotonic=lambda: now)
+    monkeypatch.setattr(simulated_drive, "time", clock)
+    bus = SimpleNamespace(recv=recv, send=frames.append)
+    with pytest.raises(InterruptedError):
+        simulated_drive.serve(bus, simulated_drive.SimulatedDrive("odrive", 3))
+    turns = [drives.ODrive(3).turns(frame) for frame in frames]
+    assert len(turns) == pytest.approx(200, abs=3)
+    assert turns[45] - turns[0] > 0.01 and abs(turns[-1] - turns[-50]) < 1e-3
 
 
 def test_a_wrong_sign_is_refused_with_its_next_step_and_torque_0(live) -> None:
