@@ -8,6 +8,8 @@
 #define TWO_PI 6.28318531f
 /** Directions of a LuGre or worn axis differ by at most this part of Fc. */
 #define UNEQUAL_SHARE 0.15f
+/** [rad] If the load moves the axis by this at rest, the loop holds it. */
+#define FALL_RAD 0.02f
 
 static inline float dahl_absolute(float x)
 {
@@ -36,7 +38,7 @@ static inline uint32_t dahl_ticks(const dahl_commission_t *axis, float seconds)
     return (uint32_t)(seconds / axis->config.period + 0.5f);
 }
 
-/** Return the square root by Newton's steps; not for a tick. */
+/** Return the square root by Newton's steps; . */
 float dahl_root(float x);
 /** Write cosine and sine of an angle below 1. */
 void dahl_small_turn(float angle, float turn[2]);
@@ -59,6 +61,9 @@ int dahl_stroke_tick(dahl_commission_t *axis);
 int dahl_wait_in_middle(dahl_commission_t *axis, float seconds);
 /** Start the way back to the middle. */
 void dahl_return_to_middle(dahl_commission_t *axis);
+
+/** Write the parameters of the compensator without a check. */
+void dahl_write_params(const dahl_commission_t *axis, dahl_compensator_params_t *params, int has_load);
 
 void dahl_supervise(dahl_commission_t *axis, int32_t dcounts);
 

@@ -16,7 +16,7 @@ static void start_cycle(dahl_commission_t *axis)
 {
     const float *friction = &axis->table.friction[DAHL_COMMISSION_BINS / 2];
     axis->middle_Fc = dahl_smaller(friction[0], friction[-1]);
-    if (axis->cycle_torque == 0) {
+    if (!(axis->cycle_torque > 0)) {
         axis->cycle_torque = SHARE * axis->middle_Fc;
     }
     for (uint32_t phase = 0; phase < PHASES; phase++) {

@@ -12,11 +12,11 @@
  * slower sines. */
 #include "commission.h"
 
-#define STROKES 5             /* the first one is not sampled */
+#define SINE_STROKES 5             /* the first one is not sampled */
 #define MEAN_SPEED 2.0f       /* rad/s, less if the travel is short */
 #define SPEED_PER_TRAVEL 5.7f /* 1/s */
-#define ACCELERATION 60.0f    /* rad/s2 of a stroke */
-#define SETTLE_S 0.04f
+#define SINE_ACCELERATION 60.0f    /* rad/s2 of a stroke */
+#define SINE_SETTLE_S 0.04f
 #define WINDOW_S 0.25f
 #define MIN_SHARE 0.1f        /* least speed of a sine over that of its reference */
 #define MAX_FACTOR 5.0f       /* of the inertia over that of the configuration */
@@ -26,8 +26,8 @@
 #define COUNT_ERROR 0.018f    /* more, for a noise of a count over the amplitude of the sine */
 #define SOFTEST 1.15f         /* the load rings at least at this multiple of the slowest sine */
 #define STIFFEST_HZ 200.0f    /* resonance of the stiffest shaft of an elastic axis */
-#define HIDDEN_HZ 150.0f      /* the same of an axis whose sines show no shaft */
-#define FINER 1.01f           /* from one stiffness to the next */
+#define HIDDEN_HZ 130.0f      /* the same of an axis whose sines show no shaft */
+#define FINER 1.015f          /* from one stiffness to the next */
 #define LOUD 0.6f             /* speed over its limit: a resonance is near, so the sines stop */
 #define DELAY_ERROR 0.05f     /* ticks; the error of the fastest sine comes on top */
 #define ELASTIC_DELAY_ERROR 0.3f /* more of an elastic axis */
@@ -71,7 +71,7 @@ static void next_stroke(dahl_commission_t *axis)
 {
     uint8_t stroke = ++axis->work.inertia.stroke;
     float end = stroke & 1 ? axis->config.travel : -axis->config.travel;
-    dahl_stroke_to(axis, stroke > STROKES ? 0 : end, axis->work.inertia.mean_speed, ACCELERATION);
+    dahl_stroke_to(axis, stroke > SINE_STROKES ? 0 : end, axis->work.inertia.mean_speed, SINE_ACCELERATION);
     axis->work.inertia.window[0] = 1;
     axis->work.inertia.window[1] = 0;
 }
@@ -81,7 +81,7 @@ static float envelope(const dahl_commission_t *axis)
 {
     float ticks = (float)(2 * axis->stroke.ramp_ticks + axis->stroke.cruise_ticks);
     float share = dahl_smaller(1, (float)axis->stroke.tick / ticks);
-    return axis->work.inertia.stroke == 1 ? share : axis->work.inertia.stroke > STROKES ? 1 - share : 1;
+    return axis->work.inertia.stroke == 1 ? share : axis->work.inertia.stroke > SINE_STROKES ? 1 - share : 1;
 }
 
 /** Add the sines to the base motion. */
@@ -99,16 +99,16 @@ static void add_sines(dahl_commission_t *axis)
 }
 
 /** Demodulate one tick: the torque that is not load, and the speed over that of the base motion. */
-static void add_sample(dahl_commission_t *axis, int32_t dcounts, float base_speed)
+static void add_to_sines(dahl_commission_t *axis, int32_t dcounts, float base_speed)
 {
     float speed = (float)dcounts * axis->config.theta_per_count / axis->config.period - base_speed;
     float torque = axis->torque - dahl_commission_load(axis, axis->theta);
-    uint32_t first = axis->stroke.ramp_ticks + dahl_ticks(axis, SETTLE_S);
+    uint32_t first = axis->stroke.ramp_ticks + dahl_ticks(axis, SINE_SETTLE_S);
     uint32_t tick = axis->stroke.tick, stroke = axis->work.inertia.stroke;
-    if (stroke < 2 || stroke > STROKES || tick < first || tick >= first + dahl_ticks(axis, WINDOW_S)) {
+    if (stroke < 2 || stroke > SINE_STROKES || tick < first || tick >= first + dahl_ticks(axis, WINDOW_S)) {
         return;
     }
-    const int half = stroke > 1 + STROKES / 2;
+    const int half = stroke > 1 + SINE_STROKES / 2;
     float weight = 1 - axis->work.inertia.window[0];
     dahl_rotate(axis->work.inertia.window, axis->work.inertia.window_turn);
     for (int k = 0; k < SINES; k++) {
@@ -131,7 +131,8 @@ static float angle_of(float tangent)
 static int find_ratio(const dahl_commission_t *axis, const float torque[2], const float speed[2], float least, float ratio[2])
 {
     float square = speed[0] * speed[0] + speed[1] * speed[1];
-    least *= axis->work.inertia.mean_speed * (float)dahl_ticks(axis, WINDOW_S);
+    const uint32_t ticks = dahl_ticks(axis, WINDOW_S);
+    least *= axis->work.inertia.mean_speed * (float)ticks;
     if (!(square > least * least)) {
         return 0;
     }
@@ -141,10 +142,10 @@ static int find_ratio(const dahl_commission_t *axis, const float torque[2], cons
 }
 
 /** Write the inertia that the sine shows, its phase near `guess`, and the difference of the halves of the strokes. The inertia
- * is negative if the load swings against the rotor. Return 0 if the sine did not move the axis, or if the phase is too large. */
+ * is negative if the load swings against the rotor. Return 0 if the sine did not move the axis, or if its phase is too large. */
 static int find_inertia(dahl_commission_t *axis, int k, float guess, float *phase)
 {
-    const float w = frequency_of(axis, k), least = MIN_SHARE * shares[k] * (STROKES - 1) / 4;
+    const float w = frequency_of(axis, k), least = MIN_SHARE * shares[k] * (SINE_STROKES - 1) / 4;
     float half[2][2], all[2], turn[2], torque[2], speed[2];
     for (int part = 0; part < 2; part++) {
         torque[part] = axis->work.inertia.torque[0][k][part] + axis->work.inertia.torque[1][k][part];
@@ -196,7 +197,8 @@ static void find_delay(dahl_commission_t *axis, const float phase[])
 {
     const float period = axis->config.period, w0 = frequency_of(axis, 0), w2 = frequency_of(axis, 2);
     float *inertia = axis->work.inertia.inertia;
-    float delay = (w2 * phase[2] - w0 * phase[0]) / (w2 * w2 - w0 * w0), error = DELAY_ERROR * period + error_of(axis, 2) / (inertia[0] * w2);
+    float delay = (w2 * phase[2] - w0 * phase[0]) / (w2 * w2 - w0 * w0);
+    float error = DELAY_ERROR * period + error_of(axis, 2) / (inertia[0] * w2);
     axis->result.elastic = dahl_absolute(inertia[2] - inertia[0]) > error_of(axis, 2) || axis->work.inertia.set != 0;
     if (axis->result.elastic) {
         delay = 0;
@@ -242,7 +244,7 @@ static void try_shaft(dahl_commission_t *axis, float a)
     }
 }
 
-/** A shaft is too soft for the sines. Above its resonance, the inertia that they found is that of the rotor, or less. */
+/** A shaft is too soft for the sines. */
 static void try_slower(dahl_commission_t *axis)
 {
     if (++axis->work.inertia.set == SETS) {
@@ -279,7 +281,7 @@ static void search_tick(dahl_commission_t *axis)
         axis->work.inertia.shaft *= FINER;
         return;
     }
-    float ratio = result->best / axis->config.inertia, error = INERTIA_ERROR * result->best;
+    float ratio = result->best / axis->config.inertia, error = error_of(axis, 1) + INERTIA_ERROR * result->best;
     if (!(ratio > 1 / MAX_FACTOR && ratio < MAX_FACTOR && axis->work.inertia.gap < axis->work.inertia.inertia[0])) {
         try_slower(axis);
         return;
@@ -310,11 +312,11 @@ void dahl_inertia_tick(dahl_commission_t *axis, int32_t dcounts)
         try_slower(axis);
         return;
     }
-    add_sample(axis, dcounts, axis->work.inertia.base.speed);
+    add_to_sines(axis, dcounts, axis->work.inertia.base.speed);
     axis->command.angle = axis->work.inertia.base.angle;
     axis->command.speed = axis->work.inertia.base.speed;
     int is_end = dahl_stroke_tick(axis);
-    if (is_end && axis->work.inertia.stroke > STROKES) {
+    if (is_end && axis->work.inertia.stroke > SINE_STROKES) {
         evaluate(axis);
         return;
     }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /** Stage 6: the compensator runs on the bounds that were found, the load is fed forward, and short pushes move the axis. It
- * must come to rest after each. A swing lengthens length_long; after MAX_FAILS the last gain that passed is the result. */
+ * must come to rest after each. A swing lengthens length_long; after MAX_FAILS the last gain that passed is the result. If the
+ * axis creeps, because the load differs from its table, the gain is lowered. */
 #include "commission.h"
 
 #define GAINS 3
@@ -10,17 +11,18 @@
 #define PUSH_S 0.05f         /* longest push */
 #define PUSH_RAD 0.1f
 #define MAX_SPEED 2.5f       /* rad/s */
-#define WINDOW_S 0.2f
+#define WATCH_S 0.2f
 #define MAX_WINDOWS 10
-#define CREEP 0.006f         /* rad in a window: a slow creep is rest, a swing is not */
+#define CREEP_WINDOWS 7
+#define CREEP 0.0015f        /* rad in a window that is rest */
 #define MAX_EXCURSION 0.25f  /* rad beyond the travel */
 #define STILL_SPEED 0.04f    /* rad/s of the ring on the bristles */
 
-static const float gains[GAINS] = {0.3f, 0.6f, 0.9f};
+enum { PREPARE_ELEMENT, PREPARE_COMPENSATOR, FADE_IN, PUSH, SETTLE };
 
-enum { FADE_IN, PUSH, SETTLE };
+static const float gains[GAINS] = {0.5f, 0.9f, 0.94f};
 
-static void finish(dahl_commission_t *axis)
+static void finish_kicks(dahl_commission_t *axis)
 {
     axis->result.seconds = (float)axis->ticks * axis->config.period;
     axis->command.mode = DAHL_COMMISSION_OFF;
@@ -28,22 +30,34 @@ static void finish(dahl_commission_t *axis)
     dahl_enter(axis, DAHL_COMMISSION_DONE);
 }
 
-/** Prepare the compensator with the next gain. Return 0 after a refusal. */
-static int prepare(dahl_commission_t *axis)
+/** Write the parameters with the next gain. */
+static void write_params(dahl_commission_t *axis)
 {
-    dahl_compensator_params_t params;
-    float passed = axis->result.gain;
+    const float passed = axis->result.gain;
     axis->result.gain = gains[axis->work.kick.gain];
-    dahl_compensator_err_t code = dahl_commission_params(axis, &params, 0);
+    dahl_write_params(axis, &axis->work.kick.params, 0);
     axis->result.gain = passed;
-    if (code != DAHL_COMPENSATOR_OK || dahl_prepare(&axis->work.kick.friction, &params.friction) != DAHL_OK
-        || dahl_compensator_prepare(&axis->work.kick.plan, &params) != DAHL_COMPENSATOR_OK) {
-        dahl_refuse(axis, code == DAHL_COMPENSATOR_INERTIA ? DAHL_COMMISSION_LIGHT : DAHL_COMMISSION_COARSE);
-        return 0;
-    }
     axis->work.kick.bristle = (dahl_state_t){0};
     axis->work.kick.compensator = (dahl_compensator_t){0};
-    return 1;
+}
+
+/** Prepare the element, then the compensator: a tick each, because both are long. */
+static void prepare_tick(dahl_commission_t *axis)
+{
+    const dahl_compensator_params_t *params = &axis->work.kick.params;
+    if (axis->work.kick.phase == PREPARE_ELEMENT) {
+        if (dahl_prepare(&axis->work.kick.friction, &params->friction) != DAHL_OK) {
+            dahl_refuse(axis, DAHL_COMMISSION_COARSE);
+        }
+        axis->work.kick.phase = PREPARE_COMPENSATOR;
+        return;
+    }
+    dahl_compensator_err_t code = dahl_compensator_prepare(&axis->work.kick.plan, params);
+    if (code != DAHL_COMPENSATOR_OK) {
+        dahl_refuse(axis, code == DAHL_COMPENSATOR_INERTIA ? DAHL_COMMISSION_LIGHT : DAHL_COMMISSION_COARSE);
+    }
+    axis->work.kick.phase = FADE_IN;
+    axis->step_ticks = 0;
 }
 
 /** Pushes go both ways, two of 1 Fc, then two of 2 Fc. They end at a speed that friction stops within half of the travel. */
@@ -51,9 +65,7 @@ static void arm(dahl_commission_t *axis)
 {
     const dahl_commission_result_t *result = &axis->result;
     uint8_t kick = axis->work.kick.kick;
-    if (!prepare(axis)) {
-        return;
-    }
+    write_params(axis);
     float left = 1 - gains[axis->work.kick.gain] * result->Fc.least / result->Fc.best;
     float braking = left * result->Fc.best / result->inertia.best;
     float ring = dahl_root(result->sigma0.best / result->inertia.best);
@@ -61,7 +73,7 @@ static void arm(dahl_commission_t *axis)
     axis->work.kick.push = (kick & 1 ? -1.0f : 1.0f) * (kick < 2 ? 1.0f : 2.0f) * result->Fc.best;
     axis->work.kick.still = (float)(2 * result->noise + 1) * axis->config.theta_per_count + STILL_SPEED / ring;
     axis->work.kick.start = axis->theta;
-    axis->work.kick.phase = FADE_IN;
+    axis->work.kick.phase = PREPARE_ELEMENT;
     axis->work.kick.windows = 0;
     dahl_next_step(axis);
 }
@@ -88,19 +100,21 @@ static void start_window(dahl_commission_t *axis)
     axis->work.kick.low = axis->work.kick.high = axis->work.kick.first = axis->theta;
 }
 
-/** Return 1 if a window ends in which the axis rested. */
-static int rests(dahl_commission_t *axis)
+/** What a window showed. */
+typedef enum { NOT_ENDED, RESTS, CREEPS, SWINGS } window_t;
+
+static window_t check_window(dahl_commission_t *axis)
 {
     axis->work.kick.low = dahl_smaller(axis->work.kick.low, axis->theta);
     axis->work.kick.high = dahl_larger(axis->work.kick.high, axis->theta);
-    if (axis->step_ticks % dahl_ticks(axis, WINDOW_S) != 0) {
-        return 0;
+    if (axis->step_ticks % dahl_ticks(axis, WATCH_S) != 0) {
+        return NOT_ENDED;
     }
     float range = axis->work.kick.high - axis->work.kick.low;
     float drift = dahl_absolute(axis->theta - axis->work.kick.first);
     axis->work.kick.windows++;
     start_window(axis);
-    return range - (drift < CREEP ? drift : 0) <= axis->work.kick.still;
+    return range - drift > axis->work.kick.still ? SWINGS : drift > CREEP + axis->work.kick.still ? CREEPS : RESTS;
 }
 
 static void fail(dahl_commission_t *axis)
@@ -113,61 +127,95 @@ static void fail(dahl_commission_t *axis)
     } else if (axis->work.kick.gain == 0) {
         dahl_refuse(axis, DAHL_COMMISSION_SWINGS);
     } else {
-        finish(axis);
+        finish_kicks(axis);
     }
+}
+
+/** Repeat the strong pushes with the gain below. */
+static void lower_gain(dahl_commission_t *axis)
+{
+    if (axis->work.kick.gain == 0) {
+        dahl_refuse(axis, DAHL_COMMISSION_SWINGS);
+        return;
+    }
+    axis->work.kick.gain--;
+    axis->work.kick.creeps++;
+    axis->work.kick.kick = 2;
+    dahl_return_to_middle(axis);
 }
 
 static void pass(dahl_commission_t *axis)
 {
-    uint8_t last = axis->work.kick.gain == GAINS - 1 ? 4 : 2;
+    const int highest = GAINS - 1 - axis->work.kick.creeps, last = axis->work.kick.gain >= highest ? 4 : 2;
     dahl_return_to_middle(axis);
     if (++axis->work.kick.kick < last) {
         return;
     }
     axis->work.kick.kick = 0;
     axis->result.gain = gains[axis->work.kick.gain];
-    if (++axis->work.kick.gain == GAINS) {
-        finish(axis);
+    if (++axis->work.kick.gain > highest) {
+        finish_kicks(axis);
     }
 }
 
 static void settle_tick(dahl_commission_t *axis)
 {
-    if (dahl_absolute(axis->theta) > axis->config.travel + MAX_EXCURSION) {
-        fail(axis);
-    } else if (rests(axis)) {
+    const int is_gone = dahl_absolute(axis->theta) > axis->config.travel + MAX_EXCURSION;
+    window_t window = check_window(axis);
+    if (window == RESTS) {
         pass(axis);
-    } else if (axis->work.kick.windows >= MAX_WINDOWS) {
+    } else if (window == CREEPS && axis->work.kick.windows >= CREEP_WINDOWS) {
+        lower_gain(axis);
+    } else if (is_gone || axis->work.kick.windows >= MAX_WINDOWS) {
         fail(axis);
     }
 }
 
 static void next_phase(dahl_commission_t *axis)
 {
-    axis->work.kick.phase++;
+    axis->work.kick.phase = axis->work.kick.phase == FADE_IN ? PUSH : SETTLE;
     axis->step_ticks = 0;
     start_window(axis);
+}
+
+static void wait_tick(dahl_commission_t *axis)
+{
+    if (dahl_wait_in_middle(axis, 0.05f)) {
+        arm(axis);
+    }
+}
+
+static void fade_tick(dahl_commission_t *axis)
+{
+    if (axis->step_ticks > dahl_ticks(axis, FADE_S)) {
+        next_phase(axis);
+    }
+}
+
+static void kick_push_tick(dahl_commission_t *axis)
+{
+    axis->command.torque += axis->work.kick.push;
+    if (!pushes(axis)) {
+        next_phase(axis);
+    }
 }
 
 void dahl_kick_tick(dahl_commission_t *axis, int32_t dcounts)
 {
     if (axis->step == 0) {
-        if (dahl_wait_in_middle(axis, 0.05f)) {
-            arm(axis);
-        }
+        wait_tick(axis);
+        return;
+    }
+    if (axis->work.kick.phase < FADE_IN) {
+        prepare_tick(axis);
         return;
     }
     axis->step_ticks++;
     axis->command.torque = dahl_commission_load(axis, axis->theta) + compensate(axis, dcounts);
     if (axis->work.kick.phase == FADE_IN) {
-        if (axis->step_ticks > dahl_ticks(axis, FADE_S)) {
-            next_phase(axis);
-        }
+        fade_tick(axis);
     } else if (axis->work.kick.phase == PUSH) {
-        axis->command.torque += axis->work.kick.push;
-        if (!pushes(axis)) {
-            next_phase(axis);
-        }
+        kick_push_tick(axis);
     } else {
         settle_tick(axis);
     }

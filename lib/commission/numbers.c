@@ -4,11 +4,19 @@
 
 float dahl_root(float x)
 {
-    float root = x > 1 ? x : 1;
+    float root = 1, scaled = x;
     if (!(x > 0)) {
         return 0;
     }
-    for (int step = 0; step < 40; step++) {
+    for (; scaled > 4 && root < 1e18f; root *= 2) {
+        scaled *= 0.25f;
+    }
+    for (; scaled < 1 && root > 1e-18f; root *= 0.5f) {
+        scaled *= 4;
+    }
+    scaled = 0.5f + 0.5f * scaled; /* a first value, at most 25 % too large */
+    root *= scaled;
+    for (int step = 0; step < 3; step++) {
         root = 0.5f * (root + x / root);
     }
     return root;

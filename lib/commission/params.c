@@ -8,13 +8,12 @@
 #define MAX_SHARE 0.95f      /* of Fc_low - load that the compensator may cancel */
 #define ROUNDING 1e-6f
 
-dahl_compensator_err_t dahl_commission_params(const dahl_commission_t *axis, dahl_compensator_params_t *params, int has_load)
+void dahl_write_params(const dahl_commission_t *axis, dahl_compensator_params_t *params, int has_load)
 {
     const dahl_commission_result_t *result = &axis->result;
-    const float Fc = result->Fc.least, length = (result->elastic ? 4 : 1) * result->length.most;
+    const float Fc = result->Fc.least, length = (result->elastic ? 4.0f : 1.0f) * result->length.most;
     const float load = has_load ? result->load_most : 0;
     const float ring = Fc * dahl_root(result->sigma0.most / result->inertia.least);
-    dahl_compensator_plan_t plan;
     *params = (dahl_compensator_params_t){
         .friction = {Fc / length * (1 - ROUNDING), Fc, axis->config.theta_per_count},
         .law = DAHL_COMPENSATOR_MEASURED,
@@ -36,5 +35,11 @@ dahl_compensator_err_t dahl_commission_params(const dahl_commission_t *axis, dah
         .play = result->play,
         .jump = (uint32_t)(JUMP_SPEED * axis->config.period / axis->config.theta_per_count) + 4u * result->play + 1u,
     };
+}
+
+dahl_compensator_err_t dahl_commission_params(const dahl_commission_t *axis, dahl_compensator_params_t *params, int has_load)
+{
+    dahl_compensator_plan_t plan;
+    dahl_write_params(axis, params, has_load);
     return dahl_compensator_prepare(&plan, params);
 }

@@ -65,7 +65,7 @@ void dahl_stroke_to(dahl_commission_t *axis, float end, float speed, float accel
     }
 }
 
-static void push_tick(dahl_commission_t *axis)
+static void free_tick(dahl_commission_t *axis)
 {
     const float Fc = dahl_larger(axis->table.level[0], axis->result.Fc.best);
     const float rate = Fc > 0 ? PUSH_RATE * Fc : FIRST_RATE * axis->config.torque_limit;
@@ -81,7 +81,7 @@ static void push_tick(dahl_commission_t *axis)
 int dahl_stroke_tick(dahl_commission_t *axis)
 {
     if (axis->stroke.is_push) {
-        push_tick(axis);
+        free_tick(axis);
         return 0;
     }
     if (axis->is_soft && axis->watch.frozen_ticks > dahl_ticks(axis, STUCK_S)

@@ -9,7 +9,6 @@
 #define SKIPPED_PART 5  /* the first fifth of the rest settles */
 #define WINDOW_TICKS 16 /* of the flicker */
 #define CLASSES 64      /* count */
-#define FALL_RAD 0.02f  /* the load moves the axis: hold it by the loop */
 
 static uint32_t class_of(float counts)
 {
@@ -50,7 +49,7 @@ static void count_flicker(dahl_commission_t *axis, uint32_t tick)
     }
 }
 
-static void finish(dahl_commission_t *axis)
+static void finish_rest(dahl_commission_t *axis)
 {
     uint32_t flicker = (quantile(axis->work.rest.flicker, 0.6f) + 1) / 2;
     uint32_t jerk = quantile(axis->work.rest.jerk, 0.9f) / 2;
@@ -83,6 +82,6 @@ void dahl_rest_tick(dahl_commission_t *axis)
     axis->work.rest.last[1] = axis->work.rest.last[0];
     axis->work.rest.last[0] = axis->counts;
     if (axis->stage_ticks >= ticks) {
-        finish(axis);
+        finish_rest(axis);
     }
 }

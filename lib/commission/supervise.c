@@ -7,17 +7,28 @@
 #define HOLD_RAD 0.05f         /* tracking error while a falling axis is held */
 #define SOFT_SHARE 0.4f        /* tracking error over the travel: see dahl_stroke_to() */
 #define BACKWARD_RAD 0.012f    /* against the first command */
-#define FALL_RAD 0.02f         /* of an axis at rest: see rest.c */
 #define FROZEN_S 0.01f
 #define FROZEN_PUSH_S 0.006f
 #define FROZEN_SHARE 0.6f      /* of Fc: the bristles give way before */
+#define FROZEN_BRISTLE_COUNTS 5.0f
 #define FROZEN_RAD 0.06f       /* of the reference without a count */
 #define FROZEN_PUSH_RAD 0.01f
+#define FROZEN_COUNTS 6.0f     /* of a coarse encoder, more */
 #define GUESSED_PUSH 120.0f    /* rad/s2 as a torque, before Fc is known */
 #define TRAVEL_RAD 0.35f       /* a longer travel takes longer */
 #define TORQUE_ROUNDING 1.001f
 
 static const float most_seconds[] = {3, 25, 12, 12, 20, 60}; /* by stage */
+
+/** Return the torque that moves the bristles by some counts. The ramp is slow, so it must not wait for FROZEN_SHARE. */
+static float frozen_torque(const dahl_commission_t *axis)
+{
+    const float most = FROZEN_SHARE * axis->result.Fc.best, count = axis->config.theta_per_count;
+    if (axis->command.stage != DAHL_COMMISSION_BREAKAWAY) {
+        return most;
+    }
+    return dahl_smaller(most, FROZEN_BRISTLE_COUNTS * count * 2 * axis->cycle_torque / axis->cycle_travel);
+}
 
 /** Torque mode, and OFF: the torque grows but no count comes. */
 static int is_frozen_in_torque(dahl_commission_t *axis, int32_t dcounts)
@@ -25,7 +36,7 @@ static int is_frozen_in_torque(dahl_commission_t *axis, int32_t dcounts)
     if (dcounts != 0 || axis->command.mode == DAHL_COMMISSION_OFF || !(axis->result.Fc.best > 0)) {
         axis->watch.torque = axis->torque;
     }
-    if (dahl_absolute(axis->torque - axis->watch.torque) <= FROZEN_SHARE * axis->result.Fc.best) {
+    if (dahl_absolute(axis->torque - axis->watch.torque) <= frozen_torque(axis)) {
         axis->watch.frozen_ticks = 0;
         return 0;
     }
@@ -47,7 +58,7 @@ static int is_frozen_in_loop(dahl_commission_t *axis, int32_t dcounts)
     int is_pushed = grown > (Fc > 0 ? FROZEN_SHARE * Fc : GUESSED_PUSH * axis->config.inertia);
     axis->watch.frozen_ticks++;
     return axis->watch.frozen_ticks > dahl_ticks(axis, is_pushed ? FROZEN_PUSH_S : FROZEN_S)
-           && moved > (is_pushed ? FROZEN_PUSH_RAD : FROZEN_RAD);
+           && moved > (is_pushed ? FROZEN_PUSH_RAD : FROZEN_RAD) + FROZEN_COUNTS * axis->config.theta_per_count;
 }
 
 /** The loop is too soft for the friction: start the sweeps again, with pushes. */
@@ -62,7 +73,7 @@ static void become_soft(dahl_commission_t *axis)
 static dahl_commission_refusal_t check_loop(dahl_commission_t *axis, int32_t dcounts)
 {
     const int is_rest = axis->command.stage == DAHL_COMMISSION_REST;
-    const int is_first = axis->command.stage == DAHL_COMMISSION_SWEEPS && axis->table.level[0] == 0
+    const int is_first = axis->command.stage == DAHL_COMMISSION_SWEEPS && !(axis->table.level[0] > 0)
                          && axis->work.sweeps.stroke == 0 && !axis->is_held;
     if (is_first && axis->theta < -BACKWARD_RAD - FALL_RAD) {
         return DAHL_COMMISSION_SIGN;

@@ -11,6 +11,7 @@
 #define ACCELERATION 60.0f       /* rad/s2 */
 #define SETTLE_S 0.04f           /* of a stroke before its first sample */
 #define MIN_SAMPLES 4            /* of a bin */
+#define NARROW 0.035f            /* rad: a stroke settles within a bin of this */
 #define MIN_BINS 4               /* of a speed */
 #define MAX_SHIFT 0.2f           /* of the friction between two passes, over Fc */
 #define MAX_SCATTER 0.25f        /* of the bins between two passes, over Fc */
@@ -21,16 +22,9 @@
 
 static const float speeds[SPEEDS] = {0.6f, 1.2f, DAHL_COMMISSION_SPEED_MAX};
 
-/** Sums over the bins of one speed. */
-typedef struct {
-    float friction, reference; /* of this speed; of the slowest speed in the same bins */
-    float change, square;      /* from the first pass to the second */
-    int bins;
-} summary_t;
-
 static int bin_of(const dahl_commission_t *axis, float angle)
 {
-    float x = (angle + axis->config.travel) * (BINS / 2) / axis->config.travel;
+    float x = (angle + axis->config.travel) * (0.5f * BINS) / axis->config.travel;
     return x < 0 ? 0 : x >= BINS ? BINS - 1 : (int)x;
 }
 
@@ -38,7 +32,7 @@ static int bin_of(const dahl_commission_t *axis, float angle)
 float dahl_commission_load(const dahl_commission_t *axis, float angle)
 {
     const float *load = axis->result.load;
-    float x = (angle + axis->config.travel) * (BINS / 2) / axis->config.travel - 0.5f;
+    float x = (angle + axis->config.travel) * (0.5f * BINS) / axis->config.travel - 0.5f;
     if (!(x > 0)) {
         return load[0];
     }
@@ -49,7 +43,7 @@ float dahl_commission_load(const dahl_commission_t *axis, float angle)
     return load[bin] + (x - (float)bin) * (load[bin + 1] - load[bin]);
 }
 
-static void add_sample(dahl_commission_t *axis)
+static void add_to_bin(dahl_commission_t *axis)
 {
     uint32_t first = axis->stroke.ramp_ticks + dahl_ticks(axis, SETTLE_S);
     uint32_t last = axis->stroke.ramp_ticks + axis->stroke.cruise_ticks;
@@ -75,42 +69,57 @@ static int means_of_bin(const dahl_commission_t *axis, int bin, float mean[STROK
     return 1;
 }
 
-static void use_bin(dahl_commission_t *axis, int bin, summary_t *summary)
+/** Add the friction of a bin to the sums over this speed. */
+static void add_friction(dahl_commission_t *axis, int bin, float first, float second)
 {
-    const int speed = axis->work.sweeps.speed;
-    float mean[STROKES];
-    if (!means_of_bin(axis, bin, mean)) {
-        return;
-    }
-    float first = (mean[1] - mean[0]) / 2, second = (mean[3] - mean[2]) / 2, friction = (first + second) / 2;
-    float load = (mean[0] + mean[1] + mean[2] + mean[3]) / 4;
-    if (speed == 0) {
+    const float friction = (first + second) / 2, change = second - first;
+    if (axis->work.sweeps.speed == 0) {
         axis->table.friction[bin] = friction;
+        axis->table.least = axis->work.sweeps.bins == 0 ? friction : axis->table.least;
     }
-    axis->result.load[bin] += (load - axis->result.load[bin]) / (float)(speed + 1);
-    summary->friction += friction;
-    summary->reference += axis->table.friction[bin];
-    summary->change += second - first;
-    summary->square += (second - first) * (second - first);
-    summary->bins++;
-    if (axis->table.least == 0 || friction < axis->table.least) {
-        axis->table.least = friction;
-    }
-    if (speed < SPEEDS - 1) { /* the fastest speed is viscous */
+    axis->work.sweeps.friction += friction;
+    axis->work.sweeps.reference += axis->table.friction[bin];
+    axis->work.sweeps.change += change;
+    axis->work.sweeps.square += change * change;
+    axis->work.sweeps.bins++;
+    axis->table.least = dahl_smaller(axis->table.least, friction);
+    if (axis->work.sweeps.speed < SPEEDS - 1) { /* the fastest speed is viscous */
         axis->table.most = dahl_larger(axis->table.most, friction);
     }
 }
 
-/** Empty bins at the ends get the values of their neighbours. */
-static void fill_ends(dahl_commission_t *axis)
+/** Evaluate a bin and clear it for the next speed. */
+static void use_bin(dahl_commission_t *axis, int bin)
 {
+    float mean[STROKES], *load = &axis->result.load[bin];
+    if (means_of_bin(axis, bin, mean)) {
+        add_friction(axis, bin, (mean[1] - mean[0]) / 2, (mean[3] - mean[2]) / 2);
+        *load += ((mean[0] + mean[1] + mean[2] + mean[3]) / 4 - *load) / (float)(axis->work.sweeps.speed + 1);
+    }
+    for (int kind = 0; kind < STROKES; kind++) {
+        axis->work.sweeps.sum[kind][bin] = 0;
+        axis->work.sweeps.samples[kind][bin] = 0;
+    }
+}
+
+/** Empty bins at the ends get the values of their neighbours. Return 0 if too many are empty: an end stop. */
+static int fill_ends(dahl_commission_t *axis)
+{
+    const int is_narrow = axis->config.travel < NARROW * 0.5f * BINS;
+    const int ends = is_narrow + 2 * axis->is_soft;
+    for (int bin = ends; bin < BINS - ends; bin++) {
+        if (!(dahl_absolute(axis->table.friction[bin]) > 0)) {
+            return 0;
+        }
+    }
     for (int k = 0; k < 2 * BINS; k++) {
         int bin = k < BINS ? k : 2 * BINS - 1 - k, from = k < BINS ? bin - 1 : bin + 1;
-        if (from >= 0 && from < BINS && axis->table.friction[bin] == 0) {
+        if (from >= 0 && from < BINS && !(dahl_absolute(axis->table.friction[bin]) > 0)) {
             axis->table.friction[bin] = axis->table.friction[from];
             axis->result.load[bin] = axis->result.load[from];
         }
     }
+    return 1;
 }
 
 /** The friction is known now, so the torque limit comes down. */
@@ -125,11 +134,11 @@ static void lower_torque_limit(dahl_commission_t *axis)
 }
 
 /** Compare the passes. Return 0 if the friction does not repeat. */
-static int repeats(dahl_commission_t *axis, const summary_t *summary)
+static int repeats(dahl_commission_t *axis)
 {
-    const float bins = (float)summary->bins, level = axis->table.level[axis->work.sweeps.speed];
-    float shift = summary->change / bins;
-    float scatter = dahl_root(dahl_larger(0, summary->square / bins - shift * shift)) / 2;
+    const float bins = (float)axis->work.sweeps.bins, level = axis->table.level[axis->work.sweeps.speed];
+    float shift = axis->work.sweeps.change / bins;
+    float scatter = dahl_root(dahl_larger(0, axis->work.sweeps.square / bins - shift * shift)) / 2;
     axis->table.scatter = dahl_larger(axis->table.scatter, scatter);
     axis->table.noise[axis->work.sweeps.speed] = dahl_absolute(shift) / 2 + 2 * scatter / dahl_root(bins);
     return level > 0 && dahl_absolute(shift) <= MAX_SHIFT * level && scatter <= MAX_SCATTER * level;
@@ -139,24 +148,21 @@ static int repeats(dahl_commission_t *axis, const summary_t *summary)
 static int finish_speed(dahl_commission_t *axis)
 {
     const int speed = axis->work.sweeps.speed;
-    summary_t summary = {0};
-    for (int bin = 0; bin < BINS; bin++) {
-        use_bin(axis, bin, &summary);
+    const float bins = (float)axis->work.sweeps.bins;
+    if (speed == 0 && !fill_ends(axis)) {
+        dahl_refuse(axis, DAHL_COMMISSION_NO_DATA);
+        return 0;
     }
-    if (summary.bins < (speed == 0 ? BINS / 2 : MIN_BINS)) {
-        if (speed == 0) {
-            dahl_refuse(axis, DAHL_COMMISSION_NO_DATA);
-        }
+    if (axis->work.sweeps.bins < MIN_BINS) {
         return 0;
     }
     if (speed == 0) {
-        fill_ends(axis);
         lower_torque_limit(axis);
-        summary.reference = summary.friction;
+        axis->table.level[0] = axis->work.sweeps.friction / bins;
+    } else {
+        axis->table.level[speed] = axis->table.level[0] + (axis->work.sweeps.friction - axis->work.sweeps.reference) / bins;
     }
-    float slowest = speed == 0 ? summary.friction / (float)summary.bins : axis->table.level[0];
-    axis->table.level[speed] = slowest + (summary.friction - summary.reference) / (float)summary.bins;
-    if (!repeats(axis, &summary)) {
+    if (!repeats(axis)) {
         dahl_refuse(axis, DAHL_COMMISSION_VARIES);
         return 0;
     }
@@ -167,7 +173,7 @@ static int finish_speed(dahl_commission_t *axis)
 static void fit_line(dahl_commission_t *axis)
 {
     float n = 0, v = 0, f = 0, vv = 0, vf = 0, error = 0, fastest = speeds[0];
-    for (int k = 0; k < SPEEDS && axis->table.level[k] != 0; k++) {
+    for (int k = 0; k < SPEEDS && axis->table.level[k] > 0; k++) {
         n += 1;
         v += speeds[k];
         f += axis->table.level[k];
@@ -177,7 +183,7 @@ static void fit_line(dahl_commission_t *axis)
     }
     float slope = n > 1 ? (n * vf - v * f) / (n * vv - v * v) : 0;
     axis->result.Fc.best = (f - dahl_larger(0, slope) * v) / n;
-    for (int k = 0; k < SPEEDS && axis->table.level[k] != 0; k++) {
+    for (int k = 0; k < SPEEDS && axis->table.level[k] > 0; k++) {
         float gap = axis->table.level[k] - f / n - slope * (speeds[k] - v / n);
         error = dahl_larger(error, dahl_absolute(gap) + axis->table.noise[k]);
     }
@@ -204,12 +210,9 @@ static void next_speed(dahl_commission_t *axis)
     }
     uint8_t speed = (uint8_t)(axis->work.sweeps.speed + 1);
     if (is_reached && speed < SPEEDS) {
-        for (int bin = 0; bin < BINS; bin++) {
-            for (int kind = 0; kind < STROKES; kind++) {
-                axis->work.sweeps.sum[kind][bin] = 0;
-                axis->work.sweeps.samples[kind][bin] = 0;
-            }
-        }
+        axis->work.sweeps.friction = axis->work.sweeps.reference = 0;
+        axis->work.sweeps.change = axis->work.sweeps.square = 0;
+        axis->work.sweeps.bins = axis->work.sweeps.bin = 0;
         axis->work.sweeps.speed = speed;
         axis->work.sweeps.stroke = 0;
         return;
@@ -220,22 +223,35 @@ static void next_speed(dahl_commission_t *axis)
     dahl_return_to_middle(axis);
 }
 
+/** After the strokes of a speed: one bin in each tick. Return 1 at the end. */
+static int evaluate_tick(dahl_commission_t *axis)
+{
+    if (axis->work.sweeps.bin < BINS) {
+        use_bin(axis, axis->work.sweeps.bin++);
+        return 0;
+    }
+    next_speed(axis);
+    return 1;
+}
+
 void dahl_sweeps_tick(dahl_commission_t *axis)
 {
     const float travel = axis->config.travel;
     if (axis->stage_ticks == 1) {
-        axis->work.sweeps.speed = 0;
         dahl_stroke_to(axis, travel, speeds[0], ACCELERATION);
     }
-    add_sample(axis);
-    if (!dahl_stroke_tick(axis)) {
-        return;
+    if (axis->work.sweeps.stroke > STROKES) {
+        if (!evaluate_tick(axis)) {
+            return;
+        }
+    } else {
+        add_to_bin(axis);
+        if (!dahl_stroke_tick(axis)) {
+            return;
+        }
     }
-    if (axis->work.sweeps.stroke == STROKES) {
-        next_speed(axis);
-    }
-    if (axis->command.stage == DAHL_COMMISSION_SWEEPS) {
-        float end = ++axis->work.sweeps.stroke & 1 ? -travel : travel;
+    if (axis->command.stage == DAHL_COMMISSION_SWEEPS && ++axis->work.sweeps.stroke <= STROKES) {
+        float end = axis->work.sweeps.stroke & 1 ? -travel : travel;
         dahl_stroke_to(axis, end, speeds[axis->work.sweeps.speed], ACCELERATION);
     }
 }

@@ -35,8 +35,11 @@
  * 2. Sweeps: to and fro at three speeds; friction, load and viscous friction by angle.
  * 3. Cycle: a torque below the friction, without the loop; the presliding stiffness.
  * 4. Breakaway: a torque ramp in both directions.
- * 5. Inertia: strokes with two sines on them; inertia and delay.
- * 6. Kick: compensation on, short pushes. A swing lengthens length_long or lowers the gain.
+ * 5. Inertia: strokes with three sines on them; inertia, delay, and a bound of the rotor alone.
+ * 6. Kick: compensation on, short pushes. A swing lengthens length_long; a creep lowers the gain.
+ *
+ * If the position loop is too soft for the friction, each stroke starts with a torque ramp in the
+ * mode TORQUE. If it shakes the axis (SPEED, VARIES), tune it to half the bandwidth and try again.
  *
  * @par Safety
  * - Clear the travel and angle_limit on both sides. Keep hands away: a hand counts as friction.
@@ -46,7 +49,8 @@
  *   limit the torque of its loop.
  * - A frozen encoder is found by its missing counts, not at once: an axis can coast beyond
  *   angle_limit meanwhile.
- * - After a refusal the torque is 0. An axis whose load exceeds its friction falls: use a brake.
+ * - After a refusal, and at the end, the torque is 0. An axis whose load exceeds its friction falls
+ *   then: use a brake.
  *
  * @par Validity
  * The axis must rub like Dahl, LuGre or slip elements with a breakaway of at most 1.6 Fc. The
@@ -152,7 +156,9 @@ typedef struct {
                                           and direction; most: with breakaway and direction */
     dahl_commission_range_t length;  /**< [rad] presliding length; most: length_long */
     dahl_commission_range_t sigma0;  /**< [N m/rad] stiffness at rest; most: sigma0_high */
-    dahl_commission_range_t inertia; /**< [kg m2] */
+    dahl_commission_range_t inertia; /**< [kg m2] of rotor and load. least: the rotor alone, if a
+                                          shaft that the sines allow rings below 200 Hz (elastic)
+                                          or 130 Hz (not elastic) */
     dahl_commission_range_t delay;   /**< [s] from the reading to the torque */
     dahl_commission_range_t viscous; /**< [N m s/rad] slope of the friction over the speed */
     float load[DAHL_COMMISSION_BINS]; /**< [N m] torque that holds the axis, at the middles of the
@@ -163,10 +169,8 @@ typedef struct {
     float gain;                      /**< [1] largest gain that came to rest after all kicks */
     float seconds;                   /**< [s] duration */
     uint16_t noise, play;            /**< [count] */
-    uint8_t elastic;                 /**< 1: the inertia differs between the two sines, or the kicks
-                                          had to lengthen length_long. A stiff shaft (above about
-                                          100 Hz) is not seen. `inertia` is that of rotor and load:
-                                          replace its least value by that of the rotor alone. */
+    uint8_t elastic;                 /**< 1: the inertia differs between the sines, or the kicks had
+                                          to lengthen length_long. A stiff shaft may not be seen. */
 } dahl_commission_result_t;
 
 /** State of one axis: at most 1 kB. Read `result`; the other fields are private. */
@@ -203,7 +207,8 @@ typedef struct {
         struct {
             float sum[4][DAHL_COMMISSION_BINS];
             uint16_t samples[4][DAHL_COMMISSION_BINS];
-            uint8_t speed, stroke;
+            float friction, reference, change, square; /* sums over the bins of this speed */
+            uint8_t speed, stroke, bins, bin;
         } sweeps;
         struct {
             float sum[16], start, from, rotor[2], turn[2];
@@ -221,12 +226,13 @@ typedef struct {
             uint8_t stroke, set;
         } inertia;
         struct {
+            dahl_compensator_params_t params;
             dahl_plan_t friction;
             dahl_state_t bristle;
             dahl_compensator_plan_t plan;
             dahl_compensator_t compensator;
             float start, push, speed, low, high, first, still;
-            uint8_t kick, gain, fails, phase, windows;
+            uint8_t kick, gain, fails, creeps, phase, windows;
         } kick;
     } work;                      /**< of the present stage */
 } dahl_commission_t;

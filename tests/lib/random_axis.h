@@ -58,7 +58,8 @@ static inline axis_t random_axis(uint64_t number)
         random_u32(s);
     }
     double kind = uniform(s, 0, 1);
-    axis_t axis = {.kind = kind < 0.25 ? AXIS_DAHL : kind < 0.75 ? AXIS_LUGRE : AXIS_SLIP, .sign = 1, .period = 1e-3, .loop_hz = 35, .travel = 0.35};
+    axis_t axis = {.sign = 1, .period = 1e-3, .loop_hz = 35, .travel = 0.35};
+    axis.kind = kind < 0.25 ? AXIS_DAHL : kind < 0.75 ? AXIS_LUGRE : AXIS_SLIP;
     axis.Fc = log_uniform(s, 0.03, 2);
     axis.inertia = axis.Fc / log_uniform(s, 60, 600);
     axis.breakaway = axis.kind == AXIS_LUGRE ? uniform(s, 1, 1.5) : 1;
@@ -270,7 +271,8 @@ static inline dahl_commission_t commission_axis(const axis_t *axis, motion_t *mo
         int32_t counts = is_frozen ? last : read_encoder(axis, motion), moved = counts - last;
         last = counts;
         motion->counts = counts - first;
-        motion->loop_speed += (moved * axis->count / axis->period - motion->loop_speed) * (1 - exp(-TWO_PI * 150 * axis->period));
+        double speed = moved * axis->count / axis->period;
+        motion->loop_speed += (speed - motion->loop_speed) * (1 - exp(-TWO_PI * 150 * axis->period));
         if (dahl_commission_tick(&state, moved, (float)torque, &command) >= DAHL_COMMISSION_DONE) {
             break;
         }
