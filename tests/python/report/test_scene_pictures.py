@@ -163,7 +163,7 @@ def test_a_commissioning_has_its_motion_friction_turn_kicks_and_tracking(
     assert friction == pytest.approx(axis.FC + axis.VISCOUS * speed, rel=0.03)
     travel, torque = curves(turn)["measured"]  # a ramp to the breakaway
     assert travel[-1] > 50 and max(torque) == pytest.approx(axis.FC, rel=0.1)  # mrad
-    assert len(kicks.lines) == 8  # 2 at gain .3 and at .6, 4 at .9
+    assert len(kicks.lines) == 8  # both ways, 4 at the largest gain
     ends = [line.get_ydata()[-1] for line in kicks.lines]
     assert [end > 0 for end in ends] == [True, False] * 4
     assert [max(np.abs(line.get_ydata())) > 10 for line in errors.lines] == [True, False]

@@ -36,7 +36,7 @@ RANGES_OF_VALUES = {  # of dahl_commission_start()
 REASONS = {  # of each refusal: what happened, and the next step; docs/commissioning.md has them too
     "ABORTED": ("it was aborted", "run it again"),
     "ANGLE": ("the angle left angle_limit", "hold the load, or clear a wider range"),
-    "SPEED": ("the speed exceeded speed_limit", "tune the position loop softer"),
+    "SPEED": ("the speed exceeded speed_limit", "halve the bandwidth of the loop"),
     "UNLIMITED": ("the drive applied more than torque_limit", "limit the whole command"),
     "SATURATED": ("the torque stayed at its limit", "raise torque_limit, or free the axis"),
     "TRACKING": ("the position loop does not follow", "look for an end stop, then tune the loop"),
@@ -51,7 +51,10 @@ REASONS = {  # of each refusal: what happened, and the next step; docs/commissio
         "the bins of angle have too few samples",
         "widen travel, or check the position loop",
     ),
-    "VARIES": ("the friction differs between two passes", "run the axis warm, keep hands away"),
+    "VARIES": (
+        "the friction differs between two passes",
+        "halve the bandwidth of the loop, run the axis warm, keep hands away",
+    ),
     "BAD_INERTIA": ("the inertia cannot be fitted", "correct the inertia of the configuration"),
     "COARSE": ("the presliding cannot be measured", "use an encoder with more counts"),
     "LIGHT": ("the rotor is too light for period and delay", "shorten period and delay"),

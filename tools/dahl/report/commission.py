@@ -81,7 +81,7 @@ class Report:
         if self.stage != "done":
             return "let dahl commission drive the axis over CAN, or use dahl_commission.h in it"
         if self.done.axis.result["gain"] < FULL_GAIN:
-            return "stiffen the shaft for a larger gain, or use this one"
+            return "use this gain; a stiffer shaft or a finer encoder may allow more"
         return "build the header into the firmware, and start with gain 0.3"
 
     def numbers(self) -> dict[str, Any]:
