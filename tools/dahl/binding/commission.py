@@ -53,7 +53,7 @@ REASONS = {  # of each refusal: what happened, and the next step; docs/commissio
     ),
     "VARIES": (
         "the friction differs between two passes",
-        "halve the bandwidth of the loop, run the axis warm, keep hands away",
+        "halve the bandwidth of the loop, or run the axis warm",
     ),
     "BAD_INERTIA": ("the inertia cannot be fitted", "correct the inertia of the configuration"),
     "COARSE": ("the presliding cannot be measured", "use an encoder with more counts"),
