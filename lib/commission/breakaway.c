@@ -14,6 +14,7 @@
 #define UNSEEN_BREAKAWAY 1.36f /* breakaway over that of a ramp: slow Stribeck */
 #define STEEPER 1.32f        /* steepest stiffness over that of the cycle: slip elements */
 #define HIDDEN_LOAD 0.6f     /* rad: mean of a load over its slope, that unequal friction may cancel */
+#define TURN_LENGTHS 6.0f    /* slip elements reach Fc at this multiple of the presliding length after a turn */
 #define MIN_CYCLE_COUNTS 1.5f
 
 /** Return atanh(ratio)/ratio within 0.5 %: the mean slope of a Dahl loop up to `ratio` of Fc is 1/this of sigma0. */
@@ -35,7 +36,7 @@ static float stiffness(const dahl_commission_t *axis, float travel, float breaka
 static float unequal_friction(const dahl_commission_t *axis)
 {
     float mean = 0, slope = 0, weight = 0;
-    for (int bin = 0; bin < DAHL_COMMISSION_BINS; bin++) {
+    for (int bin = 0; bin < BINS; bin++) {
         float x = (float)(2 * bin + 1) / DAHL_COMMISSION_BINS - 1;
         mean += axis->result.load[bin] / DAHL_COMMISSION_BINS;
         slope += axis->result.load[bin] * x;
@@ -45,14 +46,52 @@ static float unequal_friction(const dahl_commission_t *axis)
     return dahl_smaller(most, UNEQUAL_SHARE * axis->result.Fc.best);
 }
 
+/** Correct a bin near an end, where the friction has not yet grown to Fc after the turn: it is between that of the bin and that
+ * of the next bin `inner`. The torque of the stroke that arrives at the end stays. Return the change. */
+static float correct_bin(dahl_commission_t *axis, int bin, int inner)
+{
+    float *friction = axis->table.friction, more = dahl_larger(0, (friction[inner] - friction[bin]) / 2);
+    friction[bin] += more;
+    axis->result.load[bin] += bin < inner ? more : -more;
+    return more;
+}
+
+static float least_friction(const dahl_commission_t *axis)
+{
+    float least = axis->table.friction[0];
+    for (int bin = 1; bin < BINS; bin++) {
+        least = dahl_smaller(least, axis->table.friction[bin]);
+    }
+    return least;
+}
+
+/** Correct the ends over TURN_LENGTHS of the presliding. Return the largest change. */
+static float correct_ends(dahl_commission_t *axis)
+{
+    const float least = least_friction(axis), width = 2 * axis->config.travel / BINS;
+    const float length = axis->result.Fc.best * axis->cycle_travel / (2 * axis->cycle_torque);
+    float most = 0, sum = 0;
+    for (int k = BINS / 2 - 2; k >= 0; k--) {
+        if (((float)k + 0.5f) * width < TURN_LENGTHS * length) {
+            float low = correct_bin(axis, k, k + 1), high = correct_bin(axis, BINS - 1 - k, BINS - 2 - k);
+            most = dahl_larger(most, dahl_larger(low, high));
+            sum += low + high;
+        }
+    }
+    axis->table.least += least_friction(axis) - least;
+    axis->result.Fc.best += sum / BINS;
+    return most;
+}
+
 static void find_friction(dahl_commission_t *axis)
 {
     dahl_commission_result_t *result = &axis->result;
+    const float change = correct_ends(axis);
     float unequal = unequal_friction(axis), viscous = 0.6f * result->viscous.best;
     result->Fc.least = 0.96f * (axis->table.least - viscous) - unequal - axis->table.scatter;
     result->Fc.most = result->breakaway * UNSEEN_BREAKAWAY * (axis->table.most + unequal);
-    result->load_error = unequal + axis->table.scatter + 0.03f * result->Fc.best;
-    for (int bin = 0; bin < DAHL_COMMISSION_BINS; bin++) {
+    result->load_error = unequal + axis->table.scatter + change + 0.03f * result->Fc.best;
+    for (int bin = 0; bin < BINS; bin++) {
         result->load_most = dahl_larger(result->load_most, dahl_absolute(result->load[bin]) + result->load_error);
     }
 }

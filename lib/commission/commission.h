@@ -6,6 +6,7 @@
 #include "dahl_commission.h"
 
 #define TWO_PI 6.28318531f
+#define BINS DAHL_COMMISSION_BINS
 /** Directions of a LuGre or worn axis differ by at most this part of Fc. */
 #define UNEQUAL_SHARE 0.15f
 /** [rad] If the load moves the axis by this at rest, the loop holds it. */

@@ -12,9 +12,11 @@
 #define PUSH_RAD 0.1f
 #define MAX_SPEED 2.5f       /* rad/s */
 #define WATCH_S 0.2f
-#define MAX_WINDOWS 10
-#define CREEP_WINDOWS 7
-#define CREEP 0.0015f        /* rad in a window that is rest */
+#define CREEP_WINDOWS 6
+#define SWING_WINDOWS 10
+#define MAX_WINDOWS 20
+#define CREEP 0.003f         /* rad in a window that is rest */
+#define SETTLING 0.9f        /* range of a window over that two windows before */
 #define MAX_EXCURSION 0.25f  /* rad beyond the travel */
 #define STILL_SPEED 0.04f    /* rad/s of the ring on the bristles */
 
@@ -101,7 +103,19 @@ static void start_window(dahl_commission_t *axis)
 }
 
 /** What a window showed. */
-typedef enum { NOT_ENDED, RESTS, CREEPS, SWINGS } window_t;
+typedef enum { NOT_ENDED, RESTS, SETTLES, CREEPS, SWINGS } window_t;
+
+static window_t classify(const dahl_commission_t *axis, float range, float drift, float before)
+{
+    const int swings = range - drift > axis->work.kick.still;
+    if (!swings && drift <= CREEP + axis->work.kick.still) {
+        return RESTS;
+    }
+    if (range < SETTLING * before) {
+        return SETTLES;
+    }
+    return swings ? SWINGS : CREEPS;
+}
 
 static window_t check_window(dahl_commission_t *axis)
 {
@@ -110,11 +124,13 @@ static window_t check_window(dahl_commission_t *axis)
     if (axis->step_ticks % dahl_ticks(axis, WATCH_S) != 0) {
         return NOT_ENDED;
     }
-    float range = axis->work.kick.high - axis->work.kick.low;
-    float drift = dahl_absolute(axis->theta - axis->work.kick.first);
+    const float range = axis->work.kick.high - axis->work.kick.low, before = axis->work.kick.ranges[1];
+    const float drift = dahl_absolute(axis->theta - axis->work.kick.first);
+    axis->work.kick.ranges[1] = axis->work.kick.ranges[0];
+    axis->work.kick.ranges[0] = range;
     axis->work.kick.windows++;
     start_window(axis);
-    return range - drift > axis->work.kick.still ? SWINGS : drift > CREEP + axis->work.kick.still ? CREEPS : RESTS;
+    return classify(axis, range, drift, before);
 }
 
 static void fail(dahl_commission_t *axis)
@@ -160,13 +176,15 @@ static void pass(dahl_commission_t *axis)
 
 static void settle_tick(dahl_commission_t *axis)
 {
-    const int is_gone = dahl_absolute(axis->theta) > axis->config.travel + MAX_EXCURSION;
+    const float excursion = dahl_absolute(axis->theta) - axis->config.travel;
     window_t window = check_window(axis);
+    const uint8_t windows = axis->work.kick.windows;
     if (window == RESTS) {
         pass(axis);
-    } else if (window == CREEPS && axis->work.kick.windows >= CREEP_WINDOWS) {
+    } else if (window == CREEPS && windows >= CREEP_WINDOWS) {
         lower_gain(axis);
-    } else if (is_gone || axis->work.kick.windows >= MAX_WINDOWS) {
+    } else if (excursion > MAX_EXCURSION || (window == SWINGS && windows >= SWING_WINDOWS)
+               || windows >= MAX_WINDOWS) {
         fail(axis);
     }
 }

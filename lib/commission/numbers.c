@@ -8,11 +8,13 @@ float dahl_root(float x)
     if (!(x > 0)) {
         return 0;
     }
-    for (; scaled > 4 && root < 1e18f; root *= 2) {
+    while (scaled > 4 && root < 1e18f) {
         scaled *= 0.25f;
+        root *= 2;
     }
-    for (; scaled < 1 && root > 1e-18f; root *= 0.5f) {
+    while (scaled < 1 && root > 1e-18f) {
         scaled *= 4;
+        root *= 0.5f;
     }
     scaled = 0.5f + 0.5f * scaled; /* a first value, at most 25 % too large */
     root *= scaled;

@@ -70,20 +70,25 @@ static void become_soft(dahl_commission_t *axis)
     axis->stage_ticks = 1;
 }
 
+/** The first stroke moves the axis backward: the motor has the wrong sign. */
+static int is_backward(const dahl_commission_t *axis)
+{
+    const int is_first = axis->command.stage == DAHL_COMMISSION_SWEEPS && !(axis->table.level[0] > 0);
+    return is_first && axis->work.sweeps.stroke == 0 && !axis->is_held && axis->theta < -BACKWARD_RAD - FALL_RAD;
+}
+
 static dahl_commission_refusal_t check_loop(dahl_commission_t *axis, int32_t dcounts)
 {
-    const int is_rest = axis->command.stage == DAHL_COMMISSION_REST;
-    const int is_first = axis->command.stage == DAHL_COMMISSION_SWEEPS && !(axis->table.level[0] > 0)
-                         && axis->work.sweeps.stroke == 0 && !axis->is_held;
-    if (is_first && axis->theta < -BACKWARD_RAD - FALL_RAD) {
+    const float error = dahl_absolute(axis->command.angle - axis->theta), travel = axis->config.travel;
+    const int may_soften = axis->command.stage == DAHL_COMMISSION_SWEEPS && !axis->is_soft;
+    if (is_backward(axis)) {
         return DAHL_COMMISSION_SIGN;
     }
-    if (axis->command.stage == DAHL_COMMISSION_SWEEPS && !axis->is_soft
-        && dahl_absolute(axis->command.angle - axis->theta) > SOFT_SHARE * axis->config.travel) {
+    if (may_soften && error > SOFT_SHARE * travel) {
         become_soft(axis);
         return DAHL_COMMISSION_OK;
     }
-    if (dahl_absolute(axis->command.angle - axis->theta) > (is_rest ? HOLD_RAD : axis->config.travel)) {
+    if (error > (axis->command.stage == DAHL_COMMISSION_REST ? HOLD_RAD : travel)) {
         return DAHL_COMMISSION_TRACKING;
     }
     return is_frozen_in_loop(axis, dcounts) && !axis->is_soft ? DAHL_COMMISSION_ENCODER : DAHL_COMMISSION_OK;

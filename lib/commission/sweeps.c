@@ -5,7 +5,6 @@
  * viscous. Two passes per speed show if the friction repeats. */
 #include "commission.h"
 
-#define BINS DAHL_COMMISSION_BINS
 #define SPEEDS DAHL_COMMISSION_SPEEDS
 #define STROKES 4                /* at each speed: down, up, down, up */
 #define ACCELERATION 60.0f       /* rad/s2 */
@@ -102,24 +101,39 @@ static void use_bin(dahl_commission_t *axis, int bin)
     }
 }
 
-/** Empty bins at the ends get the values of their neighbours. Return 0 if too many are empty: an end stop. */
-static int fill_ends(dahl_commission_t *axis)
+static int is_empty(const dahl_commission_t *axis, int bin)
 {
-    const int is_narrow = axis->config.travel < NARROW * 0.5f * BINS;
-    const int ends = is_narrow + 2 * axis->is_soft;
+    return !(dahl_absolute(axis->table.friction[bin]) > 0);
+}
+
+/** Return 1 if bins are empty that a stroke must reach: an end stop. */
+static int has_gap(const dahl_commission_t *axis)
+{
+    const int is_narrow = axis->config.travel < NARROW * 0.5f * BINS, ends = is_narrow + 2 * axis->is_soft;
+    int gaps = 0;
     for (int bin = ends; bin < BINS - ends; bin++) {
-        if (!(dahl_absolute(axis->table.friction[bin]) > 0)) {
-            return 0;
-        }
+        gaps += is_empty(axis, bin);
     }
-    for (int k = 0; k < 2 * BINS; k++) {
-        int bin = k < BINS ? k : 2 * BINS - 1 - k, from = k < BINS ? bin - 1 : bin + 1;
-        if (from >= 0 && from < BINS && !(dahl_absolute(axis->table.friction[bin]) > 0)) {
-            axis->table.friction[bin] = axis->table.friction[from];
-            axis->result.load[bin] = axis->result.load[from];
-        }
+    return gaps > 0;
+}
+
+/** An empty bin gets the values of its neighbour. */
+static void fill_bin(dahl_commission_t *axis, int bin, int from)
+{
+    if (is_empty(axis, bin)) {
+        axis->table.friction[bin] = axis->table.friction[from];
+        axis->result.load[bin] = axis->result.load[from];
     }
-    return 1;
+}
+
+static void fill_ends(dahl_commission_t *axis)
+{
+    for (int k = 1; k < BINS; k++) {
+        fill_bin(axis, k, k - 1);
+    }
+    for (int k = BINS - 1; k > 0; k--) {
+        fill_bin(axis, k - 1, k);
+    }
 }
 
 /** The friction is known now, so the torque limit comes down. */
@@ -149,7 +163,7 @@ static int finish_speed(dahl_commission_t *axis)
 {
     const int speed = axis->work.sweeps.speed;
     const float bins = (float)axis->work.sweeps.bins;
-    if (speed == 0 && !fill_ends(axis)) {
+    if (speed == 0 && has_gap(axis)) {
         dahl_refuse(axis, DAHL_COMMISSION_NO_DATA);
         return 0;
     }
@@ -157,6 +171,7 @@ static int finish_speed(dahl_commission_t *axis)
         return 0;
     }
     if (speed == 0) {
+        fill_ends(axis);
         lower_torque_limit(axis);
         axis->table.level[0] = axis->work.sweeps.friction / bins;
     } else {
@@ -231,7 +246,14 @@ static int evaluate_tick(dahl_commission_t *axis)
         return 0;
     }
     next_speed(axis);
-    return 1;
+    return axis->command.stage == DAHL_COMMISSION_SWEEPS;
+}
+
+/** Return 1 at the end of a stroke. */
+static int sweep_tick(dahl_commission_t *axis)
+{
+    add_to_bin(axis);
+    return dahl_stroke_tick(axis);
 }
 
 void dahl_sweeps_tick(dahl_commission_t *axis)
@@ -240,17 +262,8 @@ void dahl_sweeps_tick(dahl_commission_t *axis)
     if (axis->stage_ticks == 1) {
         dahl_stroke_to(axis, travel, speeds[0], ACCELERATION);
     }
-    if (axis->work.sweeps.stroke > STROKES) {
-        if (!evaluate_tick(axis)) {
-            return;
-        }
-    } else {
-        add_to_bin(axis);
-        if (!dahl_stroke_tick(axis)) {
-            return;
-        }
-    }
-    if (axis->command.stage == DAHL_COMMISSION_SWEEPS && ++axis->work.sweeps.stroke <= STROKES) {
+    int is_end = axis->work.sweeps.stroke > STROKES ? evaluate_tick(axis) : sweep_tick(axis);
+    if (is_end && ++axis->work.sweeps.stroke <= STROKES) {
         float end = axis->work.sweeps.stroke & 1 ? -travel : travel;
         dahl_stroke_to(axis, end, speeds[axis->work.sweeps.speed], ACCELERATION);
     }

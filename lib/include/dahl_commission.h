@@ -231,7 +231,7 @@ typedef struct {
             dahl_state_t bristle;
             dahl_compensator_plan_t plan;
             dahl_compensator_t compensator;
-            float start, push, speed, low, high, first, still;
+            float start, push, speed, low, high, first, still, ranges[2];
             uint8_t kick, gain, fails, creeps, phase, windows;
         } kick;
     } work;                      /**< of the present stage */
