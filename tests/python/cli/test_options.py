@@ -45,6 +45,13 @@ OPTIONS: dict[str, dict[str, Any]] = {
     | {"--counts-per-turn": NUMBER}
     | LIVE
     | BUS,
+    "commission": dict.fromkeys(("--angle", "--torque", "--time", "--angle-unit", "--dbc"), TEXT)
+    | dict.fromkeys(("--torque-unit", "--time-unit", "--table", "--json", "--name"), TEXT)
+    | {"-o/--output": TEXT, "--simulate": FLAG, "--skip-gaps": FLAG, "--trust-units": FLAG}
+    | dict.fromkeys(("--inertia", "--torque-limit", "--travel", "--angle-limit"), ABOVE_0)
+    | dict.fromkeys(("--speed-limit", "--period", "--bandwidth", "--torque-constant"), ABOVE_0)
+    | {"--drive": ("odrive", "moteus"), "--node": (0, 127), "--counts-per-turn": NUMBER}
+    | BUS,
     "excite": dict.fromkeys(("--sigma0", "--fc", "--noise", "--counts-per-turn"), ABOVE_0)
     | dict.fromkeys(("--within", "--rate", "--speed", "--inertia", "--bandwidth"), ABOVE_0)
     | {"--torque-constant": ABOVE_0, "--loop": TEXT, "--reference": TEXT}
@@ -81,6 +88,7 @@ EVERY = [(verb, names) for verb, options in OPTIONS.items() for names in options
 DEFAULTS: dict[str, dict[str, Any]] = {  # all that are not None, False or empty
     "demo": {"output": paths.OUTPUT / "demo"},
     "identify": {"jobs": -1, "within": 2, "output": paths.OUTPUT / "identify"},
+    "commission": {"drive": "odrive", "name": "axis", "output": paths.OUTPUT / "identify"},
     "excite": {"noise": 0.05, "within": 1, "rate": 1000, "speed": math.inf, "name": "excite"}
     | {"output": paths.OUTPUT / "identify", "bandwidth": math.inf},
     "plan": {"model": "dahl"},
@@ -272,14 +280,15 @@ def test_bash_completes_commands_options_and_values(dahl, root):
         ask += 'printf "%s\\n" "${COMPREPLY[@]}"'
         return run("bash", "--norc", "-uc", script + ask).split()
 
-    assert re.findall(r"^    (\w+) ", dahl("--help").stdout, re.MULTILINE) == list(OPTIONS)
+    assert re.findall(r"^    (\w+)\b", dahl("--help").stdout, re.MULTILINE) == list(OPTIONS)
     assert set(completed("")) == {*OPTIONS}
     assert set(completed("-")) == {"-h", "--help", "--version"}
     assert completed("mon") == ["monitor"] and completed("demo", "--sce") == ["--scene"]
     for verb in OPTIONS:
         assert set(completed(verb, "-")) == names_of(verb) | {"-h", "--help"}
     scenes = {path.stem for path in (root / "host_sim" / "scenes").glob("*.ini")}
-    assert set(completed("demo", "--scene", "")) == scenes | {"compensation", "park-steer"}
+    scenes |= {"commission", "compensation", "park-steer"}
+    assert set(completed("demo", "--scene", "")) == scenes
     assert completed("plan", "--model", "asy") == ["asymmetric"]
     for name in ("-i", "--interface"):
         assert "socketcand" in completed("node", name, "socketcan")

@@ -339,6 +339,8 @@ def test_each_number_of_a_summary_has_its_shape_or_is_null(dahl, verb):
 @pytest.mark.parametrize(
     "numbers",
     [
+        {"scene": "commission", "result": None},
+        {"scene": "commission", "result": {"gain": "wide"}, "tracking_rms_rad": {}},
         {"scene": "park-steer"},
         {"scene": "park-steer", "without": {}, "with": {"width_Nm": "wide"}},
         {"scene": "compensation", "position": [], "hand": {}},

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Pictures of the scenes compensation and park-steer: their curves and dots. The table that
-park-steer prints.
+"""Pictures of the scenes commission, compensation and park-steer: their curves, dots, bands and
+bars. The table that park-steer prints.
 """
 
 import json
@@ -10,7 +10,8 @@ from types import SimpleNamespace
 import can
 import numpy as np
 import pytest
-from dahl.report import compensation, park_steer
+from dahl.report import commission_plot, compensation, park_steer
+from dahl.sim import axis
 from dahl.sim import park_steer as steering
 from dahl.sim.compensation import LAWS, SHOWN_HAND, SHOWN_POSITION, laws_of
 from dahl.sim.compensation_axis import PERIOD_S
@@ -144,3 +145,49 @@ def test_the_demo_of_park_steer_prints_the_numbers_of_its_summary(tmp_path, monk
             assert meaning.endswith("[J]" if name.endswith("_J") else "[N m]")
         assert "without" in shown and str(tmp_path / "run.log") in shown
     assert (tmp_path / "run.log").read_text().endswith(" 005#6162\n")
+
+
+@pytest.fixture(scope="module")
+def commissioned() -> axis.Commissioned:
+    return axis.commission(axis.simulated(), axis.Shaft())
+
+
+def curves(panel: Axes) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    return {line.get_label(): (line.get_xdata(), line.get_ydata()) for line in panel.lines}
+
+
+def test_a_commissioning_has_its_motion_friction_turn_kicks_and_tracking(
+    commissioned: axis.Commissioned, tmp_path
+) -> None:
+    tracking = tuple(axis.track(commissioned.axis, is_on) for is_on in (False, True))
+    with drawing() as drawn:
+        commission_plot.draw(tmp_path / "all.png", commissioned, tracking)
+    motion, by_angle, by_speed, turn, kicks, errors = drawn[0].axes
+    assert [*curves(motion)] == list(axis.STAGES)
+    found = curves(by_angle)
+    assert found["friction"][1] == pytest.approx(axis.FC, rel=0.05)
+    assert found["load"][1] == pytest.approx(axis.GRAVITY * np.cos(found["load"][0]), abs=0.02)
+    speed, friction = curves(by_speed)["measured"]
+    assert friction == pytest.approx(axis.FC + axis.VISCOUS * speed, rel=0.03)
+    travel, torque = curves(turn)["measured"]  # a ramp to the breakaway
+    assert travel[-1] > 50 and max(torque) == pytest.approx(axis.FC, rel=0.1)  # mrad
+    assert len(kicks.lines) == 8  # both ways, 4 at the largest gain
+    ends = [line.get_ydata()[-1] for line in kicks.lines]
+    assert [end > 0 for end in ends] == [True, False] * 4
+    assert [max(np.abs(line.get_ydata())) > 10 for line in errors.lines] == [True, False]
+
+
+def test_a_refused_axis_has_the_panels_of_its_data(tmp_path) -> None:
+    """The load of this one falls after the sweeps, or at once."""
+    for until, panels in ((11.0, 3), (0.3, 1)):
+        shaft, ticks = axis.Shaft(), []
+
+        def fall(_: object, shaft=shaft, ticks=ticks, until=until) -> None:
+            ticks.append(0)
+            shaft.hand = 3 * axis.FC * (len(ticks) > until / axis.PERIOD_S)
+
+        refused = axis.commission(axis.simulated(), shaft, watch=fall)
+        assert refused.axis.refusal_code
+        with drawing(rendered=False) as drawn:
+            commission_plot.draw(tmp_path / "part.png", refused)
+        assert len(drawn[0].axes) == panels

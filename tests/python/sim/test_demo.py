@@ -214,6 +214,7 @@ SCENES_IN_ONE_FOLDER = [  # words, picture, and the other files of such a run
         {"run.log", "trace.csv", "uncompensated.csv", "both.err"},
     ),
     (("--scene", "park-steer"), "park-steer.png", {"run.log"}),
+    (("--scene", "commission"), "commission.png", set()),
     (SEGMENTS, "loop.png", {"run.log", *PAIR}),
 ]
 

@@ -19,6 +19,11 @@ from dahl.errors import InputError, RunError
 MODES = ("off", "track", "torque")
 STAGES = ("rest", "sweeps", "cycle", "breakaway", "inertia", "kick", "done", "refused")
 RANGES = ("Fc", "length", "sigma0", "inertia", "delay", "viscous")
+COMPENSATOR_PARAMETERS = (
+    *("Fc_low", "length_long", "sigma0_high", "load", "inertia", "delay", "gain", "limit", "slew"),
+    *("period", "rise", "fall", "fade_speed", "noise", "play", "jump"),
+)
+SWEEP_SPEEDS = (0.6, 1.2, 2.5)  # rad/s, of lib/commission/sweeps.c
 VALUES = ("load_error", "load_most", "breakaway", "gain", "seconds")
 RANGES_OF_VALUES = {  # of dahl_commission_start()
     "period": (5e-5, 2e-3),
@@ -28,23 +33,32 @@ RANGES_OF_VALUES = {  # of dahl_commission_start()
     "travel": (0.2, 3.0),
     "speed_limit": (5.0, 1000.0),
 }
-REASONS = {
-    "ABORTED": "aborted",
-    "ANGLE": "the angle left angle_limit; hold the load, or clear a wider range",
-    "SPEED": "the speed exceeded speed_limit; tune the position loop softer",
-    "UNLIMITED": "the drive applied more than torque_limit; limit the whole command",
-    "SATURATED": "the torque stayed at its limit; raise torque_limit, or free the axis",
-    "TRACKING": "the position loop does not follow; look for an end stop, then tune it",
-    "ENCODER": "no counts while the axis must move; check the encoder",
-    "SIGN": "the axis moves against the command; swap the sign of the torque or of the counts",
-    "DISTURBED": "the axis moved when it had to rest; keep hands away",
-    "TIMEOUT": "a stage took too long; check the drive",
-    "NO_DATA": "too few samples in the bins of angle; widen travel, or check the position loop",
-    "VARIES": "the friction differs between two passes; run the axis warm, keep hands away",
-    "BAD_INERTIA": "the inertia cannot be fitted; correct inertia of the configuration",
-    "COARSE": "no presliding to measure; use an encoder with more counts",
-    "LIGHT": "the rotor is too light for period and delay; shorten both",
-    "SWINGS": "the axis swings with each gain; stiffen the shaft",
+REASONS = {  # of each refusal: what happened, and the next step; docs/commissioning.md has them too
+    "ABORTED": ("it was aborted", "run it again"),
+    "ANGLE": ("the angle left angle_limit", "hold the load, or clear a wider range"),
+    "SPEED": ("the speed exceeded speed_limit", "halve the bandwidth of the loop"),
+    "UNLIMITED": ("the drive applied more than torque_limit", "limit the whole command"),
+    "SATURATED": ("the torque stayed at its limit", "raise torque_limit, or free the axis"),
+    "TRACKING": ("the position loop does not follow", "look for an end stop, then tune the loop"),
+    "ENCODER": ("no counts came while the axis had to move", "check the encoder"),
+    "SIGN": (
+        "the axis moves against the command",
+        "swap the sign of the torque or of the counts",
+    ),
+    "DISTURBED": ("the axis moved when it had to rest", "keep hands away, then run it again"),
+    "TIMEOUT": ("a stage took too long", "check the drive, then run it again"),
+    "NO_DATA": (
+        "the bins of angle have too few samples",
+        "widen travel, or check the position loop",
+    ),
+    "VARIES": (
+        "the friction differs between two passes",
+        "halve the bandwidth of the loop, or run the axis warm",
+    ),
+    "BAD_INERTIA": ("the inertia cannot be fitted", "correct the inertia of the configuration"),
+    "COARSE": ("the presliding cannot be measured", "use an encoder with more counts"),
+    "LIGHT": ("the rotor is too light for period and delay", "shorten period and delay"),
+    "SWINGS": ("the axis swings with each gain", "stiffen the shaft"),
 }
 
 
@@ -134,13 +148,16 @@ class Commission(HasParameters, Copied):
         return STAGES[self._state.command.stage]
 
     @property
+    def refusal_code(self) -> str:
+        """Name of the refusal without DAHL_COMMISSION_, a key of REASONS, or ""."""
+        code = self._state.command.refusal
+        names = (name for name in REASONS if code == getattr(c, f"DAHL_COMMISSION_{name}"))
+        return next(names, "")
+
+    @property
     def refusal(self) -> str:
         """Why it was refused and what to change, or ""."""
-        code = self._state.command.refusal
-        for name, text in REASONS.items():
-            if code == getattr(c, f"DAHL_COMMISSION_{name}"):
-                return text
-        return ""
+        return "; ".join(REASONS.get(self.refusal_code, ()))
 
     def tick(self, dcounts: int, torque: float) -> Command:
         """Return what the drive must do now. dcounts and torque (N m) are those of the last tick: 0
@@ -191,6 +208,32 @@ class Commission(HasParameters, Copied):
     def _loads(self) -> NDArray[np.float64]:
         return np.array(list(self._state.result.load))
 
+    @property
+    def has_sweeps(self) -> bool:
+        """Return whether the sweeps have ended, also if a later stage was refused."""
+        return bool(self._state.result.Fc.best > 0)
+
+    @property
+    def sweeps(self) -> dict[str, Any]:
+        """Return what the sweeps alone measured: Fc (N m), viscous as Range, `friction` and `load`
+        (N m) at `angle` (rad), and `friction_at_speed` in pairs of rad/s and N m. Raises
+        dahl.RunError before the end of the sweeps.
+        """
+        state = self._state
+        if not self.has_sweeps:
+            raise RunError(f"the sweeps have not ended: {self.refusal or self.stage}")
+        friction, viscous = np.array(list(state.table.friction)), state.result.viscous
+        levels = zip(SWEEP_SPEEDS, state.table.level, strict=True)
+        bins = len(friction)
+        return {
+            "Fc": state.result.Fc.best,
+            "viscous": Range(viscous.least, viscous.best, viscous.most),
+            "angle": self.travel * ((2 * np.arange(bins) + 1) / bins - 1),
+            "friction": friction,
+            "load": self._loads(),
+            "friction_at_speed": [(speed, level) for speed, level in levels if level > 0],
+        }
+
     def _need_done(self) -> None:
         if self.stage != "done":
             raise RunError(f"the axis is not commissioned: {self.refusal or self.stage}")
@@ -199,27 +242,41 @@ class Commission(HasParameters, Copied):
         """Return the torque in N m that holds the axis at an angle in rad, +-load_error."""
         return float(c.dahl_commission_load(self._state, checks.finite("angle", angle, "rad")))
 
-    def compensator(self, has_load: bool = False) -> Compensator:
-        """Return a Compensator with the bounds and the gain of the result. If the drive adds load()
-        to the command, pass False. If it does not, pass True: a load lowers the gain. Step an
-        element of the same sigma0 and Fc. Raises dahl.RunError unless the stage is done.
-        """
+    def c_params(self, has_load: bool = False) -> Any:
+        """Return the parameters of compensator() as a dahl_compensator_params_t."""
         self._need_done()
         params = c.new("dahl_compensator_params_t *")
         flag = checks.flag("has_load", has_load)
         code = c.dahl_commission_params(self._state, params, flag)
         if code != c.DAHL_COMPENSATOR_OK:
             raise RunError(f"the library rejects the parameters: code {code}")
-        names = "Fc_low length_long sigma0_high load inertia delay gain limit slew period".split()
-        names += "rise fall fade_speed noise play jump".split()
+        return params[0]
+
+    def compensator(self, has_load: bool = False) -> Compensator:
+        """Return a Compensator with the bounds and the gain of the result. If the drive adds load()
+        to the command, pass False. If it does not, pass True: a load lowers the gain. Step an
+        element of the same sigma0 and Fc. Raises dahl.RunError unless the stage is done.
+        """
+        params = self.c_params(has_load)
         friction = params.friction
         return Compensator(
             friction.sigma0,
             friction.Fc,
             friction.theta_per_count,
             elastic=bool(params.elastic),
-            **{name: getattr(params, name) for name in names},
+            **{name: getattr(params, name) for name in COMPENSATOR_PARAMETERS},
         )
+
+    def reference_compensator(self) -> Compensator:
+        """Return a Compensator for an axis that a position loop moves: reference law, gain 1, best
+        values of Fc and sigma0. Step its element by the counts of the reference. Raises
+        dahl.RunError unless the stage is done.
+        """
+        params, result = self.c_params(), self._state.result
+        Fc, sigma0 = result.Fc.best, result.sigma0.best  # noqa: N806
+        given = {name: getattr(params, name) for name in COMPENSATOR_PARAMETERS}
+        given |= {"Fc_low": Fc, "length_long": 0.999 * Fc / sigma0, "gain": 1.0, "limit": 1.2 * Fc}
+        return Compensator(sigma0, Fc, params.friction.theta_per_count, reference=True, **given)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Commission):

@@ -4,8 +4,8 @@ torque was.
 
 Without a log: the tribometer set, else the cycloidal one, else (no measured log in reach) the
 steering scene. With LOG: your own recording, one row per tick of 1 ms. Leaves loop.png, run.log and
-summary.json in build/demo. The scenes compensation and park-steer are simulated without dahl-loop;
-their pictures are compensation.png and park-steer.png.
+summary.json in build/demo. The scenes commission, compensation and park-steer are simulated without
+dahl-loop; their pictures have the names of the scenes, as commission.png.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ HELP = "replay a log over the bus, record, compare, draw"
 EXAMPLE = """examples:
   dahl demo
   dahl demo --scene steering --seconds 10
+  dahl demo --scene commission
   dahl demo --scene compensation
   dahl demo shaft.csv --angle angle_deg --torque torque_Nm --sigma0 120 --fc 0.8 \\
       --counts-per-turn 16384"""
@@ -56,7 +57,12 @@ OWN_LOG = (  # type, name of the value, help
     ("--spring", finite, "K", "N m/rad; its product with the angle is added"),
 )
 RUN = (
-    ("--scene", str, "NAME", "a shipped scene, a scene file, compensation or park-steer"),
+    (
+        "--scene",
+        str,
+        "NAME",
+        "a shipped scene, a scene file, commission, compensation or park-steer",
+    ),
     ("--bus", str, "SPEC", "socketcan:IF or socketcand (default: the best there is)"),
     ("--target", str, "CORE", "compute the torque in firmware on an emulated core, such as m4f"),
     ("--seconds", seconds, "S", "end the motion after S seconds"),

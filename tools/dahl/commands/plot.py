@@ -3,8 +3,8 @@
 
 RUN is a folder of `dahl demo`, whose summary.json names the scene, or a log of frames (candump
 .log, .asc, .blf, .trc, .mf4) with --scene. If several buses of the log have frames of the node, -c
-selects one. The picture is loop.png next to the log, or the file of -o. The scenes compensation and
-park-steer are simulated again; their pictures are compensation.png and park-steer.png.
+selects one. The picture is loop.png next to the log, or the file of -o. The scenes commission,
+compensation and park-steer are simulated again; their pictures have the names of the scenes.
 """
 
 from __future__ import annotations
