@@ -91,6 +91,8 @@ REFUSALS: list[tuple[dict[str, Any], dict[str, Any], str]] = [
     ({"sigma0_high": None}, {}, "no sigma0_high: the log does not show it; next: record a motion"),
     ({"Fc_low": "0.4 N"}, {}, "not written by this version of dahl identify"),
     ({"Fc_low": -1}, {}, "not written by this version of dahl identify"),
+    ({"Fc_low": 10**400}, {}, "not written by this version of dahl identify"),
+    ({"length_long": 1e300}, {}, "not written by this version of dahl identify"),
     ({}, {"ratio": 0}, "ratio = 0 is not above 0"),
     ({}, {"ratio": math.nan}, "ratio = nan"),
     ({}, {"load": 0.45}, "load = 0.45 is not below Fc_low"),

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dahl.binding import checks, plan_header
+from dahl.binding import checks, parameters, plan_header
 from dahl.errors import InputError
 
 RECORD_AGAIN = "record a motion that dahl excite proposes"
 LINEAR = "ratio = 2*pi/lead in rad/m for a motor with a screw, or 1 for a linear motor"
+NAMES = ("Fc_low", "length_long", "sigma0_high")
 
 
 @dataclass(frozen=True)
@@ -26,33 +27,20 @@ class Bounds:
     sigma0_high: float  # 0 if the log does not show it
 
 
-NAMES = ("Fc_low", "length_long", "sigma0_high")
-
-
 def read_bounds(path: str | os.PathLike[str], ratio: float | None, reference: bool) -> Bounds:
     """Return the floats on the safe side of the bounds. One rad or m of the log is `ratio` rad of
     the motor. Raises dahl.Error with the next step.
     """
     found = _read(Path(path))
-    try:
-        bounds = [found[name] for name in NAMES]
-        is_linear = found["linear"]
-        are_numbers = all(one is None or 0 < float(one) < math.inf for one in bounds)
-    except (KeyError, TypeError, ValueError):
-        are_numbers = False
-    if not are_numbers:
-        raise InputError(f"{path}: not written by this version of dahl identify {NAMES}")
-    if is_linear and ratio is None:
+    if found["linear"] and ratio is None:
         raise InputError(f"{path} is in N and m of a linear motion: give {LINEAR}")
-    turned = (
-        1.0 if ratio is None else checks.finite("ratio", ratio, "rad of the motor per rad or m")
-    )
+    turned = checks.finite("ratio", 1.0 if ratio is None else ratio, "rad of the motor")
     if turned <= 0:
         raise InputError(f"ratio = {turned:g} is not above 0")
-    for name, value in zip(NAMES, bounds, strict=True):
-        if value is None and not (reference and name == "sigma0_high"):
-            raise InputError(f"{path} has no {name}: {_reason(found)}")
-    low, long, high = (0.0 if one is None else float(one) for one in bounds)
+    needed = NAMES[:2] if reference else NAMES
+    if missing := [name for name in needed if found[name] is None]:
+        raise InputError(f"{path} has no {missing[0]}: {_reason(found)}")
+    low, long, high = (float(found[name] or 0) for name in NAMES)
     return Bounds(
         plan_header.rounded(low / turned, 0.0),
         plan_header.rounded(long * turned, math.inf),
@@ -109,13 +97,23 @@ def _check_guarantee(bounds: Bounds, taken: dict[str, Any]) -> None:
         raise InputError(f"fade_speed = {fade:g} is below {slowest:g}: Fc/sqrt(sigma0*inertia)/2")
 
 
-def _read(path: Path) -> Any:
+def _read(path: Path) -> dict[str, Any]:
+    """Return the content of the file. Its bounds are numbers above 0, or None."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; dahl identify writes it") from None
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not JSON ({error})") from None
+    is_ours = isinstance(found, dict) and {"linear", *NAMES} <= found.keys()
+    if not is_ours or not all(_is_bound(found[name]) for name in NAMES):
+        raise InputError(f"{path}: not written by this version of dahl identify {NAMES}")
+    return dict(found)
+
+
+def _is_bound(value: object) -> bool:
+    is_number = isinstance(value, float | int) and not isinstance(value, bool)
+    return value is None or (is_number and 0 < value < parameters.TORQUE_MAX)  # type: ignore[operator]
 
 
 def _reason(found: dict[str, Any]) -> str:
