@@ -418,7 +418,7 @@ typedef struct {
  *   #DAHL_COMPENSATOR_PARAM if a parameter is NaN, infinite, negative, or zero but must not be, or
  *   if speed_gain and resonance are both 0; #DAHL_COMPENSATOR_RANGE if one is out of range, if the
  *   limit is above Fc without no_integral, if the slew is below 2^-23 Fc in a tick, or if 2 pi
- *   corner inertia is 64 Fc or more at 4 noise + 2 counts per tick;
+ *   corner inertia is 64 Fc or more at 2 noise + 2 counts per tick;
  *   #DAHL_COMPENSATOR_CORNER if the rule of the corner fails: lower the corner.
  * @note The first rule is rounded to the safe side by 2^-30 of it, the second one is exact.
  */
