@@ -67,10 +67,10 @@ static int is_limit_above_bound(const dahl_compensator_params_t *params, const d
     return !residual->no_integral && dahl_bits_of(residual->limit) > dahl_bits_of(params->friction.Fc);
 }
 
-/** The noise changes a move by up to 4 noise + 2 counts: the torque of that must not saturate. */
+/** With the noise, a move is wrong by up to 2 noise + 1 counts: the torque of them must not saturate. */
 static int is_noise_in_range(const dahl_compensator_params_t *params, const dahl_residual_params_t *residual)
 {
-    return (4 * (uint64_t)params->noise + 2) * momentum_unit_q24(params, residual) < MOMENTUM_UNIT_END;
+    return (2 * (uint64_t)params->noise + 2) * momentum_unit_q24(params, residual) < MOMENTUM_UNIT_END;
 }
 
 /** The corner is at most a twentieth of the tick rate. */

@@ -350,7 +350,7 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
  * are stable if the inertia is 0.6 to 1.7 times the expected one, and delays of 0 to 3 ticks. After
  * the reference has stopped, the end speed is at most 1.5 times that without the observer, plus
  * 0.02 rad/s or 2 counts times sqrt(sigma0/inertia). The noise must be shorter than the presliding
- * length, and the friction must hold an error Fc/kp of at most 1 rad, kp in N m/rad.
+ * length, and the loop must be stiff: Fc/kp at most 0.1 rad, kp in N m/rad.
  *
  * Rules of use:
  * - If the loop has no integral, set no_integral. The limit must then be at least gain Fc plus the
@@ -418,7 +418,7 @@ typedef struct {
  *   #DAHL_COMPENSATOR_PARAM if a parameter is NaN, infinite, negative, or zero but must not be, or
  *   if speed_gain and resonance are both 0; #DAHL_COMPENSATOR_RANGE if one is out of range, if the
  *   limit is above Fc without no_integral, if the slew is below 2^-23 Fc in a tick, or if 2 pi
- *   corner inertia is 64 Fc or more at 4 noise + 2 counts per tick;
+ *   corner inertia is 64 Fc or more at 2 noise + 2 counts per tick;
  *   #DAHL_COMPENSATOR_CORNER if the rule of the corner fails: lower the corner.
  * @note The first rule is rounded to the safe side by 2^-30 of it, the second one is exact.
  */

@@ -81,10 +81,11 @@ static axis_t make_axis(point_t *point, const problem_t *problem, double *length
 {
     static const double periods[] = {1e-4, 2.5e-4, 5e-4, 1e-3, 1e-3};
     const int is_slew = problem->broken == SLEW; /* only a light rotor with a long delay and a fine encoder needs it */
-    axis_t axis = {.period = periods[choose(point, 5)], .delay = choose(point, 5)};
-    axis.delay = is_slew ? 3 : axis.delay;
+    axis_t axis = {.period = periods[choose(point, 5)]};
+    const int delay = choose(point, 5);
     const double Fc = log_between(point, 0.01, 10), near = between(point, 0, is_slew ? 0.2 : 1);
     const double u = problem->broken == INERTIA ? 1.6 + 0.6 * near : pow(0.03, near * near) / EDGE;
+    axis.delay = is_slew ? 3 : delay;
     *length = log_between(point, 0.5e-3, 30e-3);
     axis.lag = maybe(point, 0, 0, 1.5) * axis.period;
     axis.count = TWO_PI / (1 << (is_slew ? 20 : 12 + choose(point, 9)));
@@ -170,7 +171,8 @@ static void set_push(case_t *c, point_t *point)
     const axis_t *axis = &c->axis;
     const double inertia = axis->inertia[MOTOR] + axis->inertia[LOAD], V = Fc_of(axis) / sqrt(sigma0_of(axis) * inertia);
     c->push.motor_kick = maybe(point, 0, 0, 20) * V * is_elastic(axis);
-    c->push.kick = log_between(point, 0.3, 30) * V * (choose(point, 2) ? 1 : -1);
+    const double kick = log_between(point, 0.3, 30) * V;
+    c->push.kick = choose(point, 2) ? kick : -kick;
     c->push.tap = maybe(point, 0, -2, 2) * Fc_of(axis);
     c->push.half = between(point, 0, 100) * axis->period;
     c->bad_share = maybe(point, 0, 0, 0.02);

@@ -44,7 +44,8 @@ static double split(axis_t *axis, point_t *point)
 static double make_axis(axis_t *axis, point_t *point)
 {
     static const double periods[] = {1e-3, 2.5e-4, 1e-4};
-    *axis = (axis_t){.inertia = {log_between(point, 1e-5, 1e-1)}, .period = periods[choose(point, 3)]};
+    *axis = (axis_t){.inertia = {log_between(point, 1e-5, 1e-1)}};
+    axis->period = periods[choose(point, 3)];
     axis->delay = choose(point, DAHL_RESIDUAL_TICKS);
     axis->lag = maybe(point, 0, 0, 1) * axis->period;
     axis->count = TWO_PI / (1 << (12 + choose(point, 9)));
@@ -111,7 +112,8 @@ static void make_observer(case_t *c, point_t *point, const problem_t *problem)
 {
     const double J = (c->axis.inertia[MOTOR] + c->axis.inertia[LOAD]) * maybe(point, 1, 0.3, 2);
     const double rule = c->loop.kd / (2 * TWO_PI * J), Fc = (double)c->params.friction.Fc, gain = (double)c->params.gain;
-    const double corner = fmin(rule * maybe(point, 1, 0.2, 1), maybe(point, 0.05 / c->axis.period, 5, 30));
+    const double below = maybe(point, 1, 0.2, 1), usual = maybe(point, 0.05 / c->axis.period, 5, 30);
+    const double corner = fmin(rule * below, usual);
     const double most = c->loop.kind == PD ? Fc + fabs(c->axis.load) : problem->limit * Fc;
     c->observer.inertia = (float)J;
     c->observer.corner = (float)(fmin(corner, 0.05 / c->axis.period) / EDGE);
@@ -394,12 +396,13 @@ static void change_parameters(controller_t *k, const case_t *to)
 /* A call of the wrong order, or with a wrong value: an encoder that jumps, freezes or is lost, torques of any size. */
 static void call_any(const case_t *c, controller_t *k, uint64_t *random)
 {
-    const int32_t any = (int32_t)(random_u32(random) >> (1 + random_u32(random) % 31)) * (random_u32(random) % 2 ? 1 : -1);
+    const uint32_t bits = random_u32(random), shift = random_u32(random) % 31, is_good = random_u32(random) % 8;
+    const int32_t any = (int32_t)bits >> shift;
     const uint32_t call = random_u32(random) % 4;
     if (call == 0) {
-        (void)dahl_compensator_move(&k->firmware.plan, &k->firmware.compensator, any, random_u32(random) % 8 != 0);
+        (void)dahl_compensator_move(&k->firmware.plan, &k->firmware.compensator, any, is_good != 0);
     } else if (call == 1) {
-        (void)compensate(&k->firmware, any, random_u32(random) % 8 != 0, any);
+        (void)compensate(&k->firmware, any, is_good != 0, any);
     } else if (call == 2) {
         const double before = k->r;
         k->r = dahl_residual_torque(&k->plan, &k->residual, &k->firmware.compensator, any) * (double)DAHL_Q30;
@@ -427,6 +430,7 @@ static void test_limit_and_slew_hold_in_any_order_of_calls(void)
             call_any(&c, &k, &random);
             const case_t next = rescaled(first, &random);
             if (call % 50 == 49 && is_case(&next)) {
+                (void)compensate(&k.firmware, 0, 1, 0); /* one change at most between two ticks */
                 c = next;
                 change_parameters(&k, &c);
             }

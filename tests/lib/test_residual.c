@@ -413,6 +413,7 @@ static void test_prepare_names_the_reason(void)
     } cases[] = {
         {&params.inertia, 0.0f, DAHL_COMPENSATOR_PARAM},      {&params.inertia, NAN, DAHL_COMPENSATOR_PARAM},
         {&params.inertia, 1e-30f, DAHL_COMPENSATOR_RANGE},    {&params.inertia, 10.0f, DAHL_COMPENSATOR_RANGE},
+        {&params.inertia, 1.3f, DAHL_COMPENSATOR_RANGE},      {&params.inertia, 1.1f, DAHL_COMPENSATOR_CORNER}, /* noise */
         {&params.inertia, 0.0022f, DAHL_COMPENSATOR_CORNER},  {&params.corner, 0.0f, DAHL_COMPENSATOR_PARAM},
         {&params.corner, -1.0f, DAHL_COMPENSATOR_PARAM},      {&params.corner, 16.0f, DAHL_COMPENSATOR_CORNER},
         {&params.corner, 50.1f, DAHL_COMPENSATOR_RANGE},      {&params.limit, 0.0f, DAHL_COMPENSATOR_PARAM},
