@@ -14,6 +14,7 @@
 #define UNSEEN_BREAKAWAY 1.36f /* breakaway over that of a ramp: slow Stribeck */
 #define STEEPER 1.32f        /* steepest stiffness over that of the cycle: slip elements */
 #define HIDDEN_LOAD 0.6f     /* rad: mean of a load over its slope, that unequal friction may cancel */
+#define LEAST_SHARE 0.985f   /* of the least friction of a bin: the ripple within it */
 #define TURN_LENGTHS 6.0f    /* slip elements reach Fc at this multiple of the presliding length after a turn */
 #define MIN_CYCLE_COUNTS 1.5f
 
@@ -88,7 +89,7 @@ static void find_friction(dahl_commission_t *axis)
     dahl_commission_result_t *result = &axis->result;
     const float change = correct_ends(axis);
     float unequal = unequal_friction(axis), viscous = 0.6f * result->viscous.best;
-    result->Fc.least = 0.96f * (axis->table.least - viscous) - unequal - axis->table.scatter;
+    result->Fc.least = LEAST_SHARE * (axis->table.least - viscous) - unequal - axis->table.scatter;
     result->Fc.most = result->breakaway * UNSEEN_BREAKAWAY * (axis->table.most + unequal);
     result->load_error = unequal + axis->table.scatter + change + 0.03f * result->Fc.best;
     for (int bin = 0; bin < BINS; bin++) {

@@ -25,12 +25,13 @@
 #define INERTIA_ERROR 0.01f   /* of each sine, of the inertia */
 #define COUNT_ERROR 0.018f    /* more, for a noise of a count over the amplitude of the sine */
 #define SOFTEST 1.15f         /* the load rings at least at this multiple of the slowest sine */
-#define STIFFEST_HZ 200.0f    /* resonance of the stiffest shaft of an elastic axis */
+#define ROTOR_SHARE 0.93f     /* of the bound: damping of the shaft, and friction on its load */
+#define STIFFEST_HZ 160.0f    /* resonance of the stiffest shaft of an elastic axis */
 #define HIDDEN_HZ 130.0f      /* the same of an axis whose sines show no shaft */
 #define FINER 1.015f          /* from one stiffness to the next */
 #define LOUD 0.6f             /* speed over its limit: a resonance is near, so the sines stop */
 #define DELAY_ERROR 0.05f     /* ticks; the error of the fastest sine comes on top */
-#define ELASTIC_DELAY_ERROR 0.3f /* more of an elastic axis */
+#define ELASTIC_DELAY_ERROR 0.1f /* more of an elastic axis */
 
 enum { SINES = DAHL_COMMISSION_SINES, SETS = 2 };
 
@@ -163,7 +164,8 @@ static int find_inertia(dahl_commission_t *axis, int k, float guess, float *phas
     float along = all[0] * turn[0] + all[1] * turn[1], across = all[1] * turn[0] - all[0] * turn[1];
     float size = dahl_root(all[0] * all[0] + all[1] * all[1]);
     axis->work.inertia.inertia[k] = (along < 0 ? -size : size) / w;
-    axis->work.inertia.error[k] = (dahl_absolute(half[1][0] - half[0][0]) + dahl_absolute(half[1][1] - half[0][1])) / (2 * w);
+    float difference = (half[1][0] - half[0][0]) * turn[0] + (half[1][1] - half[0][1]) * turn[1];
+    axis->work.inertia.error[k] = dahl_absolute(difference) / (2 * w);
     *phase = guess + angle_of(across / along);
     return dahl_absolute(across) < MAX_PHASE * dahl_absolute(along);
 }
@@ -192,7 +194,7 @@ static float error_of(const dahl_commission_t *axis, int k)
 }
 
 /** Write the delay and whether the axis is elastic; take viscous friction off the inertia. A shaft damps like more viscous
- * friction at a faster sine, so the delay of an elastic axis comes from one sine. */
+ * friction at a faster sine, so the delay of an elastic axis comes from one sine. At the slowest sine, viscous friction is too uncertain. */
 static void find_delay(dahl_commission_t *axis, const float phase[])
 {
     const float period = axis->config.period, w0 = frequency_of(axis, 0), w2 = frequency_of(axis, 2);
@@ -202,7 +204,7 @@ static void find_delay(dahl_commission_t *axis, const float phase[])
     axis->result.elastic = dahl_absolute(inertia[2] - inertia[0]) > error_of(axis, 2) || axis->work.inertia.set != 0;
     if (axis->result.elastic) {
         delay = 0;
-        for (int k = 0; k < SINES && inertia[k] > 0; k++) {
+        for (int k = inertia[1] > 0 ? 1 : 0; k < SINES && inertia[k] > 0; k++) {
             float w = frequency_of(axis, k);
             delay = dahl_larger(delay, (phase[k] + axis->result.viscous.best / (w * inertia[k])) / w);
         }
@@ -230,10 +232,10 @@ static void try_shaft(dahl_commission_t *axis, float a)
     }
     const float all = u[2] - u[0], part = (u[1] - u[0]) / all, heavier = inertia[2] - inertia[0];
     float gap = inertia[0] + part * heavier - inertia[1];
-    if (dahl_absolute(gap) > 2 * error_of(axis, 1) + 2 * dahl_absolute(part) * error_of(axis, 2)) {
+    if (dahl_absolute(gap) > error_of(axis, 1) + dahl_absolute(part) * error_of(axis, 2) + dahl_absolute(1 - part) * error_of(axis, 0)) {
         return;
     }
-    float load = heavier / all, error = error_of(axis, 2) / dahl_absolute(all);
+    float load = heavier / all, error = (error_of(axis, 0) + error_of(axis, 2)) / dahl_absolute(all);
     float least = inertia[0] - (dahl_absolute(load) + error) * u[0], total = inertia[0] - load * (u[0] - 1);
     least = dahl_larger(least, total * a / (stiffest * stiffest));
     result->least = dahl_smaller(result->least, least);
@@ -289,7 +291,7 @@ static void search_tick(dahl_commission_t *axis)
     if (!axis->result.elastic) {
         result->best = (axis->work.inertia.inertia[0] + axis->work.inertia.inertia[1]) / 2;
     }
-    result->least = dahl_smaller(result->least, result->best - error);
+    result->least = dahl_smaller((axis->result.elastic ? ROTOR_SHARE : 1) * result->least, result->best - error);
     result->most = dahl_larger(result->most, result->best + error);
     dahl_enter(axis, DAHL_COMMISSION_KICK);
     dahl_return_to_middle(axis);

@@ -109,7 +109,7 @@ static int is_empty(const dahl_commission_t *axis, int bin)
 /** Return 1 if bins are empty that a stroke must reach: an end stop. */
 static int has_gap(const dahl_commission_t *axis)
 {
-    const int is_narrow = axis->config.travel < NARROW * 0.5f * BINS, ends = is_narrow + 2 * axis->is_soft;
+    const int is_narrow = axis->config.travel < NARROW * 0.5f * BINS, ends = is_narrow + 4 * axis->is_soft;
     int gaps = 0;
     for (int bin = ends; bin < BINS - ends; bin++) {
         gaps += is_empty(axis, bin);

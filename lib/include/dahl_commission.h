@@ -157,7 +157,7 @@ typedef struct {
     dahl_commission_range_t length;  /**< [rad] presliding length; most: length_long */
     dahl_commission_range_t sigma0;  /**< [N m/rad] stiffness at rest; most: sigma0_high */
     dahl_commission_range_t inertia; /**< [kg m2] of rotor and load. least: the rotor alone, if a
-                                          shaft that the sines allow rings below 200 Hz (elastic)
+                                          shaft that the sines allow rings below 160 Hz (elastic)
                                           or 130 Hz (not elastic) */
     dahl_commission_range_t delay;   /**< [s] from the reading to the torque */
     dahl_commission_range_t viscous; /**< [N m s/rad] slope of the friction over the speed */
