@@ -28,7 +28,7 @@ static inline float dahl_larger(float x, float y)
 }
 
 /** Return x within +-limit. */
-static inline float dahl_clamp(float x, float limit)
+static inline float dahl_limited(float x, float limit)
 {
     return x > limit ? limit : x < -limit ? -limit : x;
 }

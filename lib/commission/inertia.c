@@ -212,7 +212,7 @@ static void find_delay(dahl_commission_t *axis, const float phase[])
     }
     for (int k = 0; k < SINES; k++) {
         float turn[2];
-        dahl_small_turn(dahl_clamp(phase[k] - frequency_of(axis, k) * delay, 1), turn);
+        dahl_small_turn(dahl_limited(phase[k] - frequency_of(axis, k) * delay, 1), turn);
         inertia[k] *= turn[0];
     }
     delay = dahl_larger(0.1f * period, delay);

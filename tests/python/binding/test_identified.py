@@ -138,7 +138,7 @@ def test_the_gain_changes_without_a_step_of_the_torque(tmp_path: Path) -> None:
     assert max(torques[1000:]) == pytest.approx(0.9 * law.Fc, rel=1e-3)
 
 
-@given(st.floats(1e-5, 1), st.floats(1e-3, 100), st.booleans())
+@given(st.floats(1e-5, 0.05), st.floats(1e-3, 100), st.booleans())
 def test_an_observer_takes_the_highest_corner_of_its_rule(
     folder: Path, inertia: float, known: float, has_gain: bool
 ) -> None:
