@@ -16,7 +16,7 @@ def _found(*folders: str, kind: str = "c") -> list[Path]:
 
 CORE = _found("lib/arith", "lib/model")  # one element, as firmware links it
 PARTS = [path for name in ("compensator", "cores", "parts") for path in _found(f"lib/{name}")]
-ALL = [*CORE, *PARTS, *_found("lib/batch", "lib/float")]
+ALL = [*CORE, *PARTS, *_found("lib/batch", "lib/commission", "lib/float")]
 NODE = _found("lib/node")
 FOLDERS = sorted(
     {path.parent for path in _found("lib", kind="h")} | {ROOT / "port", ROOT / "host_sim"}

@@ -10,6 +10,7 @@
 # All arguments are passed to `dahl demo`. After the first run, `build/venv/bin/dahl demo --help` lists them.
 # Examples:  tools/demo.sh
 #            tools/demo.sh --scene steering
+#            tools/demo.sh --scene commission     an axis measures its own friction: commission.png, summary.json
 #            tools/demo.sh --scene compensation   laws of friction compensation, without a bus: compensation.png, summary.json
 #            tools/demo.sh --scene park-steer     a power steering with two nodes: park-steer.png, run.log, summary.json
 #            tools/demo.sh --target m4f     the torque from firmware on an emulated Cortex-M4F

@@ -6,79 +6,33 @@ as a fault. Enable its watchdog: without it, the last torque stays if this progr
 set to its position mode without gains. A host adds delay and jitter: prefer the current loop of the
 drive if you can change it. The turns are floats, so that 1/16384 turn is lost beyond 512 turns.
 
+    dahl commission -i socketcan -c can0 --drive odrive --period 2e-3 --counts-per-turn 16384
+        --inertia 2e-4 --torque-limit 0.3 --name rig          # the axis measures its own friction
+    feed_forward.py odrive can0 --from build/identify/rig.json
     feed_forward.py odrive can0 --Fc-low 0.045 --length-long 0.0055 --sigma0-high 9 --inertia 2e-4
         --delay 4e-3 --limit 0.06 --fade-speed 5
 
-The first three are by dahl identify. An axis with less friction than Fc-low runs away up to twice
-the fade speed: docs/compensation.md has how to find each bound, and how to switch on.
+Without --from, the first three are by dahl identify. An axis with less friction than Fc-low runs
+away up to twice the fade speed: docs/compensation.md has how to find each bound, and how to switch
+on.
 """
 
 import argparse
+import json
 import math
-import struct
 import sys
 import time
-from typing import Any, Protocol
+from pathlib import Path
+from typing import Any
 
 import can
 import dahl
+from dahl.can.drives import Drive, Moteus, ODrive
 
 PERIOD_S = 2e-3  # of the drive's estimates
 TIMEOUT_S = 3 * PERIOD_S
 COUNTS_PER_TURN = 16384
 JUMP = 500  # counts in a tick
-NO_OPERATION = b"\x50"  # moteus: fills a frame up to a length of CAN FD
-
-
-def float_at(data: bytes | bytearray, place: int) -> float | None:
-    """Return a float of a frame, or None if it is missing, infinite or NaN."""
-    if len(data) < place + 4:
-        return None
-    value = float(struct.unpack_from("<f", data, place)[0])
-    return value if math.isfinite(value) else None
-
-
-class Drive(Protocol):
-    def turns(self, message: can.Message) -> float | None: ...
-    def command(self, torque: float) -> can.Message: ...
-
-
-class ODrive:
-    """CAN Simple: Get_Encoder_Estimates (9), which the drive sends each encoder_rate_ms (0.6:
-    encoder_msg_rate_ms), and Set_Input_Torque (14), little-endian floats in turns and N m. Checked
-    against the protocol table and can_simple.cpp of firmware 0.5.4."""
-
-    def __init__(self, node: int = 0) -> None:
-        self._id = node << 5
-
-    def turns(self, message: can.Message) -> float | None:
-        is_estimate = message.arbitration_id == self._id | 0x09
-        return float_at(message.data, 0) if is_estimate else None
-
-    def command(self, torque: float) -> can.Message:
-        data = struct.pack("<f", torque)
-        return can.Message(arbitration_id=self._id | 0x0E, data=data, is_extended_id=False)
-
-
-class Moteus:
-    """Registers: mode (0) = position (10); position (32) = NaN, velocity (33) = 0, feed-forward
-    torque (34) in N m, both gain scales (35, 36) = 0. Each command requests the position (1) in
-    turns. Checked against the register reference, and byte for byte against make_position() of the
-    Python package moteus 1.1.1."""
-
-    def __init__(self, node: int = 1) -> None:
-        self._node = node
-
-    def turns(self, message: can.Message) -> float | None:
-        is_reply = message.arbitration_id >> 8 == self._node and message.data[:2] == b"\x2d\x01"
-        return float_at(message.data, 2) if is_reply else None
-
-    def command(self, torque: float) -> can.Message:
-        written = b"\x01\x00\x0a\x0c\x05\x20" + struct.pack("<5f", math.nan, 0, torque, 0, 0)
-        data = (written + b"\x1d\x01").ljust(32, NO_OPERATION)
-        return can.Message(
-            arbitration_id=0x8000 | self._node, data=data, is_extended_id=True, is_fd=True
-        )
 
 
 class FeedForward:
@@ -144,22 +98,37 @@ def open_bus(channel: str, is_fd: bool) -> can.BusABC:
         sys.exit(f"error: cannot open {channel}: {error}")
 
 
-def options() -> argparse.Namespace:
+BOUNDS = {"Fc-low": "N m", "length-long": "rad", "sigma0-high": "N m/rad", "inertia": "kg m2"}
+BOUNDS |= {"delay": "s", "limit": "N m", "fade-speed": "rad/s"}
+
+
+def options() -> dict[str, Any]:
     """Each bound must be given: one of another axis is unsafe."""
     parser = argparse.ArgumentParser(description="Cancel friction by a feed-forward torque.")
     parser.add_argument("drive", choices=["odrive", "moteus"])
     parser.add_argument("channel", help="an interface of SocketCAN")
-    needed = {"Fc-low": "N m", "length-long": "rad", "sigma0-high": "N m/rad", "inertia": "kg m2"}
-    needed |= {"delay": "s", "limit": "N m", "fade-speed": "rad/s"}
-    for name, unit in needed.items():
-        parser.add_argument(f"--{name}", type=float, required=True, help=unit)
+    parser.add_argument("--from", dest="known", type=Path, help="JSON by dahl commission")
+    for name, unit in BOUNDS.items():
+        parser.add_argument(f"--{name}", type=float, help=unit)
     parser.add_argument("--load", type=float, default=0.0, help="N m, constant from outside")
     parser.add_argument("--elastic", action="store_true", help="a gear, belt or coupling")
-    return parser.parse_args()
+    given = vars(parser.parse_args())
+    known = given.pop("known")
+    names = [name.replace("-", "_") for name in BOUNDS]
+    if known is None:
+        missing = ", ".join(f"--{name}" for name in BOUNDS if given[name.replace("-", "_")] is None)
+        if missing:
+            parser.error(f"required: {missing}, or --from")
+        return given
+    axis = json.loads(known.read_text())["compensator_without_load_table"]
+    if axis is None:
+        parser.error(f"{known}: the axis was refused, or its recording shows no bounds")
+    bounds = {name: axis[name] for name in (*names, "load", "gain")}
+    return given | bounds | {"elastic": bool(axis["elastic"])}
 
 
 if __name__ == "__main__":
-    bounds = vars(options())
+    bounds = options()
     kind, channel = bounds.pop("drive"), bounds.pop("channel")
     drive: ODrive | Moteus = ODrive() if kind == "odrive" else Moteus()
     try:

@@ -18,6 +18,31 @@
 #include <dahl_encoder.h>
 #include <math.h>
 
+// Counts of the sensor of a motor.
+class SensorCounts {
+  public:
+    // Returns false if counts_per_turn is out of range.
+    bool init(uint32_t counts_per_turn)
+    {
+        counts_per_turn_ = counts_per_turn;
+        return dahl_encoder_init(&encoder_, counts_per_turn, +1, 0) == DAHL_OK;
+    }
+
+    // Counts since the last call, in the direction of the motor, from the angle within a turn, which keeps its resolution after
+    // many turns. The angle of an `Encoder` has the sign of its counter: -2 pi to 2 pi.
+    int32_t moved(FOCMotor &motor)
+    {
+        long counts = lroundf(motor.sensor->getMechanicalAngle() / 6.2831853f * static_cast<float>(counts_per_turn_));
+        long turn = static_cast<long>(counts_per_turn_);
+        uint32_t reading = static_cast<uint32_t>((counts % turn + turn) % turn);
+        return dahl_encoder_move(&encoder_, reading) * static_cast<int32_t>(motor.sensor_direction);
+    }
+
+  private:
+    uint32_t counts_per_turn_ = 0;
+    dahl_encoder_t encoder_ = {};
+};
+
 class FrictionCompensator {
   public:
     FrictionCompensator(FOCMotor &motor, float torque_per_ampere, uint32_t counts_per_turn)
@@ -36,7 +61,7 @@ class FrictionCompensator {
         period_us_ = static_cast<uint32_t>(params.period * 1e6f + 0.5f);
         last_us_ = static_cast<uint32_t>(_micros());
         int code = dahl_prepare(&friction_, &params.friction);
-        if (code == DAHL_OK && dahl_encoder_init(&encoder_, counts_per_turn_, +1, 0) != DAHL_OK) {
+        if (code == DAHL_OK && !sensor_.init(counts_per_turn_)) {
             code = 1;
         }
         return code != DAHL_OK ? code : dahl_compensator_prepare(&plan_, &params);
@@ -51,7 +76,7 @@ class FrictionCompensator {
         }
         last_us_ += period_us_;
         is_good = is_good && motor_.enabled;
-        int32_t move = dahl_compensator_move(&plan_, &compensator_, is_good ? moved() : 0, is_good);
+        int32_t move = dahl_compensator_move(&plan_, &compensator_, is_good ? sensor_.moved(motor_) : 0, is_good);
         int32_t w = dahl_step_counts_q30(&friction_, &bristle_, move);
         float torque = static_cast<float>(dahl_compensator_torque(&plan_, &compensator_, w)) * DAHL_Q30 * Fc_;
         motor_.feed_forward_current.q += torque / torque_per_ampere_ - current_; // keeps the share of other terms
@@ -70,22 +95,12 @@ class FrictionCompensator {
     }
 
   private:
-    // Counts in the direction of the motor, from the angle within a turn, which keeps its resolution after many turns. The
-    // angle of an `Encoder` has the sign of its counter: -2 pi to 2 pi.
-    int32_t moved()
-    {
-        long counts = lroundf(motor_.sensor->getMechanicalAngle() / 6.2831853f * static_cast<float>(counts_per_turn_));
-        long turn = static_cast<long>(counts_per_turn_);
-        uint32_t reading = static_cast<uint32_t>((counts % turn + turn) % turn);
-        return dahl_encoder_move(&encoder_, reading) * static_cast<int32_t>(motor_.sensor_direction);
-    }
-
     FOCMotor &motor_;
     float torque_per_ampere_, Fc_ = 0, current_ = 0; // N m/A, N m, A
     uint32_t counts_per_turn_, period_us_ = 0, last_us_ = 0;
     dahl_plan_t friction_ = {};
     dahl_state_t bristle_ = {};
-    dahl_encoder_t encoder_ = {};
+    SensorCounts sensor_;
     dahl_compensator_plan_t plan_ = {};
     dahl_compensator_t compensator_ = {};
 };

@@ -608,7 +608,7 @@ int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan
 /** The friction models: one row each. Nodes, simulators, log calls, scenes, the Python package,
  * dahl.dbc and the pages read this table.
  *
- *     MODEL(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning)
+ *     MODEL(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning, low, high)
  *
  * - name: in scenes and options. Its types are dahl_name_plan_t and dahl_name_state_t, and its
  *   objects dahl_model_name and dahl_model_name_q30. Those of the Dahl element are dahl_plan_t,
@@ -622,26 +622,30 @@ int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan
  *   is F divided by the sum of all Fc. For two directions, it is F divided by the larger Fc.
  * - plan: 1 if `dahl plan --model` can write its plan as a constant for flash.
  * - key: its own key in [friction] of a scene; "" if there is none.
- * - meaning: what that key sets, or other data that the model needs. */
+ * - meaning: what that key sets, or other data that the model needs.
+ * - low, high: both allowed values of the key if it is a number, which params.own then holds;
+ *   otherwise 0, 0. */
 /* clang-format off */
 #define DAHL_OTHER_MODELS(MODEL) \
-    MODEL(slip, SLIP, Slip, 0, 0, 0, 1, "", "") \
-    MODEL(parallel, PARALLEL, Parallel, 32, 0, 0, 0, "kinds", "`dahl` or `slip` for each element") \
+    MODEL(slip, SLIP, Slip, 0, 0, 0, 1, "", "", 0, 0) \
+    MODEL(parallel, PARALLEL, Parallel, 32, 0, 0, 0, "kinds", "`dahl` or `slip` for each element", \
+          0, 0) \
     MODEL(loaded, LOADED, Loaded, 18, 1, 1, 0, "", \
-          "a section `[load]`; `sigma0` and `Fc` hold at load 1") \
+          "a section `[load]`; `sigma0` and `Fc` hold at load 1", 0, 0) \
     DAHL_BRISTLE_MODELS(MODEL)
 
 /** Rows of the models with the state of one bristle, a dahl_state_t, and the calls
  * dahl_name_step_counts(plan, state, dcounts) and dahl_name_step_counts_q30(). Their log calls,
  * tests and benchmarks read these rows. */
 #define DAHL_BRISTLE_MODELS(MODEL) \
-    MODEL(elastoplastic, ELASTOPLASTIC, ElastoPlastic, 17, 1, 1, 1, "breakaway", "a fraction of Fc") \
-    MODEL(asymmetric, ASYMMETRIC, Asymmetric, 16, 1, 2, 1, "", "")
+    MODEL(elastoplastic, ELASTOPLASTIC, ElastoPlastic, 17, 1, 1, 1, "breakaway", \
+          "the fraction of Fc up to which nothing creeps", 1e-45, 0.9999999403953552) \
+    MODEL(asymmetric, ASYMMETRIC, Asymmetric, 16, 1, 2, 1, "", "", 0, 0)
 /* clang-format on */
 
 /** All models: the Dahl element and DAHL_OTHER_MODELS. */
 #define DAHL_MODELS(MODEL) \
-    MODEL(dahl, DAHL, Dahl, 0, 1, 1, 1, "", "") \
+    MODEL(dahl, DAHL, Dahl, 0, 1, 1, 1, "", "", 0, 0) \
     DAHL_OTHER_MODELS(MODEL)
 
 /** Parameters of any model. */
@@ -651,7 +655,7 @@ typedef struct {
                                   models whose sigma0s is 0 read `elements` */
     uint32_t slips;          /**< only `parallel` reads it. Bit k set: element k slips, otherwise it
                                   is a Dahl element */
-    float own;               /**< value of the model's own key: breakaway of `elastoplastic` */
+    float own;               /**< value of the model's own key */
 } dahl_model_params_t;
 
 /** Calls of a model. Ticks use integers only. A state of all zeros is relaxed. */

@@ -19,8 +19,8 @@ if [ -e "$library" ]; then
 fi
 mkdir -p "$library/src"
 cp -R "$here/library.properties" "$here/keywords.txt" "$here/examples" "$root/LICENSE" "$library"
-cp "$root"/lib/include/{dahl.h,dahl.hpp,dahl_encoder.h,dahl_parts.h,dahl_compensator.h,dahl_node.h,dahl_frames.h,dahl_can_bus.h} "$library/src"
-cp -R "$root"/lib/{arith,compensator,cores,model,node,parts} "$library/src"
+cp "$root"/lib/include/{dahl.h,dahl.hpp,dahl_encoder.h,dahl_parts.h,dahl_compensator.h,dahl_commission.h,dahl_node.h,dahl_frames.h,dahl_can_bus.h} "$library/src"
+cp -R "$root"/lib/{arith,commission,compensator,cores,model,node,parts} "$library/src"
 rm "$library/src/cores/choose.cmake" # not a source
 mkdir "$library/extras"
 mv "$library/src/node/dahl.dbc" "$library/extras"

@@ -20,7 +20,7 @@ INLINE = re.compile(r"dahl_node_use_\w+")  # inline calls of dahl_node_use()
 IN_A_TICK = re.compile(
     r"dahl_((\w+_)?step(_counts)?(_q30)?|torque|velocity_torque(_q30)?|to_units|counts_between"
     r"|encoder_move|compensator_(move|torque)|residual_(torque|note|q24)"
-    r"|damping_apply)"
+    r"|damping_apply|commission_(tick|load))"
 )
 
 # Rows of dahl_node_receive(), by case: what it receives
@@ -54,6 +54,7 @@ TYPES: dict[str, tuple[str | None, str | None]] = {
     "compensator": ("dahl_compensator_plan_t", "dahl_compensator_t"),
     "residual observer": ("dahl_residual_plan_t", "dahl_residual_t"),
     "presliding damping": ("dahl_damping_plan_t", "dahl_damping_t"),
+    "commissioning, while it runs": (None, "dahl_commission_t"),
     "node, model dahl": (None, "dahl_node_t"),
     **{f"node, storage of {name}": (None, f"dahl_node_{name}_t") for name in OTHER_MODELS},
 }
@@ -63,7 +64,7 @@ MEMORY_MARKS = ("<!-- bench:memory -->", "<!-- /bench:memory -->")
 
 
 def public_calls() -> list[str]:
-    """Return the functions of an element, a compensator and a node, in the order of the headers."""
+    """Return the functions of all parts that firmware calls, in the order of the headers."""
     functions = re.findall(r"^\w[\w* ]*\b(dahl_\w+)\(", DECLARATIONS.read_text(), re.MULTILINE)
     functions = [x for x in functions if x not in CALLED_BY_CALLS and not INLINE.fullmatch(x)]
     return [x for x in functions if not NOT_MEASURED.match(x)]

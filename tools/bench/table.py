@@ -70,6 +70,7 @@ ROWS = [
     ("`dahl_tip_torque`, 1000 counts", "tip_torque_1000"),
     ("`dahl_tip_torque`, counts of 1e-6 presliding lengths", "tip_torque_fine"),
     ("`dahl_compensator_move` and `dahl_compensator_torque`, worst", "compensator_tick"),
+    ("`dahl_commission_tick`, worst of all stages", "commission_tick"),
     ("*newlib `expm1f` step*", "newlib_expm1f"),
     ("*newlib `expf` step*", "newlib_expf"),
     ("*newlib `exp` (double) step*", "newlib_exp_double"),

@@ -330,7 +330,8 @@ def measure_sizes(core: Core) -> dict[str, int]:
 def flash(core: Core, name: str) -> int:
     """Return the bytes of code and constants of an image that makes this call alone."""
     library = core.build / "lib"
-    image = link(core, name, [name], library / "libdahl_node.a", library / "libdahl.a", "-lc")
+    archives = [library / f"libdahl{part}.a" for part in ("_node", "_commission", "")]
+    image = link(core, name, [name], *archives, "-lc")
     size = sizes(core, image)
     return size["code"] + size["const"]
 
@@ -362,7 +363,7 @@ PARTS = (
     *(f"{name}_" for name in models.table() if name != "dahl"),
     *("mixed_", "clamped_", "elastic_", "plastic_", "crossing_"),
     *("work_", "counts_to_torque", "tip_torque", "velocity_", "compensator_", "residual_"),
-    "damping_",
+    *("damping_", "commission_"),
     "coulomb",
 )
 

@@ -20,6 +20,7 @@ before any move. Public names:
     Compensator(sigma0, Fc, theta_per_count, ...)   torque that cancels friction, within bounds
     Residual(sigma0, Fc, theta_per_count, ...)     for a Compensator: add what the model lacks
     Damping(sigma0, Fc, sigma1, period)   damps an element that a motor renders
+    Commission(period=..., ...).run(drive)   an axis measures its own friction, without a sensor
     Encoder(modulus, sign, largest_step).move(reading)   counts of each tick, for any wrap
     counts_between(before, now, modulus)   shortest way from one encoder reading to the next
     implausible(sigma0, Fc, theta_per_count)   a probable mistake with units, or ""
@@ -46,6 +47,7 @@ from dahl.version import __version__ as __version__
 
 TYPE_CHECKING = False  # importing typing would double the time of `dahl --help`
 if TYPE_CHECKING:
+    from dahl.binding.commission import Commission
     from dahl.binding.compensator import Compensator
     from dahl.binding.damping import Damping
     from dahl.binding.encoder import Encoder, counts_between, to_units
@@ -66,6 +68,7 @@ __all__ = [
     "Asymmetric",
     "BusError",
     "Client",
+    "Commission",
     "Compensator",
     "Damping",
     "ElastoPlastic",
@@ -93,6 +96,7 @@ __all__ = [
 ]
 SUBMODULES = {"codec": "dahl.can.codec", "node": "dahl.can.node"}
 MODULES = {  # of the public classes and functions
+    "binding.commission": ("Commission",),
     "binding.state_element": ("Asymmetric", "ElastoPlastic"),
     "binding.compensator": ("Compensator",),
     "binding.damping": ("Damping",),

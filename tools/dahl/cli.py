@@ -19,6 +19,7 @@ from typing import Any, NoReturn, TextIO
 
 from dahl import dependencies, interrupt, paths
 from dahl.commands import (
+    commission,
     complete,
     data,
     dbc,
@@ -93,6 +94,7 @@ COMMANDS = {
     "demo": demo,
     "loop": loop,
     "identify": identify,
+    "commission": commission,
     "excite": excite,
     "plan": plan,
     "fmu": fmu,

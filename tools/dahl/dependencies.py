@@ -18,6 +18,7 @@ from dahl.errors import RunError
 
 NEEDS = {  # command: extras in pyproject.toml, and the packages by import name
     "demo": ("can,plot", ("can", "cantools", "rich", "matplotlib", "mpmath", "pooch", "pandas")),
+    "commission": ("identify", ("scipy", "pandas", "matplotlib", "rich", "can")),
     "loop": ("plot", ("pandas", "pooch")),
     "identify": ("identify", ("scipy", "pandas", "joblib", "matplotlib", "mpmath", "rich", "can")),
     "excite": ("identify", ("scipy",)),

@@ -109,6 +109,8 @@ def test_a_value_that_is_not_a_number_is_named(value):
     for kind in KINDS.values():
         for name, held in kind.arguments.items():
             is_list = isinstance(held, list)
+            if (name, value) == ("angle_limit", None):  # twice the travel
+                continue
             if is_list or type(held) in (int, float):
                 changed = [*held[:-1], value] if is_list else value
                 place = f"{name}[{len(held) - 1}]" if is_list else name
@@ -365,7 +367,8 @@ def test_any_arguments_give_a_result_or_one_line(call, data):
     try:
         call(*data.draw(st.lists(junk, max_size=4)))
     except (dahl.Error, TypeError) as error:
-        assert isinstance(error, (ValueError, TypeError, ConnectionError))
+        early = isinstance(error, dahl.RunError) and "not commissioned" in str(error)
+        assert early or isinstance(error, (ValueError, TypeError, ConnectionError))
         assert str(error) and "\n" not in str(error)
 
 

@@ -18,6 +18,7 @@ from programs import run
 
 FINITE, ABOVE_0, TIME = (-1e30, 1e30), (1e-30, 1e30), (0.001, 1e9)
 NODES, FRAMES, PORT = (0, 15), (1, 2**63), (0, 65535)  # of integers whole numbers, else any
+OWN = [f"--{model.key}" for model in models.table().values() if model.has_own_number]
 MODELS = tuple(name for name, model in models.table().items() if model.has_plan)
 FLAG, TEXT, NUMBER = "a flag", "any text", "any number"  # else (least, most), or all choices
 UNKNOWN = "unrecognized arguments: --no-such-option"
@@ -44,14 +45,21 @@ OPTIONS: dict[str, dict[str, Any]] = {
     | {"--counts-per-turn": NUMBER}
     | LIVE
     | BUS,
+    "commission": dict.fromkeys(("--angle", "--torque", "--time", "--angle-unit", "--dbc"), TEXT)
+    | dict.fromkeys(("--torque-unit", "--time-unit", "--table", "--json", "--name"), TEXT)
+    | {"-o/--output": TEXT, "--simulate": FLAG, "--skip-gaps": FLAG, "--trust-units": FLAG}
+    | dict.fromkeys(("--inertia", "--torque-limit", "--travel", "--angle-limit"), ABOVE_0)
+    | dict.fromkeys(("--speed-limit", "--period", "--bandwidth", "--torque-constant"), ABOVE_0)
+    | {"--drive": ("odrive", "moteus"), "--node": (0, 127), "--counts-per-turn": NUMBER}
+    | BUS,
     "excite": dict.fromkeys(("--sigma0", "--fc", "--noise", "--counts-per-turn"), ABOVE_0)
     | dict.fromkeys(("--within", "--rate", "--speed", "--inertia", "--bandwidth"), ABOVE_0)
     | {"--torque-constant": ABOVE_0, "--loop": TEXT, "--reference": TEXT}
     | {"--from": TEXT, "--mm": FLAG, "--name": TEXT, "--force": FLAG, "-o/--output": TEXT},
-    "plan": dict.fromkeys(("--sigma0", "--fc", "--breakaway", "--counts-per-turn"), TEXT)
+    "plan": dict.fromkeys(("--sigma0", "--fc", *OWN, "--counts-per-turn"), TEXT)
     | {"--model": MODELS, "--theta-per-count": TEXT, "-o/--output": TEXT, "--name": TEXT}
     | {"--force": FLAG},
-    "fmu": dict.fromkeys(("--sigma0", "--fc", "--breakaway", "--counts-per-turn"), TEXT)
+    "fmu": dict.fromkeys(("--sigma0", "--fc", *OWN, "--counts-per-turn"), TEXT)
     | dict.fromkeys(("--theta-per-count", "--kinds", "--name", "-o/--output"), TEXT)
     | {"--model": tuple(models.table()), "--fixed-stiffness": FLAG, "--force": FLAG}
     | {"--fmi": (2, 3)},
@@ -80,6 +88,7 @@ EVERY = [(verb, names) for verb, options in OPTIONS.items() for names in options
 DEFAULTS: dict[str, dict[str, Any]] = {  # all that are not None, False or empty
     "demo": {"output": paths.OUTPUT / "demo"},
     "identify": {"jobs": -1, "within": 2, "output": paths.OUTPUT / "identify"},
+    "commission": {"drive": "odrive", "name": "axis", "output": paths.OUTPUT / "identify"},
     "excite": {"noise": 0.05, "within": 1, "rate": 1000, "speed": math.inf, "name": "excite"}
     | {"output": paths.OUTPUT / "identify", "bandwidth": math.inf},
     "plan": {"model": "dahl"},
@@ -271,14 +280,15 @@ def test_bash_completes_commands_options_and_values(dahl, root):
         ask += 'printf "%s\\n" "${COMPREPLY[@]}"'
         return run("bash", "--norc", "-uc", script + ask).split()
 
-    assert re.findall(r"^    (\w+) ", dahl("--help").stdout, re.MULTILINE) == list(OPTIONS)
+    assert re.findall(r"^    (\w+)\b", dahl("--help").stdout, re.MULTILINE) == list(OPTIONS)
     assert set(completed("")) == {*OPTIONS}
     assert set(completed("-")) == {"-h", "--help", "--version"}
     assert completed("mon") == ["monitor"] and completed("demo", "--sce") == ["--scene"]
     for verb in OPTIONS:
         assert set(completed(verb, "-")) == names_of(verb) | {"-h", "--help"}
     scenes = {path.stem for path in (root / "host_sim" / "scenes").glob("*.ini")}
-    assert set(completed("demo", "--scene", "")) == scenes | {"compensation", "park-steer"}
+    scenes |= {"commission", "compensation", "park-steer"}
+    assert set(completed("demo", "--scene", "")) == scenes
     assert completed("plan", "--model", "asy") == ["asymmetric"]
     for name in ("-i", "--interface"):
         assert "socketcand" in completed("node", name, "socketcan")

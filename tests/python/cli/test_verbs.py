@@ -16,7 +16,7 @@ from log_writers import DBC, STEP
 from log_writers import frames as write_frames
 
 VERBS = ("demo", "identify", "excite", "plan", "fmu", "node", "monitor", "record", "plot", "report")
-VERBS += ("dbc", "loop")
+VERBS += ("dbc", "loop", "commission")
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -42,10 +42,11 @@ OPTIONS = [
     ("--bus-kwargs app_name=dahl", {"app_name": "dahl"}),
 ]
 NODE = "node --sigma0 1 --fc 1 --theta-per-count 1e-3"
+COMMISSION = "commission --counts-per-turn 9999 --inertia 1 --torque-limit 1"
 FOLLOW = "identify --follow --dbc bus.dbc --angle Angle --torque Torque"
 
 
-@pytest.mark.parametrize("verb", ["monitor", "record -o x.log", NODE, FOLLOW])
+@pytest.mark.parametrize("verb", ["monitor", "record -o x.log", NODE, FOLLOW, COMMISSION])
 @pytest.mark.parametrize(("words", "settings"), OPTIONS)
 def test_each_option_of_a_bus_reaches_python_can(dahl, monkeypatch, verb, words, settings):
     asked: dict[str, object] = {}

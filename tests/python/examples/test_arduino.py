@@ -44,7 +44,7 @@ def test_the_library_has_the_layout_of_arduino(packed: Path) -> None:
     public = {path.name for path in (ROOT / "lib/include").glob("*.h")}
     of_hosts = {"dahl_batch.h", "dahl_float.h"}
     assert {path.name for path in packed.glob("src/*.h")} == public - of_hosts
-    for folder in ("arith", "compensator", "model", "node", "parts"):
+    for folder in ("arith", "commission", "compensator", "model", "node", "parts"):
         sources = {path.name for path in (ROOT / "lib" / folder).glob("*.c")}
         assert {path.name for path in packed.glob(f"src/{folder}/*.c")} == sources
     headers = "".join(path.read_text() for path in packed.glob("src/*.h*"))

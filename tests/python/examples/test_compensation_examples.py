@@ -5,6 +5,7 @@ within limit and slew, in the units that they promise.
 
 import ctypes
 import importlib
+import json
 import math
 import random
 import re
@@ -19,6 +20,7 @@ import dahl
 import numpy as np
 import pytest
 from dahl.binding import plan_header
+from dahl.sim import axis
 from numpy.typing import NDArray
 from programs import run, shared_object
 from sources import CORE, LIB
@@ -34,7 +36,8 @@ def compiled(root: Path, folder: Path, *words: object) -> ctypes.CDLL:
 
 
 def compiled_page(root: Path, folder: Path, bounds: str) -> ctypes.CDLL:
-    (code,) = re.findall(r"```c\n(.*?)```", (root / "docs/compensation.md").read_text(), re.S)
+    blocks = re.findall(r"```c\n(.*?)```", (root / "docs/compensation.md").read_text(), re.S)
+    (code,) = (block for block in blocks if "compensation_tick" in block)
     (folder / "page.c").write_text(code)
     (folder / "dahl_plan_rig.h").write_text(bounds)
     page = compiled(root, folder, folder / "page.c")
@@ -202,10 +205,10 @@ def test_the_current_loop_adds_the_current_of_the_friction(root: Path, tmp_path:
 
 
 def foc_of(root: Path, folder: Path) -> ctypes.CDLL:
-    mock = root / "tests/python/examples/simplefoc_mock"
-    compiled(root, folder)
+    mock, own = root / "tests/python/examples/simplefoc_mock", root / "examples/commission_axis"
+    compiled(root, folder, f"-I{own}", own / "axis.c", *sorted((LIB / "commission").glob("*.c")))
     words = ["g++", "-std=c++11", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-shared", "-fPIC"]
-    words += [f"-I{root}/lib/include", f"-I{mock}", f"-I{root}/examples/simplefoc"]
+    words += [f"-I{root}/lib/include", f"-I{mock}", f"-I{root}/examples/simplefoc", f"-I{own}"]
     words += [mock / "motor.cpp", folder / "made.so", f"-Wl,-rpath,{folder}"]
     run(*words, "-o", folder / "foc.so")
     lib = ctypes.CDLL(str(folder / "foc.so"))
@@ -261,6 +264,40 @@ def test_negative_angles_of_simplefoc_turn_on(counts_per_turn: int, foc: ctypes.
             assert abs(foc.motor_moved()) <= 1
             assert travel < 100 or current * sign > 0
     assert foc.motor_rejected() == 0
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_motor_of_simplefoc_commissions_itself(direction: int, foc: ctypes.CDLL) -> None:
+    """Then a hand with 0.6 of Fc turns the simulated shaft, and the torque of another loop is
+    added.
+    """
+    foc.commission_loop.restype = foc.commission_Fc.restype = ctypes.c_float
+    shaft, turn, ampere = axis.Shaft(), axis.COUNTS_PER_TURN, 0.0
+    numbers = ctypes.c_float(1.2 * axis.INERTIA), ctypes.c_float(5)
+    assert foc.commission_init(direction, turn, *numbers) == 0
+    counts = 0
+
+    def tick(torque: float = 0.0) -> float:
+        nonlocal counts, ampere
+        counts += shaft.move(0.05 * ampere)
+        angle = direction * counts % turn / turn * 2 * math.pi
+        ampere = foc.commission_loop(ctypes.c_float(angle), ctypes.c_float(torque))
+        return ampere
+
+    for _ in range(30_000):
+        tick()
+        if foc.commission_is_compensating() or foc.commission_refusal():
+            break
+    assert foc.commission_refusal() == 0 and foc.commission_is_compensating()
+    assert foc.commission_Fc(-1) <= axis.FC <= foc.commission_Fc(1)
+    alone = [tick() for _ in range(1000)][-1]
+    assert 0.05 * alone == pytest.approx(axis.GRAVITY, abs=0.01 + 0.9 * axis.FC)
+    shaft.hand, before = 0.6 * axis.FC, shaft.rotor.theta
+    for _ in range(500):
+        tick()
+    assert shaft.rotor.theta - before > 0.05
+    quiet = tick()
+    assert tick(0.1) - quiet == pytest.approx(0.1 / 0.05, abs=0.05)
 
 
 # --- odrive_moteus --------------------------------------------------------------------------------
@@ -329,6 +366,21 @@ def test_the_host_needs_a_known_drive_each_bound_and_a_bus(
         runpy.run_path(str(root / "examples/odrive_moteus/feed_forward.py"), run_name="__main__")
     assert said in f"{ended.value.code} {capsys.readouterr().err}"
     assert given == ({"interface": "socketcan"} | asked if asked else {})
+
+
+def test_the_host_takes_the_bounds_of_a_commissioning(root, dahl, monkeypatch) -> None:
+    """It has them, so that only the bus is missing. Those of a refused axis are null."""
+    assert dahl("commission", "--simulate", "-o", ".").returncode == 0
+    known = json.loads(Path("axis.json").read_text())
+    assert known["compensator_without_load_table"]["gain"] < known["compensator"]["gain"]
+    Path("refused.json").write_text(json.dumps(known | {"compensator_without_load_table": None}))
+    example = str(root / "examples/odrive_moteus/feed_forward.py")
+    for name, said in (("axis.json", "error: cannot open can7"), ("refused.json", "2")):
+        words = ["feed_forward.py", "odrive", "can7", "--from", name]
+        monkeypatch.setattr(sys, "argv", words)
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_path(example, run_name="__main__")
+        assert str(ended.value.code).startswith(said)
 
 
 def torques_of_moves(moves: list[int], period: float) -> np.ndarray:

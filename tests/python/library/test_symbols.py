@@ -54,10 +54,12 @@ def test_a_part_that_is_not_called_is_not_linked(tmp_path: Path) -> None:
         assert set().union(*parts(program).values()) == own, name
 
 
-def test_the_float_form_needs_expm1f_and_the_batches_need_no_libm() -> None:
+def test_the_float_form_needs_expm1f_and_the_others_need_no_libm() -> None:
     assert (
         set().union(*foreign_and_writable(built("lib", "libdahl_float.a")).values()) == FLOAT_FORM
     )
+    for needed in foreign_and_writable(built("lib", "libdahl_commission.a")).values():
+        assert needed <= COPIES
     for needed in foreign_and_writable(built("lib", "libdahl_batch.a")).values():
         assert needed <= VECTORS | COPIES
 

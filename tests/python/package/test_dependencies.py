@@ -17,6 +17,7 @@ from packaging.requirements import Requirement
 NEEDS = {
     "demo": ("can,plot", ["can", "cantools", "rich", "matplotlib", "mpmath", "pooch", "pandas"]),
     "identify": ("identify", ["scipy", "pandas", "joblib", "matplotlib", "mpmath", "rich", "can"]),
+    "commission": ("identify", ["scipy", "pandas", "matplotlib", "rich", "can"]),
     "excite": ("identify", ["scipy"]),
     "monitor": ("can", ["can", "cantools", "rich", "plotext", "mpmath"]),
     "node": ("can", ["can", "rich"]),

@@ -16,6 +16,7 @@ MAY_USE = {  # docs/architecture.md; a public header belongs to the room that im
     "lib/model": "lib/arith",
     "lib/parts": "lib/arith lib/model",
     "lib/compensator": "lib/arith lib/model",
+    "lib/commission": "lib/model lib/compensator",
     "lib/cores": "lib/arith lib/model lib/parts",
     "lib/batch": "lib/model lib/parts",
     "lib/float": "lib/model",
@@ -34,9 +35,11 @@ MAY_USE = {  # docs/architecture.md; a public header belongs to the room that im
     "port/mujoco": "port/simulators lib/parts",
     "host_sim": "lib/model lib/parts lib/node bus"
     " port port/loopback port/slcan port/socketcan port/socketcand",
+    "host_sim/compare": "host_sim lib/model lib/compensator",
 }
 ROOM_OF = {"dahl": "lib/model", "dahl_encoder": "lib/model", "dahl_can_bus": "bus"}
-ROOM_OF |= {f"dahl_{name}": f"lib/{name}" for name in ("parts", "compensator", "batch", "float")}
+OF_ONE_HEADER = ("parts", "compensator", "commission", "batch", "float")
+ROOM_OF |= {f"dahl_{name}": f"lib/{name}" for name in OF_ONE_HEADER}
 ROOM_OF |= {"dahl_node": "lib/node", "dahl_frames": "lib/node"}
 SEARCHED = ("lib/include", "port", "host_sim")  # include paths of the builds
 

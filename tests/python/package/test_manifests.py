@@ -18,7 +18,7 @@ from programs import run
 PUBLIC = {
     f"lib/include/{name}"
     for name in ("dahl.h", "dahl_encoder.h", "dahl_parts.h", "dahl.hpp", "dahl_node.h")
-    + ("dahl_compensator.h", "dahl_frames.h", "dahl_can_bus.h")
+    + ("dahl_compensator.h", "dahl_commission.h", "dahl_frames.h", "dahl_can_bus.h")
 }
 
 
@@ -29,7 +29,10 @@ def of(folder: str, *kinds: str) -> set[str]:
 
 
 CORE = set().union(
-    *(of(f"lib/{name}", "c", "h") for name in ("arith", "compensator", "model", "parts"))
+    *(
+        of(f"lib/{name}", "c", "h")
+        for name in ("arith", "commission", "compensator", "model", "parts")
+    )
 )
 NODE = of("lib/node", "c", "h", "dbc")
 ASSEMBLY = of("lib/cores", "S", "inc", "c")
@@ -89,7 +92,8 @@ def test_platformio_packs_and_compiles_the_needed_files() -> None:
     assert packed == NEEDED | ASSEMBLY | {"library.json"} | shown
     assert len(shown) > 3
     sources = {
-        f"+<{folder}/>" for folder in ("arith", "compensator", "cores", "model", "node", "parts")
+        f"+<{folder}/>"
+        for folder in ("arith", "commission", "compensator", "cores", "model", "node", "parts")
     }
     assert set(manifest["build"]["srcFilter"]) == sources
 
@@ -158,7 +162,7 @@ def test_zephyr_and_twister_find_the_module_its_options_and_samples() -> None:
     module = yaml.safe_load((ROOT / "zephyr/module.yml").read_text())
     assert module["name"] == west_project()["name"] == "dahl"
     options = re.findall(r"^config (\w+)$", (ROOT / module["build"]["kconfig"]).read_text(), re.M)
-    assert options == ["DAHL", "DAHL_NODE"]
+    assert options == ["DAHL", "DAHL_NODE", "DAHL_COMMISSION"]
     assert (ROOT / module["build"]["cmake"] / "CMakeLists.txt").exists()
     (folder,) = (ROOT / name for name in module["samples"])
     metadata = yaml.safe_load((folder / "sample.yaml").read_text())

@@ -41,10 +41,14 @@ def test_a_block_of_python_runs_and_prints(
 def test_a_block_of_c_compiles_also_as_cpp(block: str, tmp_path: Path) -> None:
     from dahl.binding import plan_header
     from dahl.binding.friction import Plan
+    from dahl.report.commission import Report
+    from dahl.sim.axis import Shaft, commission, simulated
 
     plan = plan_header.text("rig", Plan(37349, 2.666, 1e-7), ["rig"])
     plan += plan_header.bounds("rig", 2.6, 7.3e-5, 38000, "N m", "rad")
     (tmp_path / "dahl_plan_rig.h").write_text(plan)
+    done = commission(simulated(), Shaft())
+    (tmp_path / "dahl_plan_axis.h").write_text(Report(done, "simulated").header("axis"))
     (tmp_path / "block.c").write_text(block)
     includes = [f"-I{folder}" for folder in (tmp_path, ROOT / "lib", ROOT / "lib/include")]
     strict = ["-Wall", "-Wextra", "-Werror", "-fsyntax-only", *includes, tmp_path / "block.c"]

@@ -15,7 +15,11 @@ pytestmark = pytest.mark.checks
 
 ARM = ("m0", "m3", "m4f", "m7", "m33")
 CORES = dict.fromkeys(ARM, "arm-none-eabi-") | {"rv32": "riscv64-unknown-elf-"}
-EVERYWHERE = {"bits", "test_element_properties"}  # CTest must run these on every core
+EVERYWHERE = {
+    "bits",
+    "test_element_properties",
+    "commission_axis",
+}  # CTest must run these on every core
 PORT = ROOT / "port/cortex_m"
 START_UP = "startup semihosting exit_semihosting no_tick fpu_none newlib".split()
 

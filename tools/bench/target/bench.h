@@ -24,6 +24,7 @@ void bench_motions(void);
 void bench_variants(void);
 void bench_energy(void);
 void bench_compensator(void);
+void bench_commission(void);
 void bench_any(void);
 void bench_node(void);
 void bench_seldom(void);

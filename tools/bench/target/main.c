@@ -70,6 +70,7 @@ int main(void)
     bench_variants();
     bench_energy();
     bench_compensator();
+    bench_commission();
     bench_worst();
     bench_any();
     bench_node();

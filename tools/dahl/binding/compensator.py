@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import math
+import os
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dahl.binding import arrays, checks, parameters
+from dahl.binding import arrays, checks, identified, parameters
 from dahl.binding.checks import INT32_MAX, INT32_MIN, ONE_Q30
 from dahl.binding.copies import Copied, content
 from dahl.binding.elements import RatioElement
@@ -115,6 +117,33 @@ class Compensator(HasParameters, Copied):
         self._jump = checks.whole("jump", jump, 1, c.DAHL_COMPENSATOR_JUMP_MAX)
         self._state = c.new("dahl_compensator_t *")
         self._prepare()
+
+    @classmethod
+    def from_identified(
+        cls, path: str | os.PathLike[str], *, ratio: float | None = None, **given: Any
+    ) -> Compensator:
+        """Return a compensator with the bounds of the JSON that `dahl identify` writes.
+
+        sigma0, Fc, Fc_low, length_long and sigma0_high follow from the file; `given` has the other
+        parameters of the constructor. Those with a default here may be left out:
+
+        gain     0.9*(Fc_low - load)/Fc_low, with reference: 1
+        limit    1.2*Fc_low
+        slew     100 Fc_low in a second, or more if a light rotor needs it
+        play     2*noise + 2, or 1 without noise
+        rise, fall   0.5 s, 0.02 s
+
+        ratio    rad of the motor for one rad of the log: of a gear if the log is from its output; 1
+                 if not given. For a log in m: 2*pi/lead (rad/m) for a screw, or 1 for a linear
+                 motor, whose parameters are then in N, m and kg.
+
+        Raises dahl.Error, with the next step, if the file has no bounds; if a log in m has no
+        ratio; and if a parameter breaks a condition of the guarantee, also one that the
+        constructor does not check: play, slew and fade_speed of the measured law.
+        """
+        is_free = not checks.instance("reference", given.get("reference", False), bool)
+        bounds = identified.read_bounds(path, ratio, not is_free)
+        return cls(**identified.complete(bounds, is_free, given))
 
     def _prepare(self) -> None:
         self._prepared = c.new("dahl_compensator_plan_t *")

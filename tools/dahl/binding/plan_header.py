@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,7 +61,9 @@ def _initialiser(value: Any, kind: Any) -> str:
         return "{" + ", ".join(_initialiser(one, kind.item) for one in value) + "}"
     if kind.kind == "struct":
         return "{" + ", ".join(initial for _, initial in _fields(value, kind)) + "}"
-    return f"{value}{SUFFIX[kind.cname]}"
+    if kind.kind == "enum":
+        return str(kind.elements[value])
+    return _float(value) if kind.cname == "float" else f"{value}{SUFFIX[kind.cname]}"
 
 
 def _fields(value: Any, kind: Any) -> list[tuple[str, str]]:
@@ -144,8 +147,8 @@ def bounds(
     Fc_low and above the others, with the units of torque and angle.
     """
     prefix = f"DAHL_PLAN_{name.upper()}"
-    low, long = _float(_rounded(Fc_low, 0.0)), _float(_rounded(length_long, np.inf))
-    high = _float(_rounded(sigma0_high, np.inf))
+    low, long = _float(rounded(Fc_low, 0.0)), _float(rounded(length_long, np.inf))
+    high = _float(rounded(sigma0_high, np.inf))
     return (
         "\n/* Bounds for dahl_compensator.h, from the 95 % intervals. The length is that which the"
         " encoder\n * sees, with the twist of a shaft. */\n"
@@ -157,7 +160,41 @@ def bounds(
     )
 
 
-def _rounded(value: float, towards: float) -> float:
+def commission(name: str, params: Any, load: Sequence[float], travel: float) -> str:
+    """Return the lines after a header for an axis that commissioned itself: the parameters of its
+    compensator, and a function that returns the bits of dahl_commission_load().
+    """
+    members = _fields(params, c.typeof("dahl_compensator_params_t"))
+    guard, last = f"DAHL_PLAN_{name.upper()}_COMPENSATOR", len(load) - 1
+    half, values = len(load) // 2, "{" + ", ".join(map(_float, load)) + "}"
+    lines = [
+        "",
+        "/* For dahl_compensator_prepare(), if the firmware adds the load to its command. */",
+        f"#ifndef {guard}",
+        f"#define {guard}",
+        '#include "dahl_compensator.h"',
+        "",
+        f"static const dahl_compensator_params_t dahl_plan_{name}_compensator = {{",
+        *(f"    /* {field} */ {value}," for field, value in members),
+        "};",
+        "",
+        "/* Torque in N m that holds the axis at an angle in rad from the middle of its travel. */",
+        f"static inline float dahl_plan_{name}_load(float angle)",
+        "{",
+        *_fold(f"static const float load[{len(load)}] = {values};"),
+        f"    const float travel = {_float(travel)};",
+        f"    const float x = (angle + travel) * {half} / travel - 0.5f;",
+        f"    const int bin = x > 0 ? x < {last} ? (int)x : {last} : 0;",
+        "",
+        f"    return bin < {last} && x > 0"
+        " ? load[bin] + (x - (float)bin) * (load[bin + 1] - load[bin]) : load[bin];",
+        "}",
+        "#endif",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def rounded(value: float, towards: float) -> float:
     """Return the nearest float, or the next one if it is on the wrong side of the value."""
     near = np.float32(value)
     above = float(near) - value  # in double: a float32 compares with a number in float32

@@ -13,6 +13,8 @@ from dahl.binding.library import c
 from dahl.binding.parameters import HasParameters, Parameter
 from dahl.errors import InputError
 
+MAX_CORNER_HZ = 15.0  # suits most axes
+
 
 class Residual(HasParameters, Copied):
     """Add the torque that the friction model lacks (dahl_residual_t), for a Compensator with
@@ -79,6 +81,42 @@ class Residual(HasParameters, Copied):
         self._no_integral = checks.instance("no_integral", no_integral, bool)
         self._state = c.new("dahl_residual_t *")
         self._prepare()
+
+    @classmethod
+    def for_compensator(
+        cls,
+        compensator: Compensator,
+        *,
+        inertia: float,
+        speed_gain: float = 0.0,
+        resonance: float = 0.0,
+        corner: float | None = None,
+        limit: float | None = None,
+        delay: int = 1,
+        no_integral: bool = False,
+    ) -> Residual:
+        """Return an observer with friction, period and slew of a compensator. Without a corner, the
+        highest one that the rule allows is used, up to 15 Hz. Without a limit, it is Fc. Raises as
+        the constructor, and dahl.Error for a compensator of the measured law.
+        """
+        checks.instance("compensator", compensator, Compensator)
+        if corner is None:
+            corner = _highest_corner(compensator.period, inertia, speed_gain, resonance)
+        friction = {name: getattr(compensator, name) for name in FRICTION}
+        made = cls(
+            **friction,
+            inertia=inertia,
+            corner=corner,
+            limit=compensator.Fc if limit is None else limit,
+            slew=compensator.slew,
+            period=compensator.period,
+            speed_gain=speed_gain,
+            resonance=resonance,
+            delay=delay,
+            no_integral=no_integral,
+        )
+        need_reference(compensator, made._values)
+        return made
 
     def _prepare(self) -> None:
         self._prepared = c.new("dahl_residual_plan_t *")
@@ -205,3 +243,16 @@ def _is_in_range(name: str, value: float) -> bool:
     if value == 0:
         return name in ("speed_gain", "resonance")
     return parameters.TORQUE_MIN <= value < parameters.TORQUE_MAX
+
+
+def _highest_corner(period: float, inertia: float, speed_gain: float, resonance: float) -> float:
+    """Return the highest corner of the rules up to 15 Hz. The constructor refuses wrong values."""
+    given = {"inertia": inertia, "speed_gain": speed_gain, "resonance": resonance}
+    inertia, speed_gain, resonance = (checks.real(name, value) for name, value in given.items())
+    rule = MAX_CORNER_HZ
+    if speed_gain > 0 and inertia > 0:
+        rule = speed_gain / (4 * math.pi * inertia)
+    elif resonance > 0:
+        rule = resonance / 10
+    below = 1 - 2.0**-20  # for the rounding to float
+    return below * min(MAX_CORNER_HZ, rule, 0.05 / period)

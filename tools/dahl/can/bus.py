@@ -274,6 +274,16 @@ def receive(bus: can.BusABC, seconds: float) -> can.Message | None:
     return message
 
 
+def transmit(bus: can.BusABC, message: can.Message, frame: object) -> None:
+    """Send a message. `frame` names it in the dahl.BusError of a bus that does not take it."""
+    import can
+
+    try:
+        bus.send(message)
+    except (can.CanError, OSError) as error:
+        raise BusError(f"the bus does not take {frame}: {error}") from None
+
+
 def is_gone(error: BaseException) -> bool:
     """Return whether an error of send() means that the bus is lost, such as an interface that is
     down. The kernel reports that once, to the next call, which may be a send.

@@ -34,7 +34,7 @@ from dahl.binding.loaded import Loaded
 from dahl.binding.slip import SLIP_MAX, Parallel, Slip
 from dahl.binding.state_element import StateElement
 from dahl.can import codec
-from dahl.can.bus import is_gone, receive
+from dahl.can.bus import is_gone, receive, transmit
 from dahl.errors import BusError, Error, InputError, RunError, Timeout, hide
 
 if TYPE_CHECKING:
@@ -466,7 +466,7 @@ def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0
     with turn_of(bus):
         until = time.monotonic() + timeout
         _drop_waiting(bus, until)
-        _send(bus, message, frame)
+        transmit(bus, message, frame)
         while (left := until - time.monotonic()) > 0:
             received = receive(bus, left)
             answer = _answer_in(received, kind.base + node)
@@ -494,7 +494,7 @@ def expect_silence(
         _drop_waiting(bus, time.monotonic() + seconds)
         begin = time.monotonic()
         if message is not None:
-            _send(bus, message, frame)
+            transmit(bus, message, frame)
         while (left := begin + seconds - time.monotonic()) > 0:
             received = receive(bus, left)
             for kind in (codec.FrictionTorque, codec.ParamReply):
@@ -521,7 +521,7 @@ def _drop_waiting(bus: can.BusABC, until: float) -> None:
 def send(bus: can.BusABC, frame: codec.Frame | can.Message, node: int) -> None:
     """Send a frame to a node, or a message as it is. Raises dahl.BusError if the bus refuses it."""
     message = _message_of(frame, node)
-    _send(bus, message, frame)
+    transmit(bus, message, frame)
 
 
 def _message_of(frame: codec.Frame | can.Message, node: int) -> can.Message:
@@ -529,13 +529,6 @@ def _message_of(frame: codec.Frame | can.Message, node: int) -> can.Message:
     message = codec.pack(frame, node) if isinstance(frame, codec.Frame) else frame
     codec.RawFrame().read(message)
     return message
-
-
-def _send(bus: can.BusABC, message: can.Message, frame: object) -> None:
-    try:
-        bus.send(message)
-    except (codec.python_can().CanError, OSError) as error:
-        raise BusError(f"the bus does not take {frame}: {error}") from None
 
 
 ANSWER_KINDS: dict[type[codec.Frame], type[codec.Frame]] = {

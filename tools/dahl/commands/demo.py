@@ -4,8 +4,8 @@ torque was.
 
 Without a log: the tribometer set, else the cycloidal one, else (no measured log in reach) the
 steering scene. With LOG: your own recording, one row per tick of 1 ms. Leaves loop.png, run.log and
-summary.json in build/demo. The scenes compensation and park-steer are simulated without dahl-loop;
-their pictures are compensation.png and park-steer.png.
+summary.json in build/demo. The scenes commission, compensation and park-steer are simulated without
+dahl-loop; their pictures have the names of the scenes, as commission.png.
 """
 
 from __future__ import annotations
@@ -27,13 +27,15 @@ from dahl.version import __version__
 
 if TYPE_CHECKING:
     from dahl.report.traces import Trace
-    from dahl.sim.loop import Setup
-    from dahl.sim.scene import Recorded, Scene
+    from dahl.sim.recorded_run import Setup
+    from dahl.sim.replay import Recorded
+    from dahl.sim.scene import Scene
 
 HELP = "replay a log over the bus, record, compare, draw"
 EXAMPLE = """examples:
   dahl demo
   dahl demo --scene steering --seconds 10
+  dahl demo --scene commission
   dahl demo --scene compensation
   dahl demo shaft.csv --angle angle_deg --torque torque_Nm --sigma0 120 --fc 0.8 \\
       --counts-per-turn 16384"""
@@ -55,7 +57,12 @@ OWN_LOG = (  # type, name of the value, help
     ("--spring", finite, "K", "N m/rad; its product with the angle is added"),
 )
 RUN = (
-    ("--scene", str, "NAME", "a shipped scene, a scene file, compensation or park-steer"),
+    (
+        "--scene",
+        str,
+        "NAME",
+        "a shipped scene, a scene file, commission, compensation or park-steer",
+    ),
     ("--bus", str, "SPEC", "socketcan:IF or socketcand (default: the best there is)"),
     ("--target", str, "CORE", "compute the torque in firmware on an emulated core, such as m4f"),
     ("--seconds", seconds, "S", "end the motion after S seconds"),
@@ -192,14 +199,14 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
     """Return scene, log and recording, checked before any program starts."""
     from dahl.io import data
     from dahl.report import run_files, simulated
-    from dahl.sim import scene
+    from dahl.sim import replay, scene
 
     if args.log:
         run_files.set_aside(args.output, "own.ini", "own.csv")
         chosen, unit = scene.write_own(_own(args), args.output / "own.ini")
         console.print(f"angle   column '{args.angle}' in {unit} (else: --angle-unit)")
         table = args.output / chosen.log
-        return chosen, table, scene.read_log(chosen, table)
+        return chosen, table, replay.read_recorded(chosen, table)
     if given := _given(args):
         raise InputError(f"only with a LOG of your own: {', '.join(map(_option, given))}")
     others = simulated.SCENES
@@ -208,7 +215,7 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
         return chosen, None, None
     log = data.find_log(chosen.log, chosen.path.parent)
     _refuse_overwriting(log, args.output)
-    return chosen, log, scene.read_log(chosen, log)
+    return chosen, log, replay.read_recorded(chosen, log)
 
 
 def _own(args: argparse.Namespace) -> Any:
@@ -269,13 +276,13 @@ def _play(
 ) -> tuple[dict[str, Any], Trace]:
     """Run and record. Return the counts of dahl-loop and the trace, read back from run.log."""
     from dahl.report import traces
-    from dahl.sim import loop
+    from dahl.sim import recorded_run
 
     setup = _setup(args, scene, log, console)
     _forget_earlier_run(args.output, scene, log)
     numbers = _run_with_progress(setup, _expected(args, scene, recorded), console)
     if setup.trace and scene.compensates and not numbers["interrupted"]:
-        loop.run_uncompensated(setup, args.output / traces.UNCOMPENSATED)
+        recorded_run.run_uncompensated(setup, args.output / traces.UNCOMPENSATED)
     source = args.log or log  # a user's own log is replayed by a copy of its columns
     numbers |= {"bus": setup.bus, "log": str(source.resolve()) if source else None}
     now = datetime.now().astimezone().isoformat(sep=" ", timespec="seconds")
@@ -289,11 +296,11 @@ def _run_with_progress(setup: Setup, ticks: int | None, console: Any) -> dict[st
     """Run dahl-loop with a progress bar. Return its counts; `ticks` is None if unknown."""
     from dahl.interrupt import Stop
     from dahl.report.terminal import Bar
-    from dahl.sim import loop
+    from dahl.sim import recorded_run
 
     with Stop() as stop, Bar(console) as progress:
         task = progress.add_task("ticks", total=ticks)
-        numbers = loop.run(
+        numbers = recorded_run.run(
             setup,
             stop,
             lambda frames: progress.update(task, completed=min(frames // 2, ticks or frames)),
@@ -328,7 +335,7 @@ def _forget_earlier_run(folder: Path, scene: Scene, log: Path | None) -> None:
 def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: Any) -> Setup:
     """Choose and print bus, node and clock before any program starts."""
     from dahl.can import bus
-    from dahl.sim import loop
+    from dahl.sim import recorded_run
 
     paths.loop_program()  # raises if it is not built
     alone = bool({"faults", "rotor"} & set(scene.parts)) and not (args.bus or args.target)
@@ -337,7 +344,7 @@ def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: An
         why = "virtual time, so that faults and rotor are the same on every machine"
     console.print(f"scene   {scene.title} ({scene.path.name})" + (f", log {log}" if log else ""))
     console.print(f"bus     {chosen.split(':')[0]}: {why}")
-    setup = loop.Setup(scene, chosen, args.output, log, args.seconds, args.seed)
+    setup = recorded_run.Setup(scene, chosen, args.output, log, args.seconds, args.seed)
     setup.alone, setup.trace = alone, alone and "rotor" in scene.parts
     if args.target:
         _use_target(args, scene, setup, console)

@@ -53,7 +53,9 @@ UNUSED = {  # options without use, by kind of run
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("logs", nargs="*", type=Path, metavar="LOG", help="measured log")
-    _add_columns(parser.add_argument_group("columns"))
+    columns = parser.add_argument_group("columns")
+    add_columns(columns)
+    _add_load(columns)
     _add_fit(parser.add_argument_group("fit"))
     _add_each(parser.add_argument_group("many logs, one by one"))
     _add_live(parser.add_argument_group("a live bus"))
@@ -61,17 +63,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_files(parser.add_argument_group("output"))
 
 
-def _add_columns(group: argparse._ArgumentGroup) -> None:
+def _add_load(group: argparse._ArgumentGroup) -> None:
+    words = "a load that friction may follow, as a normal force; several are added"
+    _add_list(group, "--load", "NAME", words)
+
+
+def add_columns(group: argparse._ArgumentGroup) -> None:
+    """Add the options of columns and units that source_of() reads."""
     angles = "deg, rad, mrad, arcmin, turn, counts, m, mm, um, in, ..."
     _add_text(group, "--angle", "NAME", "column or signal, or its number from 1 on")
     _add_text(group, "--torque", "NAME", "the same for the torque")
     _add_text(group, "--time", "NAME", "the same for the time in s")
-    _add_list(
-        group,
-        "--load",
-        "NAME",
-        "a load that friction may follow, as a normal force; several are added",
-    )
     _add_text(group, "--angle-unit", "UNIT", angles)
     _add_text(group, "--torque-unit", "UNIT", "Nm, mNm, kNm, N, mN, uN, kN, lb, kip, A, mA, ...")
     constant = "torque is K times a motor current, N m/A (linear motion: N/A)"
@@ -154,7 +156,8 @@ def source_of(args: argparse.Namespace) -> Source:
     given: dict[str, Any] = {
         name: getattr(args, name, None) for name in Source.__dataclass_fields__
     }
-    return Source(**{**given, "load": tuple(args.load), "counts_per_turn": counts or 0.0})
+    load = tuple(getattr(args, "load", ()))
+    return Source(**{**given, "load": load, "counts_per_turn": counts or 0.0})
 
 
 def options_of(args: argparse.Namespace) -> Options:

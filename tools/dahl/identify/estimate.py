@@ -17,7 +17,7 @@ from dahl.errors import InputError
 from dahl.identify import diagnose, preprocess, select, simulate
 from dahl.identify.diagnose import CORRECTABLE, Lack
 from dahl.identify.fit import Fit, Fitter, Hypothesis
-from dahl.identify.lags import DAMPING, DELAY, LAGS, NONE
+from dahl.identify.lags import DAMPING, DELAY, LAGS, NONE, PLAY
 from dahl.identify.laws import DAHL, LAWS, OPTIONS
 from dahl.identify.least_squares import solve
 from dahl.identify.result import Intervals, Result, claims_of
@@ -42,7 +42,7 @@ COARSE_ERROR = 2.0  # times the variance of rounding, below which a torque senso
 MAX_SWAPPED_COST = 0.8  # of the robust cost, with angle and torque swapped, if they are; half of
 # it if the torque takes energy as given, which a soft loop's does too
 MAX_WHITE_CORRELATION = 0.5  # of neighbouring rows, that a drift of noise may have
-MAX_WITHOUT_LAG = 1.2  # times the best cost, that Dahl's law leaves without a lag
+MAX_OTHER_LAG = 1.35  # times the best cost, that Dahl's law leaves without a lag or with a play
 MORE_ELEMENTS, OTHER_LAW, MAX_OTHER_COST = 1.4, 0.5, 2.0  # see _beyond_one_element()
 
 
@@ -213,7 +213,7 @@ def _judge(
     quantile = float(student.ppf(CONFIDENCE, max(len(samples.folds) - 1, 1)))
     lacks = [] if hidden else diagnose.lack_of_fit(fitter, seen.best, quantile, corrected)
     low, high = _over_hypotheses(seen, quantile)
-    low, high = _without_lag(seen, fits, low, high)
+    low, high = _with_other_lags(seen, fits, low, high)
     if samples.has_rests:  # friction that creeps back there looks like a viscous torque in motion
         slips = [f.value[1] + fitter.timed(f).get("viscous", 0.0) for f in seen.fits]
         high[1] = max(high[1], *slips)
@@ -252,18 +252,26 @@ def _over_hypotheses(seen: Plausible, quantile: float) -> tuple[np.ndarray, np.n
     return low, high
 
 
-def _without_lag(
+def _with_other_lags(
     seen: Plausible, fits: list[Fit], low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return intervals that cover the best Dahl fit without a lag if a lag explains little more.
+    """Return intervals that cover the best Dahl fits without a lag and with a play, if these leave
+    little more.
 
-    A small error of the angle at equal turning points looks like a lag, in each cycle.
+    A small error of the angle at equal turning points looks like a lag, in each cycle, and a play
+    looks like a filter. A play in a part of the travel lies beyond both fits, by half of their
+    distance.
     """
-    plain = [f for f in fits if f.hypothesis.law is DAHL and f.hypothesis.lag is NONE]
-    best = min(plain, key=lambda f: f.total, default=seen.best)
-    if best.total > MAX_WITHOUT_LAG * seen.best.total:
+    values = []
+    for lag in (NONE, PLAY):
+        same = [f for f in fits if f.hypothesis.law is DAHL and f.hypothesis.lag is lag]
+        best = min(same, key=lambda f: f.total, default=seen.best)
+        if best.total <= MAX_OTHER_LAG * seen.best.total:
+            values.append(best.value)
+    if not values:
         return low, high
-    return np.minimum(low, best.value), np.maximum(high, best.value)
+    beyond = OTHER_LAW * np.ptp(values, axis=0)
+    return np.min([low, *(values - beyond)], axis=0), np.max([high, *(values + beyond)], axis=0)
 
 
 def _beyond_one_element(

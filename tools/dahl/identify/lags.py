@@ -202,13 +202,13 @@ class DampedLowPass(LowPass):
         return [_damping(samples, friction), samples.rate(samples.acceleration)]
 
 
-NONE, DELAYS = Lag(), Delays()  # the delays of several logs are not in LAGS
+NONE, PLAY, DELAYS = Lag(), Play(), Delays()  # the delays of several logs are not in LAGS
 LAGS = {
     lag.name: lag
     for lag in (
         NONE,
         DAMPING,
-        Play(),
+        PLAY,
         DELAY,
         LOW_PASS,
         ZeroPhaseFilter(),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dahl.identify.fit import Fit, Fitter, Hypothesis, Optimum, parameters_of
-from dahl.identify.lags import NONE
+from dahl.identify.lags import NONE, PLAY
 from dahl.identify.least_squares import solve
 from dahl.identify.refusals import SOURCES as STEPS_OF_SOURCES
 from dahl.identify.refusals import next_step
@@ -53,8 +53,13 @@ class Parameter:
 
     @property
     def half_width(self) -> float:
-        """Relative, the mean of both sides."""
-        return (self.high - self.low) / 2 / self.value
+        """Relative, of the wider side."""
+        return half_width_of(self.value, self.low, self.high)
+
+
+def half_width_of(value: float, low: float, high: float) -> float:
+    """Relative half width of the wider side of an interval: the truth is within it."""
+    return max(high - value, value - low) / value
 
 
 @dataclass
@@ -455,7 +460,7 @@ def _against_log(result: Result) -> Iterator[Objection]:
 def _against_widths(result: Result, i: Intervals) -> Iterator[Objection]:
     is_wrong = any(any(lack.withdraws) for lack in result.lacks)  # so that no width has its cause
     for k, name in enumerate(NAMES):
-        half = (i.high[k] - i.low[k]) / 2 / i.value[k]
+        half = half_width_of(i.value[k], i.low[k], i.high[k])
         if half > MAX_HALF_WIDTH and np.isfinite(half):
             source = "lack of fit" if is_wrong else i.dominant(k)
             text = f"{name} is known within {100 * half:.0f} % only, due to {SOURCES[source]}"
@@ -466,8 +471,11 @@ def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
     """Objections to the slope at rest, if no log resolves it; an unusual lag hides Fc too."""
     law, plausible = result.hypothesis.law, [fit.hypothesis for fit in result.plausible.fits]
     is_hidden = i is not result.intervals
-    is_unusual = all(h.lag is not NONE and not h.law.is_one_element for h in plausible)
-    is_unusual &= not law.turns_as_dahl
+    twice = [h.lag is not NONE and not h.law.is_one_element for h in plausible]
+    is_unusual = all(twice) and not law.turns_as_dahl
+    best = result.plausible.best.hypothesis
+    is_dahl = law.is_one_element or law.turns_as_dahl
+    has_play = best.lag is PLAY and not best.law.is_one_element and not is_dahl
     if law.peaks_after_rest:
         text = "the torque has a peak after each rest: its form changes the slope there"
         yield (True, False), "peak after a rest", text
@@ -479,9 +487,9 @@ def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
         if not law.is_one_element:
             what, reason = "the steepest part of the fitted law is", "steepest at rest"
         yield (True, False), reason, f"{what} shorter than a count or a move of one row"
-    if is_unusual:
+    if is_unusual or has_play:
         text = "law and lag both round the loop at a reversal, and both are unusual"
-        yield (True, True), "law and lag", f"{text}: no log separates them"
+        yield (True, is_unusual), "law and lag", f"{text}: no log separates them"
     if any(fit.hypothesis.law.is_steepest_at_rest(fit.p) for fit in result.plausible.fits):
         text = "the loop is steepest at rest, as of small stiff elements: sigma0 is larger"
         yield (True, False), "steepest at rest", text

@@ -18,7 +18,8 @@ from dahl.errors import InputError, RunError
 
 # First bytes of the scenes and tables that dahl writes.
 OURS = re.compile(
-    rb"; written by dahl |time_s,theta,counts\r?\n|theta_(rad|m),torque_Nm?(,load)?\r?\n"
+    rb"; written by dahl |time_s,(theta,counts|angle_rad,speed_rad_s,acceleration_rad_s2)\r?\n"
+    rb"|theta_(rad|m),torque_Nm?(,load)?\r?\n"
 )
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # errors of a file; a bus never raises them

@@ -22,7 +22,7 @@ WRITTEN = (  # by a demo, `dahl plot` and `dahl report`
     *("own.ini", "own.csv", "hub.ini", "run.log", "trace.csv", "uncompensated.csv"),
     *(f"{role}.err" for role in ("node", "encoder", "both")),
     *("params.*.bin", "qemu.*.err", "summary.json", "report.html"),
-    *("loop.png", "compensation.png", "park-steer.png"),
+    *("loop.png", "commission.png", "compensation.png", "park-steer.png"),
 )
 Stamp = list[int]  # size in bytes, time of change in ns
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A motor of the mock with a FrictionCompensator, for ctypes.
+// A motor of the mock with a FrictionCompensator or an AxisCommission, for ctypes.
+#include "AxisCommission.h"
 #include "FrictionCompensator.h"
 
 unsigned long clock_us;
@@ -45,3 +46,39 @@ extern "C" float motor_loop(float angle, unsigned long us, int is_enabled, int i
 extern "C" unsigned motor_rejected() { return compensator->telemetry().rejected; }
 
 extern "C" int motor_moved() { return compensator->telemetry().move; }
+
+static AxisCommission *commission;
+
+extern "C" int commission_init(int direction, unsigned counts_per_turn, float inertia, float torque_limit)
+{
+    commission = new AxisCommission(motor, 0.05f, counts_per_turn);
+    motor.sensor = &sensor;
+    motor.sensor_direction = static_cast<Direction>(direction);
+    dahl_commission_config_t config = {};
+    config.period = 1e-3f;
+    config.inertia = inertia;
+    config.travel = 0.35f;
+    config.angle_limit = 0.7f;
+    config.speed_limit = 10;
+    config.torque_limit = torque_limit;
+    return commission->init(config, 35);
+}
+
+// Returns the target in A after a millisecond at an angle in rad within the turn.
+extern "C" float commission_loop(float angle, float torque)
+{
+    clock_us += 1000;
+    sensor.angle = angle;
+    commission->loop(torque);
+    return motor.controller == MotionControlType::torque ? motor.target : 1e9f;
+}
+
+extern "C" int commission_is_compensating() { return commission->state().is_compensating; }
+
+extern "C" int commission_refusal() { return commission->state().command.refusal; }
+
+extern "C" float commission_Fc(int end)
+{
+    const dahl_commission_range_t &Fc = commission->state().commission.result.Fc;
+    return end < 0 ? Fc.least : end > 0 ? Fc.most : Fc.best;
+}

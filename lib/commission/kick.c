@@ -1,0 +1,247 @@
+/* SPDX-License-Identifier: MIT */
+/** Stage 6: the compensator runs on the bounds that were found, the load is fed forward, and short pushes move the axis. It
+ * must come to rest after each. A swing lengthens length_long; after MAX_FAILS the last gain that passed is the result. If the
+ * axis creeps, because the load differs from its table, the gain is lowered. */
+#include "commission.h"
+
+#define GAINS 3
+#define MAX_FAILS 5
+#define LONGER 1.6f
+#define FADE_S 0.1f          /* the compensator fades in */
+#define PUSH_S 0.05f         /* longest push */
+#define PUSH_RAD 0.1f
+#define MAX_SPEED 2.5f       /* rad/s */
+#define WATCH_S 0.2f
+#define CREEP_WINDOWS 6
+#define SWING_WINDOWS 10
+#define MAX_WINDOWS 20
+#define CREEP 0.003f         /* rad in a window that is rest */
+#define SETTLING 0.9f        /* range of a window over that two windows before */
+#define MAX_EXCURSION 0.25f  /* rad beyond the travel */
+#define STILL_SPEED 0.04f    /* rad/s of the ring on the bristles */
+
+enum { PREPARE_ELEMENT, PREPARE_COMPENSATOR, FADE_IN, PUSH, SETTLE };
+
+static const float gains[GAINS] = {0.5f, 0.9f, 0.94f};
+
+static void finish_kicks(dahl_commission_t *axis)
+{
+    axis->result.seconds = (float)axis->ticks * axis->config.period;
+    axis->command.mode = DAHL_COMMISSION_OFF;
+    axis->command.torque = 0;
+    dahl_enter(axis, DAHL_COMMISSION_DONE);
+}
+
+/** Write the parameters with the next gain. */
+static void write_params(dahl_commission_t *axis)
+{
+    const float passed = axis->result.gain;
+    axis->result.gain = gains[axis->work.kick.gain];
+    dahl_write_params(axis, &axis->work.kick.params, 0);
+    axis->result.gain = passed;
+    axis->work.kick.bristle = (dahl_state_t){0};
+    axis->work.kick.compensator = (dahl_compensator_t){0};
+}
+
+/** Prepare the element, then the compensator: a tick each, because both are long. */
+static void prepare_tick(dahl_commission_t *axis)
+{
+    const dahl_compensator_params_t *params = &axis->work.kick.params;
+    if (axis->work.kick.phase == PREPARE_ELEMENT) {
+        if (dahl_prepare(&axis->work.kick.friction, &params->friction) != DAHL_OK) {
+            dahl_refuse(axis, DAHL_COMMISSION_COARSE);
+        }
+        axis->work.kick.phase = PREPARE_COMPENSATOR;
+        return;
+    }
+    dahl_compensator_err_t code = dahl_compensator_prepare(&axis->work.kick.plan, params);
+    if (code != DAHL_COMPENSATOR_OK) {
+        dahl_refuse(axis, code == DAHL_COMPENSATOR_INERTIA ? DAHL_COMMISSION_LIGHT : DAHL_COMMISSION_COARSE);
+    }
+    axis->work.kick.phase = FADE_IN;
+    axis->step_ticks = 0;
+}
+
+/** Pushes go both ways, two of 1 Fc, then two of 2 Fc. They end at a speed that friction stops within half of the travel. */
+static void arm(dahl_commission_t *axis)
+{
+    const dahl_commission_result_t *result = &axis->result;
+    uint8_t kick = axis->work.kick.kick;
+    write_params(axis);
+    float left = 1 - gains[axis->work.kick.gain] * result->Fc.least / result->Fc.best;
+    float braking = left * result->Fc.best / result->inertia.best;
+    float ring = dahl_root(result->sigma0.best / result->inertia.best);
+    axis->work.kick.speed = dahl_smaller(MAX_SPEED, dahl_root(braking * axis->config.travel));
+    axis->work.kick.push = (kick & 1 ? -1.0f : 1.0f) * (kick < 2 ? 1.0f : 2.0f) * result->Fc.best;
+    axis->work.kick.still = (float)(2 * result->noise + 1) * axis->config.theta_per_count + STILL_SPEED / ring;
+    axis->work.kick.start = axis->theta;
+    axis->work.kick.phase = PREPARE_ELEMENT;
+    axis->work.kick.windows = 0;
+    dahl_next_step(axis);
+}
+
+/** Return the torque of the compensator. */
+static float compensate(dahl_commission_t *axis, int32_t dcounts)
+{
+    int32_t move = dahl_compensator_move(&axis->work.kick.plan, &axis->work.kick.compensator, dcounts, 1);
+    int32_t ratio = dahl_step_counts_q30(&axis->work.kick.friction, &axis->work.kick.bristle, move);
+    ratio = dahl_compensator_torque(&axis->work.kick.plan, &axis->work.kick.compensator, ratio);
+    return (float)ratio * 0x1p-30f * axis->result.Fc.least;
+}
+
+/** Return 1 while the push lasts. */
+static int pushes(const dahl_commission_t *axis)
+{
+    float direction = axis->work.kick.push < 0 ? -1.0f : 1.0f;
+    return direction * axis->speed < axis->work.kick.speed
+           && direction * (axis->theta - axis->work.kick.start) < PUSH_RAD && axis->step_ticks < dahl_ticks(axis, PUSH_S);
+}
+
+static void start_window(dahl_commission_t *axis)
+{
+    axis->work.kick.low = axis->work.kick.high = axis->work.kick.first = axis->theta;
+}
+
+/** What a window showed. */
+typedef enum { NOT_ENDED, RESTS, SETTLES, CREEPS, SWINGS } window_t;
+
+static window_t classify(const dahl_commission_t *axis, float range, float drift, float before)
+{
+    const int swings = range - drift > axis->work.kick.still;
+    if (!swings && drift <= CREEP + axis->work.kick.still) {
+        return RESTS;
+    }
+    if (range < SETTLING * before) {
+        return SETTLES;
+    }
+    return swings ? SWINGS : CREEPS;
+}
+
+static window_t check_window(dahl_commission_t *axis)
+{
+    axis->work.kick.low = dahl_smaller(axis->work.kick.low, axis->theta);
+    axis->work.kick.high = dahl_larger(axis->work.kick.high, axis->theta);
+    if (axis->step_ticks % dahl_ticks(axis, WATCH_S) != 0) {
+        return NOT_ENDED;
+    }
+    const float range = axis->work.kick.high - axis->work.kick.low, before = axis->work.kick.ranges[1];
+    const float drift = dahl_absolute(axis->theta - axis->work.kick.first);
+    axis->work.kick.ranges[1] = axis->work.kick.ranges[0];
+    axis->work.kick.ranges[0] = range;
+    axis->work.kick.windows++;
+    start_window(axis);
+    return classify(axis, range, drift, before);
+}
+
+static void fail(dahl_commission_t *axis)
+{
+    axis->result.elastic = 1;
+    axis->work.kick.kick = 0;
+    if (++axis->work.kick.fails <= MAX_FAILS) {
+        axis->result.length.most *= LONGER;
+        dahl_return_to_middle(axis);
+    } else if (axis->work.kick.gain == 0) {
+        dahl_refuse(axis, DAHL_COMMISSION_SWINGS);
+    } else {
+        finish_kicks(axis);
+    }
+}
+
+/** Repeat the strong pushes with the gain below. */
+static void lower_gain(dahl_commission_t *axis)
+{
+    if (axis->work.kick.gain == 0) {
+        dahl_refuse(axis, DAHL_COMMISSION_SWINGS);
+        return;
+    }
+    axis->work.kick.gain--;
+    axis->work.kick.creeps++;
+    axis->work.kick.kick = 2;
+    dahl_return_to_middle(axis);
+}
+
+/** Return the highest gain that is left. The load of an elastic axis can swing on a small rest of friction. */
+static int highest_gain(const dahl_commission_t *axis)
+{
+    const int elastic_highest = GAINS - 2, left = GAINS - 1 - axis->work.kick.creeps;
+    return axis->result.elastic && left > elastic_highest ? elastic_highest : left;
+}
+
+static void pass(dahl_commission_t *axis)
+{
+    const int highest = highest_gain(axis), last = axis->work.kick.gain >= highest ? 4 : 2;
+    dahl_return_to_middle(axis);
+    if (++axis->work.kick.kick < last) {
+        return;
+    }
+    axis->work.kick.kick = 0;
+    axis->result.gain = gains[axis->work.kick.gain];
+    if (++axis->work.kick.gain > highest) {
+        finish_kicks(axis);
+    }
+}
+
+static void settle_tick(dahl_commission_t *axis)
+{
+    const float excursion = dahl_absolute(axis->theta) - axis->config.travel;
+    window_t window = check_window(axis);
+    const uint8_t windows = axis->work.kick.windows;
+    if (window == RESTS) {
+        pass(axis);
+    } else if (window == CREEPS && windows >= CREEP_WINDOWS) {
+        lower_gain(axis);
+    } else if (excursion > MAX_EXCURSION || (window == SWINGS && windows >= SWING_WINDOWS)
+               || windows >= MAX_WINDOWS) {
+        fail(axis);
+    }
+}
+
+static void next_phase(dahl_commission_t *axis)
+{
+    axis->work.kick.phase = axis->work.kick.phase == FADE_IN ? PUSH : SETTLE;
+    axis->step_ticks = 0;
+    start_window(axis);
+}
+
+static void wait_tick(dahl_commission_t *axis)
+{
+    if (dahl_wait_in_middle(axis, 0.05f)) {
+        arm(axis);
+    }
+}
+
+static void fade_tick(dahl_commission_t *axis)
+{
+    if (axis->step_ticks > dahl_ticks(axis, FADE_S)) {
+        next_phase(axis);
+    }
+}
+
+static void kick_push_tick(dahl_commission_t *axis)
+{
+    axis->command.torque += axis->work.kick.push;
+    if (!pushes(axis)) {
+        next_phase(axis);
+    }
+}
+
+void dahl_kick_tick(dahl_commission_t *axis, int32_t dcounts)
+{
+    if (axis->step == 0) {
+        wait_tick(axis);
+        return;
+    }
+    if (axis->work.kick.phase < FADE_IN) {
+        prepare_tick(axis);
+        return;
+    }
+    axis->step_ticks++;
+    axis->command.torque = dahl_commission_load(axis, axis->theta) + compensate(axis, dcounts);
+    if (axis->work.kick.phase == FADE_IN) {
+        fade_tick(axis);
+    } else if (axis->work.kick.phase == PUSH) {
+        kick_push_tick(axis);
+    } else {
+        settle_tick(axis);
+    }
+}

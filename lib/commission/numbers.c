@@ -1,0 +1,46 @@
+/* SPDX-License-Identifier: MIT */
+/** Numbers without libm. */
+#include "commission.h"
+
+float dahl_root(float x)
+{
+    float root = 1, scaled = x;
+    if (!(x > 0)) {
+        return 0;
+    }
+    while (scaled > 4 && root < 1e18f) {
+        scaled *= 0.25f;
+        root *= 2;
+    }
+    while (scaled < 1 && root > 1e-18f) {
+        scaled *= 4;
+        root *= 0.5f;
+    }
+    scaled = 0.5f + 0.5f * scaled; /* a first value, at most 25 % too large */
+    root *= scaled;
+    for (int step = 0; step < 3; step++) {
+        root = 0.5f * (root + x / root);
+    }
+    return root;
+}
+
+void dahl_small_turn(float angle, float turn[2])
+{
+    float square = angle * angle;
+    turn[0] = 1 - square / 2 * (1 - square / 12 * (1 - square / 30));
+    turn[1] = angle * (1 - square / 6 * (1 - square / 20 * (1 - square / 42)));
+}
+
+void dahl_rotate(float rotor[2], const float turn[2])
+{
+    float x = rotor[0] * turn[0] - rotor[1] * turn[1], y = rotor[1] * turn[0] + rotor[0] * turn[1];
+    float correction = 1.5f - 0.5f * (x * x + y * y);
+    rotor[0] = x * correction;
+    rotor[1] = y * correction;
+}
+
+float dahl_low_pass_share(float hertz, float period)
+{
+    float ratio = TWO_PI * hertz * period;
+    return ratio / (1 + ratio);
+}

@@ -1,0 +1,270 @@
+/* SPDX-License-Identifier: MIT */
+/** Stage 2: to and fro at three speeds. The torque of each stroke is averaged in bins of angle.
+ *
+ * Half the difference of the directions is friction, half the sum is load. The slope of the friction over the speed is
+ * viscous. Two passes per speed show if the friction repeats. */
+#include "commission.h"
+
+#define SPEEDS DAHL_COMMISSION_SPEEDS
+#define STROKES 4                /* at each speed: down, up, down, up */
+#define ACCELERATION 60.0f       /* rad/s2 */
+#define SETTLE_S 0.04f           /* of a stroke before its first sample */
+#define MIN_SAMPLES 4            /* of a bin */
+#define NARROW 0.035f            /* rad: a stroke settles within a bin of this */
+#define MIN_BINS 4               /* of a speed */
+#define MAX_SHIFT 0.2f           /* of the friction between two passes, over Fc */
+#define MAX_SCATTER 0.25f        /* of the bins between two passes, over Fc */
+#define TORQUE_MARGIN 4.0f       /* of the limit over friction and load */
+#define LEVEL_ERROR 0.006f       /* of Fc: smallest error of a speed */
+#define COUNT_TIMES 4.0f         /* times of a first count that the watch on the encoder waits */
+#define MAX_ACCELERATION 225.0f  /* rad/s2 that the limit must allow */
+
+static const float speeds[SPEEDS] = {0.6f, 1.2f, DAHL_COMMISSION_SPEED_MAX};
+
+static int bin_of(const dahl_commission_t *axis, float angle)
+{
+    float x = (angle + axis->config.travel) * (0.5f * BINS) / axis->config.travel;
+    return x < 0 ? 0 : x >= BINS ? BINS - 1 : (int)x;
+}
+
+/** Straight lines between the middles of the bins. */
+float dahl_commission_load(const dahl_commission_t *axis, float angle)
+{
+    const float *load = axis->result.load;
+    float x = (angle + axis->config.travel) * (0.5f * BINS) / axis->config.travel - 0.5f;
+    if (!(x > 0)) {
+        return load[0];
+    }
+    if (x >= BINS - 1) {
+        return load[BINS - 1];
+    }
+    int bin = (int)x;
+    return load[bin] + (x - (float)bin) * (load[bin + 1] - load[bin]);
+}
+
+static void add_to_bin(dahl_commission_t *axis)
+{
+    uint32_t first = axis->stroke.ramp_ticks + dahl_ticks(axis, SETTLE_S);
+    uint32_t last = axis->stroke.ramp_ticks + axis->stroke.cruise_ticks;
+    if (axis->work.sweeps.stroke == 0 || axis->stroke.tick <= first || axis->stroke.tick > last) {
+        return;
+    }
+    int kind = (axis->command.speed > 0 ? 1 : 0) + (axis->work.sweeps.stroke > 2 ? 2 : 0);
+    int bin = bin_of(axis, axis->theta);
+    axis->work.sweeps.sum[kind][bin] += axis->torque;
+    axis->work.sweeps.samples[kind][bin]++;
+}
+
+/** Write the mean torques of the four strokes. Return 0 if the bin has too few samples. */
+static int means_of_bin(const dahl_commission_t *axis, int bin, float mean[STROKES])
+{
+    for (int kind = 0; kind < STROKES; kind++) {
+        uint16_t samples = axis->work.sweeps.samples[kind][bin];
+        if (samples < MIN_SAMPLES) {
+            return 0;
+        }
+        mean[kind] = axis->work.sweeps.sum[kind][bin] / (float)samples;
+    }
+    return 1;
+}
+
+/** Add the friction of a bin to the sums over this speed. */
+static void add_friction(dahl_commission_t *axis, int bin, float first, float second)
+{
+    const float friction = (first + second) / 2, change = second - first;
+    if (axis->work.sweeps.speed == 0) {
+        axis->table.friction[bin] = friction;
+        axis->table.least = axis->work.sweeps.bins == 0 ? friction : axis->table.least;
+    }
+    axis->work.sweeps.friction += friction;
+    axis->work.sweeps.reference += axis->table.friction[bin];
+    axis->work.sweeps.change += change;
+    axis->work.sweeps.square += change * change;
+    axis->work.sweeps.bins++;
+    axis->table.least = dahl_smaller(axis->table.least, friction);
+    if (axis->work.sweeps.speed < SPEEDS - 1) { /* the fastest speed is viscous */
+        axis->table.most = dahl_larger(axis->table.most, friction);
+    }
+}
+
+/** Evaluate a bin and clear it for the next speed. */
+static void use_bin(dahl_commission_t *axis, int bin)
+{
+    float mean[STROKES], *load = &axis->result.load[bin];
+    if (means_of_bin(axis, bin, mean)) {
+        add_friction(axis, bin, (mean[1] - mean[0]) / 2, (mean[3] - mean[2]) / 2);
+        *load += ((mean[0] + mean[1] + mean[2] + mean[3]) / 4 - *load) / (float)(axis->work.sweeps.speed + 1);
+    }
+    for (int kind = 0; kind < STROKES; kind++) {
+        axis->work.sweeps.sum[kind][bin] = 0;
+        axis->work.sweeps.samples[kind][bin] = 0;
+    }
+}
+
+static int is_empty(const dahl_commission_t *axis, int bin)
+{
+    return !(dahl_absolute(axis->table.friction[bin]) > 0);
+}
+
+/** Return 1 if bins are empty that a stroke must reach: an end stop. */
+static int has_gap(const dahl_commission_t *axis)
+{
+    const int is_narrow = axis->config.travel < NARROW * 0.5f * BINS, ends = is_narrow + 4 * axis->is_soft;
+    int gaps = 0;
+    for (int bin = ends; bin < BINS - ends; bin++) {
+        gaps += is_empty(axis, bin);
+    }
+    return gaps > 0;
+}
+
+/** An empty bin gets the values of its neighbour. */
+static void fill_bin(dahl_commission_t *axis, int bin, int from)
+{
+    if (is_empty(axis, bin)) {
+        axis->table.friction[bin] = axis->table.friction[from];
+        axis->result.load[bin] = axis->result.load[from];
+    }
+}
+
+static void fill_ends(dahl_commission_t *axis)
+{
+    for (int k = 1; k < BINS; k++) {
+        fill_bin(axis, k, k - 1);
+    }
+    for (int k = BINS - 1; k > 0; k--) {
+        fill_bin(axis, k - 1, k);
+    }
+}
+
+/** The friction is known now, so the torque limit comes down. */
+static void lower_torque_limit(dahl_commission_t *axis)
+{
+    float most = 0;
+    for (int bin = 0; bin < BINS; bin++) {
+        most = dahl_larger(most, axis->table.friction[bin] + dahl_absolute(axis->result.load[bin]));
+    }
+    most = TORQUE_MARGIN * most + MAX_ACCELERATION * axis->config.inertia;
+    axis->command.torque_limit = dahl_smaller(axis->config.torque_limit, most);
+}
+
+/** Compare the passes. Return 0 if the friction does not repeat. */
+static int repeats(dahl_commission_t *axis)
+{
+    const float bins = (float)axis->work.sweeps.bins, level = axis->table.level[axis->work.sweeps.speed];
+    float shift = axis->work.sweeps.change / bins;
+    float scatter = dahl_root(dahl_larger(0, axis->work.sweeps.square / bins - shift * shift)) / 2;
+    axis->table.scatter = dahl_larger(axis->table.scatter, scatter);
+    axis->table.noise[axis->work.sweeps.speed] = dahl_absolute(shift) / 2 + 2 * scatter / dahl_root(bins);
+    return level > 0 && dahl_absolute(shift) <= MAX_SHIFT * level && scatter <= MAX_SCATTER * level;
+}
+
+/** Evaluate one speed. Return 0 if the loop does not reach it, or after a refusal. */
+static int finish_speed(dahl_commission_t *axis)
+{
+    const int speed = axis->work.sweeps.speed;
+    const float bins = (float)axis->work.sweeps.bins;
+    if (speed == 0 && has_gap(axis)) {
+        dahl_refuse(axis, DAHL_COMMISSION_NO_DATA);
+        return 0;
+    }
+    if (axis->work.sweeps.bins < MIN_BINS) {
+        return 0;
+    }
+    if (speed == 0) {
+        fill_ends(axis);
+        lower_torque_limit(axis);
+        axis->table.level[0] = axis->work.sweeps.friction / bins;
+    } else {
+        axis->table.level[speed] = axis->table.level[0] + (axis->work.sweeps.friction - axis->work.sweeps.reference) / bins;
+    }
+    if (!repeats(axis)) {
+        dahl_refuse(axis, DAHL_COMMISSION_VARIES);
+        return 0;
+    }
+    return 1;
+}
+
+/** Friction over speed: a straight line. The interval of its slope has the scatter and the lack of fit. */
+static void fit_line(dahl_commission_t *axis)
+{
+    float n = 0, v = 0, f = 0, vv = 0, vf = 0, error = 0, fastest = speeds[0];
+    for (int k = 0; k < SPEEDS && axis->table.level[k] > 0; k++) {
+        n += 1;
+        v += speeds[k];
+        f += axis->table.level[k];
+        vv += speeds[k] * speeds[k];
+        vf += speeds[k] * axis->table.level[k];
+        fastest = speeds[k];
+    }
+    float slope = n > 1 ? (n * vf - v * f) / (n * vv - v * v) : 0;
+    axis->result.Fc.best = (f - dahl_larger(0, slope) * v) / n;
+    for (int k = 0; k < SPEEDS && axis->table.level[k] > 0; k++) {
+        float gap = axis->table.level[k] - f / n - slope * (speeds[k] - v / n);
+        error = dahl_larger(error, dahl_absolute(gap) + axis->table.noise[k]);
+    }
+    error += LEVEL_ERROR * axis->result.Fc.best;
+    error = n > 1 ? 2 * error / (fastest - speeds[0]) : axis->result.Fc.best / speeds[0];
+    axis->result.viscous.best = dahl_larger(0, slope);
+    axis->result.viscous.least = dahl_larger(0, slope - error);
+    axis->result.viscous.most = dahl_larger(0, slope + error);
+}
+
+/** After a stop the bristles push the axis back: some counts take this time, so the watch on the encoder must wait. */
+static void set_count_time(dahl_commission_t *axis)
+{
+    float acceleration = axis->result.Fc.best / axis->config.inertia;
+    axis->watch.count_ticks = dahl_ticks(axis, COUNT_TIMES * dahl_root(2 * axis->config.theta_per_count / acceleration));
+}
+
+/** Strokes of one speed have ended: evaluate, then the next speed or the next stage. */
+static void next_speed(dahl_commission_t *axis)
+{
+    int is_reached = finish_speed(axis);
+    if (axis->command.stage == DAHL_COMMISSION_REFUSED) {
+        return;
+    }
+    uint8_t speed = (uint8_t)(axis->work.sweeps.speed + 1);
+    if (is_reached && speed < SPEEDS) {
+        axis->work.sweeps.friction = axis->work.sweeps.reference = 0;
+        axis->work.sweeps.change = axis->work.sweeps.square = 0;
+        axis->work.sweeps.bins = axis->work.sweeps.bin = 0;
+        axis->work.sweeps.speed = speed;
+        axis->work.sweeps.stroke = 0;
+        return;
+    }
+    fit_line(axis);
+    set_count_time(axis);
+    dahl_enter(axis, DAHL_COMMISSION_CYCLE);
+    dahl_return_to_middle(axis);
+}
+
+/** After the strokes of a speed: one bin in each tick. Return 1 at the end. */
+static int evaluate_tick(dahl_commission_t *axis)
+{
+    if (axis->work.sweeps.bin < BINS) {
+        use_bin(axis, axis->work.sweeps.bin++);
+        return 0;
+    }
+    next_speed(axis);
+    return axis->command.stage == DAHL_COMMISSION_SWEEPS;
+}
+
+/** Return 1 at the end of a stroke. */
+static int sweep_tick(dahl_commission_t *axis)
+{
+    add_to_bin(axis);
+    return dahl_stroke_tick(axis);
+}
+
+void dahl_sweeps_tick(dahl_commission_t *axis)
+{
+    const float travel = axis->config.travel;
+    if (axis->stage_ticks == 1) {
+        dahl_stroke_to(axis, travel, speeds[0], ACCELERATION);
+    }
+    int is_end = axis->work.sweeps.stroke > STROKES ? evaluate_tick(axis) : sweep_tick(axis);
+    if (is_end && ++axis->work.sweeps.stroke <= STROKES) {
+        float end = axis->work.sweeps.stroke & 1 ? -travel : travel;
+        dahl_stroke_to(axis, end, speeds[axis->work.sweeps.speed], ACCELERATION);
+    }
+}

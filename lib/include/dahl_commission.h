@@ -1,0 +1,289 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file dahl_commission.h
+ * @brief Measure the friction of an axis with its own motor and encoder, without a torque sensor.
+ *
+ * Use it once, before the compensator is switched on. It moves the axis for about 24 s and returns
+ * the parameters of dahl_compensator.h, each with an interval. It needs an encoder, a torque (or
+ * current) command, and a position loop. It stores no log.
+ *
+ * All torques are in the unit of the command. If the torque constant is wrong, each torque, inertia
+ * and stiffness is wrong by the same factor, and the compensator still fits the axis.
+ *
+ * @verbatim
+ * USE
+ *   static dahl_commission_t axis;   static dahl_commission_command_t command;
+ *   static const dahl_commission_config_t config = {
+ *       .period = 1e-3f, .theta_per_count = 3.835e-4f, .inertia = 0.002f,   // s, rad, kg m2
+ *       .travel = 0.35f, .angle_limit = 0.7f, .speed_limit = 10.0f,         // rad, rad, rad/s
+ *       .torque_limit = 5.0f};                                              // N m
+ *   start:
+ *     if (dahl_commission_start(&axis, &config) != DAHL_COMMISSION_OK) { stop(); }
+ *   each tick, after the encoder is read, until the stage is DONE or REFUSED:
+ *     dahl_commission_tick(&axis, dcounts, last_torque, &command);
+ *     if (command.mode == DAHL_COMMISSION_TRACK) {
+ *         torque = position_loop(command.angle, command.speed, command.acceleration);
+ *     } else { torque = command.torque; }
+ *     last_torque = limit(torque, command.torque_limit);
+ *   DONE:
+ *     dahl_compensator_params_t params;
+ *     dahl_commission_params(&axis, &params, 0);   // then dahl_compensator_prepare()
+ * @endverbatim
+ *
+ * @par Stages
+ * 1. Rest: torque 0; the noise of the encoder.
+ * 2. Sweeps: to and fro at three speeds; friction, load and viscous friction by angle.
+ * 3. Cycle: a torque below the friction, without the loop; the presliding stiffness.
+ * 4. Breakaway: a torque ramp in both directions.
+ * 5. Inertia: strokes with three sines on them; inertia, delay, and a bound of the rotor alone.
+ * 6. Kick: compensation on, short pushes. A swing lengthens length_long; a creep lowers the gain.
+ *
+ * If the position loop is too soft for the friction, each stroke starts with a torque ramp in the
+ * mode TORQUE. If it shakes the axis (SPEED, VARIES), tune it to half the bandwidth and try again.
+ *
+ * @par Safety
+ * - Clear the travel and angle_limit on both sides. Keep hands away: a hand counts as friction.
+ * - The angle, the speed and the torque are checked in each tick. Beyond a limit the mode becomes
+ *   #DAHL_COMMISSION_OFF. The axis then coasts until friction stops it, so leave a margin.
+ * - The torque of the modes OFF and TORQUE is within the limit. In the mode TRACK the drive must
+ *   limit the torque of its loop.
+ * - A frozen encoder is found by its missing counts, not at once: an axis can coast beyond
+ *   angle_limit meanwhile.
+ * - After a refusal, and at the end, the torque is 0. An axis whose load exceeds its friction falls
+ *   then: use a brake.
+ *
+ * @par Validity
+ * The axis must rub like Dahl, LuGre or slip elements with a breakaway of at most 1.6 Fc. The
+ * numbers hold within the travel and up to #DAHL_COMMISSION_SPEED_MAX, at today's temperature.
+ * Half the sum of both directions is the load. Friction that differs between the directions by up
+ * to 15 % looks like a load; Fc.least and length.most allow for it.
+ *
+ * @par Properties
+ * Floats, no heap, no global variable, no libm. A tick costs at most about 60 multiply-adds and 4
+ * divisions. The tick that ends a sweep evaluates the bins, about 300 operations.
+ */
+#ifndef DAHL_COMMISSION_H
+#define DAHL_COMMISSION_H
+
+#include "dahl_compensator.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/** Bins of angle over the travel. */
+#define DAHL_COMMISSION_BINS 14
+/** Speeds of the sweeps. */
+#define DAHL_COMMISSION_SPEEDS 3
+/** Sines of the stage INERTIA. */
+#define DAHL_COMMISSION_SINES 3
+/** [rad/s] Fastest sweep. */
+#define DAHL_COMMISSION_SPEED_MAX 2.5f
+
+/** What the drive must do in this tick. */
+typedef enum {
+    DAHL_COMMISSION_OFF = 0,   /**< torque 0 */
+    DAHL_COMMISSION_TRACK = 1, /**< position loop on angle, speed and acceleration. Load its
+                                    integrator with the last torque when this mode starts. */
+    DAHL_COMMISSION_TORQUE = 2 /**< no loop: the command is `torque` */
+} dahl_commission_mode_t;
+
+/** Stage. */
+typedef enum {
+    DAHL_COMMISSION_REST = 0,
+    DAHL_COMMISSION_SWEEPS = 1,
+    DAHL_COMMISSION_CYCLE = 2,
+    DAHL_COMMISSION_BREAKAWAY = 3,
+    DAHL_COMMISSION_INERTIA = 4,
+    DAHL_COMMISSION_KICK = 5,
+    DAHL_COMMISSION_DONE = 6,    /**< the result is valid */
+    DAHL_COMMISSION_REFUSED = 7, /**< `refusal` says why */
+} dahl_commission_stage_t;
+
+/** Why it stopped. Except 0, the codes differ from those of the other headers. */
+typedef enum {
+    DAHL_COMMISSION_OK = 0,
+    DAHL_COMMISSION_PARAM = -41,       /**< a value of the configuration is out of range */
+    DAHL_COMMISSION_ABORTED = -42,     /**< dahl_commission_abort() */
+    DAHL_COMMISSION_ANGLE = -43,       /**< the angle left angle_limit: is the load held? */
+    DAHL_COMMISSION_SPEED = -44,       /**< the speed exceeded speed_limit: tune the loop softer */
+    DAHL_COMMISSION_UNLIMITED = -45,   /**< the drive reports a torque above torque_limit, or NaN */
+    DAHL_COMMISSION_SATURATED = -46,   /**< the torque stayed at its limit: a larger motor? */
+    DAHL_COMMISSION_TRACKING = -47,    /**< the loop does not follow: an end stop, or tuning */
+    DAHL_COMMISSION_ENCODER = -48,     /**< no counts while the torque or the reference moves */
+    DAHL_COMMISSION_SIGN = -49,        /**< the axis moves against the command: swap the sign */
+    DAHL_COMMISSION_DISTURBED = -50,   /**< the axis moved when it had to rest: a hand? */
+    DAHL_COMMISSION_TIMEOUT = -51,     /**< a stage took too long */
+    DAHL_COMMISSION_NO_DATA = -52,     /**< too few samples in the bins of angle */
+    DAHL_COMMISSION_VARIES = -53,      /**< friction differs between two passes */
+    DAHL_COMMISSION_BAD_INERTIA = -54, /**< the fit of the inertia fails: correct config.inertia */
+    DAHL_COMMISSION_COARSE = -55,      /**< presliding of less than 2 counts, or none */
+    DAHL_COMMISSION_LIGHT = -56,       /**< the rotor is too light for period and delay */
+    DAHL_COMMISSION_SWINGS = -57       /**< no gain comes to rest: a flexible axis? */
+} dahl_commission_refusal_t;
+
+/** Configuration. */
+typedef struct {
+    float period;          /**< [s] of a tick: 5e-5 .. 2e-3 */
+    float theta_per_count; /**< [rad] > 0 */
+    float inertia;         /**< [kg m2] of the axis, within a factor of 1.5 */
+    float travel;          /**< [rad] 0.2 .. 3: it moves +-travel about the first angle */
+    float angle_limit;     /**< [rad] largest angle from the first: at least 1.5 travel */
+    float speed_limit;     /**< [rad/s] largest speed: at least 5 */
+    float torque_limit;    /**< [N m] largest torque: 4 times the friction is enough */
+} dahl_commission_config_t;
+
+/** Command of one tick. */
+typedef struct {
+    float angle;        /**< [rad] from the first angle: TRACK */
+    float speed;        /**< [rad/s]: TRACK */
+    float acceleration; /**< [rad/s2]: TRACK */
+    float torque;       /**< [N m]: TORQUE, 0 in OFF */
+    float torque_limit; /**< [N m] limit of the whole torque of this tick */
+    uint8_t mode;       /**< dahl_commission_mode_t */
+    uint8_t stage;      /**< dahl_commission_stage_t */
+    int8_t refusal;     /**< dahl_commission_refusal_t */
+} dahl_commission_command_t;
+
+/** Estimate with its interval. */
+typedef struct {
+    float least, best, most;
+} dahl_commission_range_t;
+
+/** Result; valid if the stage is DONE. */
+typedef struct {
+    dahl_commission_range_t Fc;      /**< [N m] Coulomb friction; least: Fc_low over angle, speed
+                                          and direction; most: with breakaway and direction */
+    dahl_commission_range_t length;  /**< [rad] presliding length; most: length_long */
+    dahl_commission_range_t sigma0;  /**< [N m/rad] stiffness at rest; most: sigma0_high */
+    dahl_commission_range_t inertia; /**< [kg m2] of rotor and load. least: the rotor alone, if a
+                                          shaft that the sines allow rings below 160 Hz (elastic)
+                                          or 130 Hz (not elastic) */
+    dahl_commission_range_t delay;   /**< [s] from the reading to the torque */
+    dahl_commission_range_t viscous; /**< [N m s/rad] slope of the friction over the speed */
+    float load[DAHL_COMMISSION_BINS]; /**< [N m] torque that holds the axis, at the middles of the
+                                           bins; dahl_commission_load() interpolates */
+    float load_error;                /**< [N m] interval of each load: +-load_error */
+    float load_most;                 /**< [N m] largest |load| and load_error */
+    float breakaway;                 /**< [1] breakaway torque over Fc, as measured */
+    float gain;                      /**< [1] largest gain that came to rest after all kicks */
+    float seconds;                   /**< [s] duration */
+    uint16_t noise, play;            /**< [count] */
+    uint8_t elastic;                 /**< 1: the inertia differs between the sines, or the kicks had
+                                          to lengthen length_long. A stiff shaft may not be seen. */
+} dahl_commission_result_t;
+
+/** State of one axis: at most 1 kB. Read `result`; the other fields are private. */
+typedef struct {
+    dahl_commission_config_t config;
+    dahl_commission_command_t command;
+    dahl_commission_result_t result;
+    int32_t counts;              /**< [count] since the start */
+    float theta, speed, torque;  /**< [rad], [rad/s] low-pass, [N m] of the last tick */
+    uint32_t ticks, stage_ticks, step_ticks;
+    uint8_t step, pass, tries, is_held, is_soft;
+    struct {
+        float start, end, want_speed, want_acceleration, speed, acceleration;
+        uint32_t ramp_ticks, cruise_ticks, tick;
+        uint8_t is_push;
+    } stroke;                    /**< accelerate, cruise, brake; with a soft loop push before */
+    struct {
+        float angle, torque;     /**< reference and torque of the last count */
+        uint32_t frozen_ticks, saturated_ticks;
+        uint32_t count_ticks; /**< friction needs up to this to turn the axis by some counts */
+    } watch;
+    struct {
+        float friction[DAHL_COMMISSION_BINS];
+        float level[DAHL_COMMISSION_SPEEDS], noise[DAHL_COMMISSION_SPEEDS];
+        float least, most, scatter; /**< of the friction */
+    } table;                     /**< [N m] friction by angle and by speed */
+    float cycle_torque, cycle_travel, break_torque[2], middle_Fc;
+    union {
+        struct {
+            float mean, low, high;
+            int32_t last[2];
+            uint16_t flicker[64], jerk[64];
+        } rest;
+        struct {
+            float sum[4][DAHL_COMMISSION_BINS];
+            uint16_t samples[4][DAHL_COMMISSION_BINS];
+            float friction, reference, change, square; /* sums over the bins of this speed */
+            uint8_t speed, stroke, bins, bin;
+        } sweeps;
+        struct {
+            float sum[16], start, from, rotor[2], turn[2];
+            uint16_t samples[16];
+        } cycle;
+        struct {
+            float start, peak;
+        } breakaway;
+        struct {
+            dahl_commission_command_t base; /* without the sines */
+            float sine[DAHL_COMMISSION_SINES][2], turn[DAHL_COMMISSION_SINES][2];
+            float torque[2][DAHL_COMMISSION_SINES][2], speed[2][DAHL_COMMISSION_SINES][2];
+            float window[2], window_turn[2], mean_speed;
+            float inertia[DAHL_COMMISSION_SINES], error[DAHL_COMMISSION_SINES], shaft, gap;
+            uint8_t stroke, set;
+        } inertia;
+        struct {
+            dahl_compensator_params_t params;
+            dahl_plan_t friction;
+            dahl_state_t bristle;
+            dahl_compensator_plan_t plan;
+            dahl_compensator_t compensator;
+            float start, push, speed, low, high, first, still, ranges[2];
+            uint8_t kick, gain, fails, creeps, phase, windows;
+        } kick;
+    } work;                      /**< of the present stage */
+} dahl_commission_t;
+
+/**
+ * Start. The axis must be at rest in the middle of its travel.
+ * @param[out] axis   state; all fields are written
+ * @param      config configuration; both pointers must be valid
+ * @return #DAHL_COMMISSION_OK, or #DAHL_COMMISSION_PARAM. The stage is then REFUSED.
+ */
+DAHL_NODISCARD dahl_commission_refusal_t dahl_commission_start(
+    dahl_commission_t *axis, const dahl_commission_config_t *config);
+
+/**
+ * One tick. Call it after the encoder is read and before the position loop.
+ * @param      axis    state
+ * @param      dcounts [count] move since the last tick; 0 in the first tick
+ * @param      torque  [N m] torque of the last tick, after all limits; 0 in the first tick
+ * @param[out] command what to do in this tick
+ * @return stage. After DONE or REFUSED a call changes nothing, and the mode is OFF.
+ */
+dahl_commission_stage_t dahl_commission_tick(dahl_commission_t *axis, int32_t dcounts, float torque,
+                                             dahl_commission_command_t *command);
+
+/** Stop at once: the next command is OFF, the stage REFUSED with #DAHL_COMMISSION_ABORTED. A
+ * finished axis keeps its result. */
+void dahl_commission_abort(dahl_commission_t *axis);
+
+/**
+ * Return the torque that holds the axis.
+ * @param axis  state, after the sweeps
+ * @param angle [rad] from the first angle; outside the travel, the load at its end is returned
+ * @return [N m] +- load_error
+ */
+float dahl_commission_load(const dahl_commission_t *axis, float angle);
+
+/**
+ * Write the parameters of the compensator: measured law, bounds of the result, gain of the kicks.
+ * @param      axis     state, stage DONE
+ * @param[out] params   parameters for dahl_compensator_prepare(); element: Fc.least with the slope
+ *   Fc.least/length.most, or a quarter of it if elastic
+ * @param      has_load 0: the firmware adds dahl_commission_load() to the command; 1: it does not,
+ *   so the gain is lowered until the load cannot drive the axis
+ * @return 0, or the code by which dahl_compensator_prepare() rejects them
+ */
+DAHL_NODISCARD dahl_compensator_err_t dahl_commission_params(const dahl_commission_t *axis,
+                                                             dahl_compensator_params_t *params,
+                                                             int has_load);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

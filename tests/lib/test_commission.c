@@ -1,0 +1,298 @@
+/* SPDX-License-Identifier: MIT */
+/* Commissioning of random axes: the bounds are true, the axis rests with them, and no fault moves it beyond its limits.
+ * Build with -DTEST_AXES=300 to measure. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <unity.h>
+
+#include "random_axis.h"
+
+#ifndef TEST_AXES
+#define TEST_AXES 40
+#endif
+#define FIRST_AXIS 20000 /* no constant was set on these */
+#ifndef FAULTY_AXES
+#define FAULTY_AXES 8
+#endif
+#ifndef FLEXIBLE_AXES
+#define FLEXIBLE_AXES 12
+#endif
+#define LUCK 2 /* axes: few axes may have a worse share than many */
+#define LIMIT 10.0f
+#define MOST_RAD 1.5 /* twice angle_limit: a frozen encoder, a hand, a load without a brake */
+
+/* True values in the unit of the command: the friction over both directions and the travel. */
+typedef struct {
+    double least, mean, most, length, sigma0, inertia, delay, viscous;
+} truth_t;
+
+static truth_t truth_of(const axis_t *axis)
+{
+    truth_t truth = {.least = INFINITY};
+    for (int k = 0; k < 400; k++) {
+        double friction = coulomb(axis, axis->travel * (k / 200.0 - 1), k & 1 ? 1 : -1) / axis->torque_constant;
+        truth.least = fmin(truth.least, friction);
+        truth.most = fmax(truth.most, friction);
+        truth.mean += friction / 400;
+    }
+    truth.sigma0 = axis->sigma0 / axis->torque_constant;
+    truth.length = axis->breakaway * truth.most / truth.sigma0;
+    truth.inertia = axis->inertia / axis->torque_constant;
+    truth.delay = axis->delay * axis->period + axis->lag;
+    truth.viscous = axis->viscous / axis->torque_constant;
+    return truth;
+}
+
+static int has(const dahl_commission_range_t *range, double value)
+{
+    return (double)range->least <= value && value <= (double)range->most;
+}
+
+static int is_close(const dahl_commission_range_t *range, double value)
+{
+    return fabs((double)range->best / value - 1) < 0.05;
+}
+
+static int has_load(const axis_t *axis, const dahl_commission_result_t *result)
+{
+    double error = 0;
+    for (int bin = 0; bin < DAHL_COMMISSION_BINS; bin++) {
+        double angle = axis->travel * ((2 * bin + 1.0) / DAHL_COMMISSION_BINS - 1);
+        error = fmax(error, fabs(load_torque(axis, angle) / axis->torque_constant - (double)result->load[bin]));
+    }
+    return error <= (double)result->load_error;
+}
+
+/* Rest is that of dahl_compensator.h: not faster than without the law, and without a load, by more than this. */
+static int rests(const axis_t *axis, const dahl_commission_t *state)
+{
+    const double more = fmax(0.02, 2 * axis->count * sqrt(axis->sigma0 / axis->inertia));
+    axis_t unloaded = *axis;
+    unloaded.gravity = unloaded.cogging = 0;
+    for (int kick = 0; kick < 4; kick++) {
+        double push = (kick & 1 ? -1 : 1) * (1.3 + kick) * axis->Fc;
+        double speed = speed_after_push(axis, state, 0, push);
+        if (!(speed < more) && !(speed < more + speed_after_push(&unloaded, NULL, 0, push))) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* What line of the table below an axis passes. */
+enum { BOUNDS, FC_LOW, LENGTH, FC, INERTIA, INERTIA_RANGE, DELAY, SIGMA0, VISCOUS, LOAD, SECONDS, RESTS, LINES };
+static const struct {
+    const char *name;
+    double share;
+} lines[LINES] = {{"bounds", 0.98}, {"Fc_low", 0.98}, {"length_long", 0.98}, {"Fc", 0.98}, {"inertia", 0.98},
+                  {"inertia in interval", 0.98}, {"delay in interval", 0.98}, {"sigma0_high", 0.98},
+                  {"viscous in interval", 0.95}, {"load in interval", 0.9}, {"25 s", 0.95}, {"rests", 1}};
+
+static void count_axis(const axis_t *axis, const dahl_commission_t *state, int passed[])
+{
+    const dahl_commission_result_t *result = &state->result;
+    const truth_t truth = truth_of(axis);
+    passed[BOUNDS]++;
+    passed[FC_LOW] += (double)result->Fc.least <= truth.least;
+    passed[LENGTH] += (double)result->length.most >= truth.length;
+    passed[FC] += is_close(&result->Fc, truth.mean);
+    passed[INERTIA] += is_close(&result->inertia, truth.inertia);
+    passed[INERTIA_RANGE] += has(&result->inertia, truth.inertia);
+    passed[DELAY] += has(&result->delay, truth.delay);
+    passed[SIGMA0] += (double)result->sigma0.most >= truth.sigma0;
+    passed[VISCOUS] += has(&result->viscous, truth.viscous);
+    passed[LOAD] += has_load(axis, result);
+    passed[SECONDS] += (double)result->seconds <= 25;
+    passed[RESTS] += rests(axis, state);
+}
+
+static int compare(const void *left, const void *right)
+{
+    double x = *(const double *)left, y = *(const double *)right;
+    return (x > y) - (x < y);
+}
+
+static void test_bounds_of_random_axes(void)
+{
+    static double hands[TEST_AXES];
+    int passed[LINES] = {0};
+    for (int k = 0; k < TEST_AXES; k++) {
+        axis_t axis = random_axis(FIRST_AXIS + (uint64_t)k);
+        motion_t motion;
+        dahl_commission_t state = commission_axis(&axis, &motion, 60);
+        hands[k] = 1;
+        if (state.command.stage == DAHL_COMMISSION_DONE) {
+            count_axis(&axis, &state, passed);
+            hands[k] = hand_torque_ratio(&axis, &state);
+        }
+    }
+    qsort(hands, TEST_AXES, sizeof hands[0], compare);
+    printf("%d axes, hand torque %.2f of that without compensation\n", TEST_AXES, hands[TEST_AXES / 2]);
+    TEST_ASSERT_TRUE(hands[TEST_AXES / 2] < 0.34);
+    for (int line = 0; line < LINES; line++) {
+        int all = line == BOUNDS ? TEST_AXES : passed[BOUNDS];
+        printf("  %s: %d of %d\n", lines[line].name, passed[line], all);
+        TEST_ASSERT_TRUE_MESSAGE(passed[line] + LUCK >= lines[line].share * all, lines[line].name);
+    }
+}
+
+/* An axis with another encoder, tick, delay or travel is refused, or its bounds are true. */
+static void test_bounds_of_other_axes(void)
+{
+    int passed[LINES] = {0};
+    for (int k = 0; k < TEST_AXES / 2; k++) {
+        axis_t axis = other_axis(FIRST_AXIS + (uint64_t)k);
+        motion_t motion;
+        dahl_commission_t state = commission_axis(&axis, &motion, 200);
+        if (state.command.stage == DAHL_COMMISSION_DONE) {
+            count_axis(&axis, &state, passed);
+        }
+    }
+    printf("%d of %d other axes accepted\n", passed[BOUNDS], TEST_AXES / 2);
+    TEST_ASSERT_TRUE(passed[BOUNDS] >= TEST_AXES / 3);
+    for (int line = FC_LOW; line < LINES; line++) {
+        printf("  %s: %d\n", lines[line].name, passed[line]);
+        if (line != SECONDS) { /* a longer travel takes longer */
+            TEST_ASSERT_TRUE_MESSAGE(passed[line] + LUCK >= lines[line].share * passed[BOUNDS], lines[line].name);
+        }
+    }
+}
+
+/* A loop that shakes the axis is tried again at half the bandwidth. */
+static void test_flexible_axes_rest_and_their_rotor_is_bounded(void)
+{
+    int accepted = 0, bounded = 0;
+    for (int k = 0; k < FLEXIBLE_AXES; k++) {
+        axis_t axis = flexible_axis(FIRST_AXIS + (uint64_t)k);
+        motion_t motion;
+        dahl_commission_t state = commission_axis(&axis, &motion, 90);
+        for (int again = 0; again < 2 && state.command.stage != DAHL_COMMISSION_DONE; again++) {
+            axis.loop_hz /= 2;
+            state = commission_axis(&axis, &motion, 90);
+        }
+        if (state.command.stage == DAHL_COMMISSION_DONE) {
+            accepted++;
+            bounded += (double)state.result.inertia.least <= axis.inertia / axis.torque_constant;
+            TEST_ASSERT_TRUE(rests(&axis, &state));
+        }
+    }
+    printf("%d of %d flexible axes accepted, %d have a bound of the rotor\n", accepted, FLEXIBLE_AXES, bounded);
+    TEST_ASSERT_TRUE(accepted + LUCK >= 2 * FLEXIBLE_AXES / 3);
+    TEST_ASSERT_TRUE(bounded + LUCK >= 0.95 * accepted);
+}
+
+/* --- faults ----------------------------------------------------------------------------------------------------------- */
+
+/* The axis must be refused, or have true bounds, and it stays near its limits. */
+static int check_fault(const axis_t *axis)
+{
+    motion_t motion;
+    dahl_commission_t state = commission_axis(axis, &motion, 90);
+    truth_t truth = truth_of(axis);
+    printf("  code %d, %.2f rad, %.1f rad/s, %.1f s; Fc_low %.2f, length_long %.2f of the truth\n", state.command.refusal,
+           motion.most_angle, motion.most_speed, motion.time, (double)state.result.Fc.least / truth.least,
+           (double)state.result.length.most / truth.length);
+    TEST_ASSERT_TRUE(state.command.stage >= DAHL_COMMISSION_DONE);
+    TEST_ASSERT_EQUAL(DAHL_COMMISSION_OFF, state.command.mode);
+    TEST_ASSERT_TRUE(motion.most_angle < MOST_RAD);
+    if (state.command.stage == DAHL_COMMISSION_DONE) {
+        TEST_ASSERT_TRUE((double)state.result.Fc.least <= 1.03 * truth.least);
+        TEST_ASSERT_TRUE((double)state.result.length.most >= 0.97 * truth.length);
+    }
+    return state.command.refusal;
+}
+
+static void test_faults(void)
+{
+    for (int k = 0; k < FAULTY_AXES; k++) {
+        const axis_t good = random_axis(FIRST_AXIS + (uint64_t)k);
+        uint64_t seed = (uint64_t)k + 1;
+        axis_t axis = good;
+        axis.limit = uniform(&seed, 0.6, 1.2) * (good.Fc + good.gravity) / good.torque_constant;
+        check_fault(&axis);
+        axis = good;
+        axis.freeze_at = uniform(&seed, 1, 20);
+        check_fault(&axis);
+        axis = good;
+        axis.stop = uniform(&seed, 0.1, 0.3);
+        check_fault(&axis);
+        axis = good;
+        axis.hand = uniform(&seed, 0.5, 2) * good.Fc;
+        axis.hand_from = uniform(&seed, 0, 20);
+        axis.hand_to = axis.hand_from + uniform(&seed, 0.5, 4);
+        check_fault(&axis);
+        axis = good; /* a load without a brake */
+        axis.gravity = uniform(&seed, 1, 2) * good.Fc;
+        check_fault(&axis);
+        axis = good;
+        axis.sign = -1;
+        TEST_ASSERT_NOT_EQUAL(DAHL_COMMISSION_OK, check_fault(&axis));
+    }
+}
+
+/* --- one call ----------------------------------------------------------------------------------------------------------- */
+
+static const dahl_commission_config_t valid = {.period = 1e-3f,
+                                               .theta_per_count = 1e-4f,
+                                               .inertia = 0.002f,
+                                               .travel = 0.35f,
+                                               .angle_limit = 0.7f,
+                                               .speed_limit = 10,
+                                               .torque_limit = LIMIT};
+
+static void test_rejects_each_bad_configuration(void)
+{
+    const float bad[] = {0, -1, INFINITY, -INFINITY, NAN};
+    for (size_t field = 0; field < sizeof valid / sizeof(float); field++) {
+        for (size_t k = 0; k < sizeof bad / sizeof bad[0]; k++) {
+            dahl_commission_config_t config = valid;
+            dahl_commission_t axis;
+            dahl_commission_command_t command;
+            memcpy((char *)&config + field * sizeof(float), &bad[k], sizeof(float));
+            TEST_ASSERT_EQUAL(DAHL_COMMISSION_PARAM, dahl_commission_start(&axis, &config));
+            TEST_ASSERT_EQUAL(DAHL_COMMISSION_REFUSED, dahl_commission_tick(&axis, 5, 1, &command));
+            TEST_ASSERT_EQUAL(DAHL_COMMISSION_OFF, command.mode);
+        }
+    }
+}
+
+/* Any counts and torques: the torque stays within its limit, and the end comes within the time-outs. */
+static void test_any_input_ends_within_the_limits(void)
+{
+    for (uint64_t seed = 1; seed < 200; seed++) {
+        uint64_t random = seed;
+        dahl_commission_t axis;
+        dahl_commission_command_t command = {0};
+        TEST_ASSERT_EQUAL(DAHL_COMMISSION_OK, dahl_commission_start(&axis, &valid));
+        long ticks = 0;
+        int32_t range = (int32_t)(seed % 4 == 0 ? 1u << (seed % 31) : seed % 9);
+        for (; ticks < 200000 && command.stage < DAHL_COMMISSION_DONE; ticks++) {
+            int32_t moved = range == 0 ? 0 : (int32_t)(random_u32(&random) % (2u * (uint32_t)range + 1)) - range;
+            float torque = seed % 3 == 0 ? command.torque : (float)uniform(&random, -1, 1);
+            dahl_commission_tick(&axis, moved, seed == 5 && ticks == 300 ? NAN : torque, &command);
+            TEST_ASSERT_TRUE(fabsf(command.torque) <= command.torque_limit && command.torque_limit <= LIMIT);
+            TEST_ASSERT_TRUE(fabsf(command.angle) <= valid.angle_limit && fabsf(command.speed) <= valid.speed_limit);
+            TEST_ASSERT_TRUE(isfinite(command.acceleration));
+        }
+        TEST_ASSERT_TRUE(ticks < 200000);
+        TEST_ASSERT_EQUAL(DAHL_COMMISSION_OFF, command.mode);
+        TEST_ASSERT_EQUAL_FLOAT(0, command.torque);
+    }
+}
+
+static void test_abort_at_any_tick_and_no_change_after_the_end(void)
+{
+    for (int tick = 0; tick < 24000; tick += 997) {
+        axis_t axis = random_axis(FIRST_AXIS);
+        motion_t motion;
+        dahl_commission_t state = commission_axis(&axis, &motion, tick * axis.period), before;
+        dahl_commission_command_t command;
+        int was_done = state.command.stage == DAHL_COMMISSION_DONE;
+        dahl_commission_abort(&state);
+        before = state;
+        dahl_commission_tick(&state, 100, 1, &command);
+        TEST_ASSERT_EQUAL_MEMORY(&before, &state, sizeof state);
+        TEST_ASSERT_EQUAL(DAHL_COMMISSION_OFF, command.mode);
+        TEST_ASSERT_EQUAL(was_done ? DAHL_COMMISSION_OK : DAHL_COMMISSION_ABORTED, command.refusal);
+    }
+}
