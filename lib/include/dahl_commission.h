@@ -158,7 +158,7 @@ typedef struct {
     dahl_commission_range_t sigma0;  /**< [N m/rad] stiffness at rest; most: sigma0_high */
     dahl_commission_range_t inertia; /**< [kg m2] of rotor and load. least: the rotor alone, if a
                                           shaft that the sines allow rings below 160 Hz (elastic)
-                                          or 130 Hz (not elastic) */
+                                          or 110 Hz (not elastic) */
     dahl_commission_range_t delay;   /**< [s] from the reading to the torque */
     dahl_commission_range_t viscous; /**< [N m s/rad] slope of the friction over the speed */
     float load[DAHL_COMMISSION_BINS]; /**< [N m] torque that holds the axis, at the middles of the
@@ -222,8 +222,9 @@ typedef struct {
             float sine[DAHL_COMMISSION_SINES][2], turn[DAHL_COMMISSION_SINES][2];
             float torque[2][DAHL_COMMISSION_SINES][2], speed[2][DAHL_COMMISSION_SINES][2];
             float window[2], window_turn[2], mean_speed;
-            float inertia[DAHL_COMMISSION_SINES], error[DAHL_COMMISSION_SINES], shaft, gap;
-            uint8_t stroke, set;
+            float inertia[DAHL_COMMISSION_SINES], error[DAHL_COMMISSION_SINES];
+            float phase[DAHL_COMMISSION_SINES], shaft, gap;
+            uint8_t stroke, set, evaluated;
         } inertia;
         struct {
             dahl_compensator_params_t params;
