@@ -59,8 +59,9 @@
  * to 15 % looks like a load; Fc.least and length.most allow for it.
  *
  * @par Properties
- * Floats, no heap, no global variable, no libm. A tick costs at most about 60 multiply-adds and 4
- * divisions. The tick that ends a sweep evaluates the bins, about 300 operations.
+ * Floats, no heap, no global variable, no libm. Long evaluations take a tick for each bin, sine or
+ * shaft. The longest tick prepares the compensator: docs/microcontroller.md has its cost by core.
+ * An image of floats gives the same bounds on each core, not the same bits.
  */
 #ifndef DAHL_COMMISSION_H
 #define DAHL_COMMISSION_H
