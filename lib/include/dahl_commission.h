@@ -216,7 +216,8 @@ typedef struct {
             uint16_t samples[16];
         } cycle;
         struct {
-            float start, peak;
+            float start, peak, change;
+            uint8_t evaluated;
         } breakaway;
         struct {
             dahl_commission_command_t base; /* without the sines */
