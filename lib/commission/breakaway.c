@@ -22,7 +22,7 @@
 static float loop_slope(float ratio)
 {
     const float x = dahl_smaller(0.85f, ratio), square = x * x;
-    return (945 - square * (735 - 64 * square)) / (945 - square * (1050 - 225 * square));
+    return (945.0f - square * (735.0f - 64.0f * square)) / (945.0f - square * (1050.0f - 225.0f * square));
 }
 
 /** Return the presliding stiffness, if the cycle moved the axis by `travel` and it breaks away at `breakaway` of Fc. */

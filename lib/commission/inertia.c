@@ -17,7 +17,7 @@
 #define SPEED_PER_TRAVEL 5.7f /* 1/s */
 #define SINE_ACCELERATION 60.0f    /* rad/s2 of a stroke */
 #define SINE_SETTLE_S 0.04f
-#define WINDOW_S 0.25f
+#define AXIS_WINDOW_S 0.25f
 #define MIN_SHARE 0.1f        /* least speed of a sine over that of its reference */
 #define MAX_FACTOR 5.0f       /* of the inertia over that of the configuration */
 #define MAX_PHASE 1.2f        /* tangent over the guess */
@@ -41,13 +41,13 @@ static const float shares[SINES] = {0.2f, 0.12f, 0.12f};           /* speed of t
 /** Return the frequency of a sine in rad/s. */
 static float frequency_of(const dahl_commission_t *axis, int k)
 {
-    const uint32_t ticks = dahl_ticks(axis, WINDOW_S);
-    return TWO_PI * periods[axis->work.inertia.set][k] / ((float)ticks * axis->config.period);
+    const uint32_t ticks = dahl_ticks(axis, AXIS_WINDOW_S);
+    return AXIS_TWO_PI * periods[axis->work.inertia.set][k] / ((float)ticks * axis->config.period);
 }
 
 static void start_motion(dahl_commission_t *axis)
 {
-    const uint32_t ticks = dahl_ticks(axis, WINDOW_S);
+    const uint32_t ticks = dahl_ticks(axis, AXIS_WINDOW_S);
     const float speed = dahl_smaller(MEAN_SPEED, SPEED_PER_TRAVEL * axis->config.travel);
     for (int k = 0; k < SINES; k++) {
         axis->work.inertia.sine[k][0] = 1;
@@ -60,7 +60,7 @@ static void start_motion(dahl_commission_t *axis)
             }
         }
     }
-    dahl_small_turn(TWO_PI / (float)ticks, axis->work.inertia.window_turn);
+    dahl_small_turn(AXIS_TWO_PI / (float)ticks, axis->work.inertia.window_turn);
     axis->work.inertia.stroke = 0;
     axis->work.inertia.mean_speed = speed;
     axis->work.inertia.base = axis->command;
@@ -106,7 +106,7 @@ static void add_to_sines(dahl_commission_t *axis, int32_t dcounts, float base_sp
     float torque = axis->torque - dahl_commission_load(axis, axis->theta);
     uint32_t first = axis->stroke.ramp_ticks + dahl_ticks(axis, SINE_SETTLE_S);
     uint32_t tick = axis->stroke.tick, stroke = axis->work.inertia.stroke;
-    if (stroke < 2 || stroke > SINE_STROKES || tick < first || tick >= first + dahl_ticks(axis, WINDOW_S)) {
+    if (stroke < 2 || stroke > SINE_STROKES || tick < first || tick >= first + dahl_ticks(axis, AXIS_WINDOW_S)) {
         return;
     }
     const int half = stroke > 1 + SINE_STROKES / 2;
@@ -132,7 +132,7 @@ static float angle_of(float tangent)
 static int find_ratio(const dahl_commission_t *axis, const float torque[2], const float speed[2], float least, float ratio[2])
 {
     float square = speed[0] * speed[0] + speed[1] * speed[1];
-    const uint32_t ticks = dahl_ticks(axis, WINDOW_S);
+    const uint32_t ticks = dahl_ticks(axis, AXIS_WINDOW_S);
     least *= axis->work.inertia.mean_speed * (float)ticks;
     if (!(square > least * least)) {
         return 0;
@@ -215,7 +215,7 @@ static void start_search(dahl_commission_t *axis)
     float *inertia = axis->work.inertia.inertia, w = SOFTEST * frequency_of(axis, 0);
     for (int k = 0; k < SINES; k++) {
         float turn[2];
-        dahl_small_turn(dahl_clamp(axis->work.inertia.phase[k] - frequency_of(axis, k) * axis->result.delay.best, 1), turn);
+        dahl_small_turn(dahl_axis_clamp(axis->work.inertia.phase[k] - frequency_of(axis, k) * axis->result.delay.best, 1), turn);
         inertia[k] *= turn[0];
     }
     axis->result.inertia = (dahl_commission_range_t){inertia[0], inertia[0], inertia[0]};
@@ -227,7 +227,7 @@ static void start_search(dahl_commission_t *axis)
 static void try_shaft(dahl_commission_t *axis, float a)
 {
     const float *inertia = axis->work.inertia.inertia;
-    const float stiffest = TWO_PI * (axis->result.elastic ? STIFFEST_HZ : HIDDEN_HZ);
+    const float stiffest = AXIS_TWO_PI * (axis->result.elastic ? STIFFEST_HZ : HIDDEN_HZ);
     dahl_commission_range_t *result = &axis->result.inertia;
     float u[SINES];
     for (int k = 0; k < SINES; k++) {
@@ -294,7 +294,7 @@ static void evaluate_sine(dahl_commission_t *axis)
 static void search_tick(dahl_commission_t *axis)
 {
     dahl_commission_range_t *result = &axis->result.inertia;
-    const float stiffest = TWO_PI * (axis->result.elastic ? STIFFEST_HZ : HIDDEN_HZ);
+    const float stiffest = AXIS_TWO_PI * (axis->result.elastic ? STIFFEST_HZ : HIDDEN_HZ);
     if (axis->work.inertia.shaft < stiffest * stiffest) {
         try_shaft(axis, axis->work.inertia.shaft);
         axis->work.inertia.shaft *= FINER;

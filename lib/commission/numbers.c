@@ -8,13 +8,10 @@ float dahl_root(float x)
     if (!(x > 0)) {
         return 0;
     }
-    while (scaled > 4 && root < 1e18f) {
-        scaled *= 0.25f;
-        root *= 2;
-    }
-    while (scaled < 1 && root > 1e-18f) {
-        scaled *= 4;
-        root *= 0.5f;
+    for (int k = 0; k < 64 && (scaled > 4 || scaled < 1); k++) {
+        const int is_large = scaled > 4;
+        scaled *= is_large ? 0.25f : 4.0f;
+        root *= is_large ? 2.0f : 0.5f;
     }
     scaled = 0.5f + 0.5f * scaled; /* a first value, at most 25 % too large */
     root *= scaled;
@@ -41,6 +38,6 @@ void dahl_rotate(float rotor[2], const float turn[2])
 
 float dahl_low_pass_share(float hertz, float period)
 {
-    float ratio = TWO_PI * hertz * period;
+    float ratio = AXIS_TWO_PI * hertz * period;
     return ratio / (1 + ratio);
 }
