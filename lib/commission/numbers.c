@@ -2,19 +2,24 @@
 /** Numbers without libm. */
 #include "commission.h"
 
-float dahl_root(float x)
+/** Return a first value of the root of x > 0, at most 25 % too large. */
+static float guess_root(float x)
 {
     float root = 1, scaled = x;
-    if (!(x > 0)) {
-        return 0;
-    }
     for (int k = 0; k < 64 && (scaled > 4 || scaled < 1); k++) {
         const int is_large = scaled > 4;
         scaled *= is_large ? 0.25f : 4.0f;
         root *= is_large ? 2.0f : 0.5f;
     }
-    scaled = 0.5f + 0.5f * scaled; /* a first value, at most 25 % too large */
-    root *= scaled;
+    return root * (0.5f + 0.5f * scaled);
+}
+
+float dahl_root(float x)
+{
+    if (!(x > 0)) {
+        return 0;
+    }
+    float root = guess_root(x);
     for (int step = 0; step < 3; step++) {
         root = 0.5f * (root + x / root);
     }
