@@ -6,10 +6,16 @@
 static float guess_root(float x)
 {
     float root = 1, scaled = x;
-    for (int k = 0; k < 64 && (scaled > 4 || scaled < 1); k++) {
-        const int is_large = scaled > 4;
-        scaled *= is_large ? 0.25f : 4.0f;
-        root *= is_large ? 2.0f : 0.5f;
+    for (int k = 0; k < 64; k++) {
+        if (scaled > 4) {
+            scaled *= 0.25f;
+            root *= 2;
+        } else if (scaled < 1) {
+            scaled *= 4;
+            root *= 0.5f;
+        } else {
+            break;
+        }
     }
     return root * (0.5f + 0.5f * scaled);
 }
