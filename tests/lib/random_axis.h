@@ -179,7 +179,8 @@ static inline double move_load(const axis_t *axis, motion_t *motion, double dt)
     double goal = limit * ((moved > 0) - (moved < 0));
     motion->load_theta += moved;
     if (limit > 0) {
-        motion->load_bristle = goal + (motion->load_bristle - goal) * exp(-axis->load_share * axis->sigma0 * fabs(moved) / limit);
+        double left = exp(-axis->load_share * axis->sigma0 * fabs(moved) / limit);
+        motion->load_bristle = goal + (motion->load_bristle - goal) * left;
     }
     motion->load_speed += dt * (shaft - motion->load_bristle - load_torque(axis, motion->load_theta)) / axis->load_inertia;
     return shaft;
