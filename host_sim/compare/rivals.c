@@ -91,10 +91,7 @@ double dahl_rival_torque(const law_params_t *law, rival_t *rival, const reading_
         return disturbance_observer(law, rival, now);
     case DAHL_LAW_LEARNED:
         return now->learned;
-    case DAHL_LAW_NONE:
-    case DAHL_LAW_DAHL:
-    case DAHL_LAW_DAHL_OBSERVER:
-    default:
+    default: /* none, or a law of the library */
         return 0;
     }
 }

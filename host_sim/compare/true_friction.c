@@ -54,8 +54,7 @@ void dahl_true_friction_move(const true_friction_params_t *params, true_friction
     case DAHL_TRUE_MAXWELL:
         friction->torque = move_maxwell(friction, dtheta);
         break;
-    case DAHL_TRUE_DAHL:
-    default:
+    default: /* DAHL_TRUE_DAHL */
         friction->torque = end + (friction->torque - end) * exp(-params->sigma0 / params->Fc * fabs(dtheta));
         break;
     }

@@ -75,10 +75,10 @@ def test_each_law_has_its_curves_and_dots(tmp_path) -> None:
     shown = zip(legend.get_texts(), legend.get_lines(), strict=True)
     law_of = {line.get_color(): text.get_text() for text, line in shown}
     assert {*law_of.values()} == {*LAWS}
-    for axis, (place, scale) in PLACES.items():
+    for name, (place, scale) in PLACES.items():
         assert {"none", "dahl"} < {law_of[line.get_color()] for line in panels[place].lines}
         for line in panels[place].lines:
-            trace = runs[axis][law_of[line.get_color()]].error * scale
+            trace = runs[name][law_of[line.get_color()]].error * scale
             bins = trace[round(1 / PERIOD_S) : round(3.5 / PERIOD_S)].reshape(125, -1)
             assert line.get_xdata() == pytest.approx(1.01 + 0.02 * np.arange(125))
             assert line.get_ydata() == pytest.approx(bins.mean(axis=1))
