@@ -14,6 +14,7 @@
 #define UNSEEN_BREAKAWAY 1.36f /* breakaway over that of a ramp: slow Stribeck */
 #define STEEPER 1.32f        /* steepest stiffness over that of the cycle: slip elements */
 #define HIDDEN_LOAD 0.6f     /* rad: mean of a load over its slope, that unequal friction may cancel */
+#define LEAST_SHARE 0.985f   /* of the least friction of a bin: the ripple within it */
 #define TURN_LENGTHS 6.0f    /* slip elements reach Fc at this multiple of the presliding length after a turn */
 #define MIN_CYCLE_COUNTS 1.5f
 
@@ -21,7 +22,7 @@
 static float loop_slope(float ratio)
 {
     const float x = dahl_smaller(0.85f, ratio), square = x * x;
-    return (945 - square * (735 - 64 * square)) / (945 - square * (1050 - 225 * square));
+    return (945.0f - square * (735.0f - 64.0f * square)) / (945.0f - square * (1050.0f - 225.0f * square));
 }
 
 /** Return the presliding stiffness, if the cycle moved the axis by `travel` and it breaks away at `breakaway` of Fc. */
@@ -86,9 +87,9 @@ static float correct_ends(dahl_commission_t *axis)
 static void find_friction(dahl_commission_t *axis)
 {
     dahl_commission_result_t *result = &axis->result;
-    const float change = correct_ends(axis);
+    const float change = axis->work.breakaway.change;
     float unequal = unequal_friction(axis), viscous = 0.6f * result->viscous.best;
-    result->Fc.least = 0.96f * (axis->table.least - viscous) - unequal - axis->table.scatter;
+    result->Fc.least = LEAST_SHARE * (axis->table.least - viscous) - unequal - axis->table.scatter;
     result->Fc.most = result->breakaway * UNSEEN_BREAKAWAY * (axis->table.most + unequal);
     result->load_error = unequal + axis->table.scatter + change + 0.03f * result->Fc.best;
     for (int bin = 0; bin < BINS; bin++) {
@@ -110,21 +111,36 @@ static void find_length(dahl_commission_t *axis)
     result->length.most = result->Fc.most / result->sigma0.least;
 }
 
-static void finish_breakaway(dahl_commission_t *axis)
+static void find_breakaway(dahl_commission_t *axis)
 {
     float both = 0.5f * (axis->break_torque[0] + axis->break_torque[1]);
     axis->result.breakaway = dahl_larger(1, both / axis->middle_Fc);
-    if (axis->cycle_travel < MIN_CYCLE_COUNTS * axis->config.theta_per_count) {
-        dahl_refuse(axis, DAHL_COMMISSION_COARSE);
-        return;
-    }
-    find_friction(axis);
-    find_length(axis);
+    axis->work.breakaway.change = correct_ends(axis);
+}
+
+static void finish_breakaway(dahl_commission_t *axis)
+{
     if (!(axis->result.Fc.least > 0.1f * axis->result.Fc.best)) {
         dahl_refuse(axis, DAHL_COMMISSION_VARIES);
         return;
     }
     dahl_enter(axis, DAHL_COMMISSION_INERTIA);
+}
+
+/** The way back has started: evaluate one step in each tick. */
+static void evaluate_breakaway(dahl_commission_t *axis)
+{
+    (void)dahl_stroke_tick(axis);
+    const uint8_t evaluated = axis->work.breakaway.evaluated++;
+    if (evaluated == 0) {
+        find_breakaway(axis);
+    } else if (evaluated == 1) {
+        find_friction(axis);
+    } else if (evaluated == 2) {
+        find_length(axis);
+    } else {
+        finish_breakaway(axis);
+    }
 }
 
 /** Raise the torque. Return the torque over the load in the direction of the ramp. */
@@ -144,8 +160,8 @@ static void ramp_tick(dahl_commission_t *axis)
     if (moved > SLIDING_RAD || direction * axis->speed > SLIDING_SPEED) {
         axis->break_torque[axis->pass++] = axis->work.breakaway.peak;
         dahl_return_to_middle(axis);
-        if (axis->pass == 2) {
-            finish_breakaway(axis);
+        if (axis->cycle_travel < MIN_CYCLE_COUNTS * axis->config.theta_per_count) {
+            dahl_refuse(axis, DAHL_COMMISSION_COARSE);
         }
     } else if (moved < -WRONG_WAY_RAD) {
         dahl_refuse(axis, DAHL_COMMISSION_DISTURBED);
@@ -156,7 +172,9 @@ static void ramp_tick(dahl_commission_t *axis)
 
 void dahl_breakaway_tick(dahl_commission_t *axis)
 {
-    if (axis->step == 0) {
+    if (axis->pass == 2) {
+        evaluate_breakaway(axis);
+    } else if (axis->step == 0) {
         if (dahl_wait_in_middle(axis, 0.1f)) {
             axis->work.breakaway.peak = 0;
             dahl_next_step(axis);

@@ -116,7 +116,7 @@ dahl_commission_stage_t dahl_commission_tick(dahl_commission_t *axis, int32_t dc
         read_inputs(axis, dcounts, torque);
         dahl_supervise(axis, dcounts);
         stage_tick(axis, dcounts);
-        axis->command.torque = dahl_clamp(axis->command.torque, axis->command.torque_limit);
+        axis->command.torque = dahl_axis_clamp(axis->command.torque, axis->command.torque_limit);
     }
     *command = axis->command;
     return (dahl_commission_stage_t)axis->command.stage;

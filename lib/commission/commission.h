@@ -5,7 +5,7 @@
 
 #include "dahl_commission.h"
 
-#define TWO_PI 6.28318531f
+#define AXIS_TWO_PI 6.28318531f
 #define BINS DAHL_COMMISSION_BINS
 /** Directions of a LuGre or worn axis differ by at most this part of Fc. */
 #define UNEQUAL_SHARE 0.15f
@@ -28,7 +28,7 @@ static inline float dahl_larger(float x, float y)
 }
 
 /** Return x within +-limit. */
-static inline float dahl_clamp(float x, float limit)
+static inline float dahl_axis_clamp(float x, float limit)
 {
     return x > limit ? limit : x < -limit ? -limit : x;
 }

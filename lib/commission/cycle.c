@@ -26,7 +26,7 @@ static void start_cycle(dahl_commission_t *axis)
     axis->work.cycle.start = axis->theta;
     axis->work.cycle.rotor[0] = 1;
     axis->work.cycle.rotor[1] = 0;
-    dahl_small_turn(TWO_PI * CYCLE_HZ * axis->config.period, axis->work.cycle.turn);
+    dahl_small_turn(AXIS_TWO_PI * CYCLE_HZ * axis->config.period, axis->work.cycle.turn);
     dahl_next_step(axis);
 }
 

@@ -17,7 +17,7 @@
 #define SPEED_PER_TRAVEL 5.7f /* 1/s */
 #define SINE_ACCELERATION 60.0f    /* rad/s2 of a stroke */
 #define SINE_SETTLE_S 0.04f
-#define WINDOW_S 0.25f
+#define AXIS_WINDOW_S 0.25f
 #define MIN_SHARE 0.1f        /* least speed of a sine over that of its reference */
 #define MAX_FACTOR 5.0f       /* of the inertia over that of the configuration */
 #define MAX_PHASE 1.2f        /* tangent over the guess */
@@ -25,12 +25,13 @@
 #define INERTIA_ERROR 0.01f   /* of each sine, of the inertia */
 #define COUNT_ERROR 0.018f    /* more, for a noise of a count over the amplitude of the sine */
 #define SOFTEST 1.15f         /* the load rings at least at this multiple of the slowest sine */
-#define STIFFEST_HZ 200.0f    /* resonance of the stiffest shaft of an elastic axis */
-#define HIDDEN_HZ 130.0f      /* the same of an axis whose sines show no shaft */
+#define ROTOR_SHARE 0.93f     /* of the bound: damping of the shaft, and friction on its load */
+#define STIFFEST_HZ 160.0f    /* resonance of the stiffest shaft of an elastic axis */
+#define HIDDEN_HZ 110.0f      /* the same of an axis whose sines show no shaft */
 #define FINER 1.015f          /* from one stiffness to the next */
 #define LOUD 0.6f             /* speed over its limit: a resonance is near, so the sines stop */
 #define DELAY_ERROR 0.05f     /* ticks; the error of the fastest sine comes on top */
-#define ELASTIC_DELAY_ERROR 0.3f /* more of an elastic axis */
+#define ELASTIC_DELAY_ERROR 0.1f /* more of an elastic axis */
 
 enum { SINES = DAHL_COMMISSION_SINES, SETS = 2 };
 
@@ -40,13 +41,13 @@ static const float shares[SINES] = {0.2f, 0.12f, 0.12f};           /* speed of t
 /** Return the frequency of a sine in rad/s. */
 static float frequency_of(const dahl_commission_t *axis, int k)
 {
-    const uint32_t ticks = dahl_ticks(axis, WINDOW_S);
-    return TWO_PI * periods[axis->work.inertia.set][k] / ((float)ticks * axis->config.period);
+    const uint32_t ticks = dahl_ticks(axis, AXIS_WINDOW_S);
+    return AXIS_TWO_PI * periods[axis->work.inertia.set][k] / ((float)ticks * axis->config.period);
 }
 
 static void start_motion(dahl_commission_t *axis)
 {
-    const uint32_t ticks = dahl_ticks(axis, WINDOW_S);
+    const uint32_t ticks = dahl_ticks(axis, AXIS_WINDOW_S);
     const float speed = dahl_smaller(MEAN_SPEED, SPEED_PER_TRAVEL * axis->config.travel);
     for (int k = 0; k < SINES; k++) {
         axis->work.inertia.sine[k][0] = 1;
@@ -59,7 +60,7 @@ static void start_motion(dahl_commission_t *axis)
             }
         }
     }
-    dahl_small_turn(TWO_PI / (float)ticks, axis->work.inertia.window_turn);
+    dahl_small_turn(AXIS_TWO_PI / (float)ticks, axis->work.inertia.window_turn);
     axis->work.inertia.stroke = 0;
     axis->work.inertia.mean_speed = speed;
     axis->work.inertia.base = axis->command;
@@ -105,7 +106,7 @@ static void add_to_sines(dahl_commission_t *axis, int32_t dcounts, float base_sp
     float torque = axis->torque - dahl_commission_load(axis, axis->theta);
     uint32_t first = axis->stroke.ramp_ticks + dahl_ticks(axis, SINE_SETTLE_S);
     uint32_t tick = axis->stroke.tick, stroke = axis->work.inertia.stroke;
-    if (stroke < 2 || stroke > SINE_STROKES || tick < first || tick >= first + dahl_ticks(axis, WINDOW_S)) {
+    if (stroke < 2 || stroke > SINE_STROKES || tick < first || tick >= first + dahl_ticks(axis, AXIS_WINDOW_S)) {
         return;
     }
     const int half = stroke > 1 + SINE_STROKES / 2;
@@ -131,7 +132,7 @@ static float angle_of(float tangent)
 static int find_ratio(const dahl_commission_t *axis, const float torque[2], const float speed[2], float least, float ratio[2])
 {
     float square = speed[0] * speed[0] + speed[1] * speed[1];
-    const uint32_t ticks = dahl_ticks(axis, WINDOW_S);
+    const uint32_t ticks = dahl_ticks(axis, AXIS_WINDOW_S);
     least *= axis->work.inertia.mean_speed * (float)ticks;
     if (!(square > least * least)) {
         return 0;
@@ -163,22 +164,10 @@ static int find_inertia(dahl_commission_t *axis, int k, float guess, float *phas
     float along = all[0] * turn[0] + all[1] * turn[1], across = all[1] * turn[0] - all[0] * turn[1];
     float size = dahl_root(all[0] * all[0] + all[1] * all[1]);
     axis->work.inertia.inertia[k] = (along < 0 ? -size : size) / w;
-    axis->work.inertia.error[k] = (dahl_absolute(half[1][0] - half[0][0]) + dahl_absolute(half[1][1] - half[0][1])) / (2 * w);
+    float difference = (half[1][0] - half[0][0]) * turn[0] + (half[1][1] - half[0][1]) * turn[1];
+    axis->work.inertia.error[k] = dahl_absolute(difference) / (2 * w);
     *phase = guess + angle_of(across / along);
     return dahl_absolute(across) < MAX_PHASE * dahl_absolute(along);
-}
-
-/** Find the ratios. Return 0 if a sine is not plausible. */
-static int find_phases(dahl_commission_t *axis, float phase[])
-{
-    const float w0 = frequency_of(axis, 0);
-    for (int k = 0; k < SINES; k++) {
-        float guess = k == 0 ? 0 : dahl_smaller(MAX_GUESS, phase[0] * frequency_of(axis, k) / w0);
-        if (!find_inertia(axis, k, guess, &phase[k])) {
-            return 0;
-        }
-    }
-    return axis->work.inertia.inertia[0] > 0;
 }
 
 /** Return the error of the inertia at a sine. */
@@ -191,37 +180,54 @@ static float error_of(const dahl_commission_t *axis, int k)
            + axis->work.inertia.error[k];
 }
 
-/** Write the delay and whether the axis is elastic; take viscous friction off the inertia. A shaft damps like more viscous
- * friction at a faster sine, so the delay of an elastic axis comes from one sine. */
-static void find_delay(dahl_commission_t *axis, const float phase[])
+/** Return the delay of an elastic axis. Its shaft damps like more viscous friction at a faster sine, so one sine must do. */
+static float elastic_delay(const dahl_commission_t *axis)
+{
+    const float *inertia = axis->work.inertia.inertia;
+    float delay = 0;
+    for (int k = inertia[1] > 0 ? 1 : 0; k < SINES && inertia[k] > 0; k++) {
+        float w = frequency_of(axis, k);
+        delay = dahl_larger(delay, (axis->work.inertia.phase[k] + axis->result.viscous.best / (w * inertia[k])) / w);
+    }
+    return delay;
+}
+
+/** Write the delay and whether the axis is elastic. */
+static void find_delay(dahl_commission_t *axis)
 {
     const float period = axis->config.period, w0 = frequency_of(axis, 0), w2 = frequency_of(axis, 2);
-    float *inertia = axis->work.inertia.inertia;
+    const float *inertia = axis->work.inertia.inertia, *phase = axis->work.inertia.phase;
+    const float spread = dahl_absolute(inertia[2] - inertia[0]), fastest = error_of(axis, 2);
     float delay = (w2 * phase[2] - w0 * phase[0]) / (w2 * w2 - w0 * w0);
-    float error = DELAY_ERROR * period + error_of(axis, 2) / (inertia[0] * w2);
-    axis->result.elastic = dahl_absolute(inertia[2] - inertia[0]) > error_of(axis, 2) || axis->work.inertia.set != 0;
+    float error = DELAY_ERROR * period + fastest / (inertia[0] * w2);
+    axis->result.elastic = spread > fastest + error_of(axis, 0) / 2 || axis->work.inertia.set != 0;
     if (axis->result.elastic) {
-        delay = 0;
-        for (int k = 0; k < SINES && inertia[k] > 0; k++) {
-            float w = frequency_of(axis, k);
-            delay = dahl_larger(delay, (phase[k] + axis->result.viscous.best / (w * inertia[k])) / w);
-        }
+        delay = elastic_delay(axis);
         error += ELASTIC_DELAY_ERROR * period;
-    }
-    for (int k = 0; k < SINES; k++) {
-        float turn[2];
-        dahl_small_turn(dahl_clamp(phase[k] - frequency_of(axis, k) * delay, 1), turn);
-        inertia[k] *= turn[0];
     }
     delay = dahl_larger(0.1f * period, delay);
     axis->result.delay = (dahl_commission_range_t){dahl_larger(0, delay - error), delay, delay + error};
+}
+
+/** Take the viscous friction off the inertia, and start the search of the shaft. */
+static void start_search(dahl_commission_t *axis)
+{
+    float *inertia = axis->work.inertia.inertia, w = SOFTEST * frequency_of(axis, 0);
+    for (int k = 0; k < SINES; k++) {
+        float turn[2];
+        dahl_small_turn(dahl_axis_clamp(axis->work.inertia.phase[k] - frequency_of(axis, k) * axis->result.delay.best, 1), turn);
+        inertia[k] *= turn[0];
+    }
+    axis->result.inertia = (dahl_commission_range_t){inertia[0], inertia[0], inertia[0]};
+    axis->work.inertia.gap = inertia[0];
+    axis->work.inertia.shaft = w * w;
 }
 
 /** Take a shaft on which the load alone rings at w^2 = a. If it explains the three sines, widen the result. */
 static void try_shaft(dahl_commission_t *axis, float a)
 {
     const float *inertia = axis->work.inertia.inertia;
-    const float stiffest = TWO_PI * (axis->result.elastic ? STIFFEST_HZ : HIDDEN_HZ);
+    const float stiffest = AXIS_TWO_PI * (axis->result.elastic ? STIFFEST_HZ : HIDDEN_HZ);
     dahl_commission_range_t *result = &axis->result.inertia;
     float u[SINES];
     for (int k = 0; k < SINES; k++) {
@@ -230,10 +236,11 @@ static void try_shaft(dahl_commission_t *axis, float a)
     }
     const float all = u[2] - u[0], part = (u[1] - u[0]) / all, heavier = inertia[2] - inertia[0];
     float gap = inertia[0] + part * heavier - inertia[1];
-    if (dahl_absolute(gap) > 2 * error_of(axis, 1) + 2 * dahl_absolute(part) * error_of(axis, 2)) {
+    const float ends = dahl_absolute(part) * error_of(axis, 2) + dahl_absolute(1 - part) * error_of(axis, 0);
+    if (dahl_absolute(gap) > error_of(axis, 1) + ends) {
         return;
     }
-    float load = heavier / all, error = error_of(axis, 2) / dahl_absolute(all);
+    float load = heavier / all, error = (error_of(axis, 0) + error_of(axis, 2)) / dahl_absolute(all);
     float least = inertia[0] - (dahl_absolute(load) + error) * u[0], total = inertia[0] - load * (u[0] - 1);
     least = dahl_larger(least, total * a / (stiffest * stiffest));
     result->least = dahl_smaller(result->least, least);
@@ -254,28 +261,40 @@ static void try_slower(dahl_commission_t *axis)
     dahl_return_to_middle(axis);
 }
 
-/** All strokes have ended: start the search of the shaft, which takes a tick for each stiffness. */
-static void evaluate(dahl_commission_t *axis)
+/** All strokes have ended: evaluate one sine in each tick, then the delay, then one shaft in each tick. */
+static void start_evaluation(dahl_commission_t *axis)
 {
-    float phase[SINES], w = SOFTEST * frequency_of(axis, 0);
-    const float *inertia = axis->work.inertia.inertia;
-    if (!find_phases(axis, phase)) {
-        try_slower(axis);
-        return;
-    }
-    find_delay(axis, phase);
-    axis->result.inertia = (dahl_commission_range_t){inertia[0], inertia[0], inertia[0]};
-    axis->work.inertia.gap = inertia[0];
-    axis->work.inertia.shaft = w * w;
+    axis->work.inertia.evaluated = 0;
+    axis->work.inertia.shaft = 0;
     dahl_next_step(axis);
     axis->command.mode = DAHL_COMMISSION_TORQUE;
     axis->command.torque = dahl_commission_load(axis, axis->theta);
 }
 
+static void evaluate_sine(dahl_commission_t *axis)
+{
+    const uint8_t k = axis->work.inertia.evaluated++;
+    float *phase = axis->work.inertia.phase, guess = 0;
+    if (k == SINES) {
+        find_delay(axis);
+        return;
+    }
+    if (k > SINES) {
+        start_search(axis);
+        return;
+    }
+    if (k > 0) {
+        guess = dahl_smaller(MAX_GUESS, phase[0] * frequency_of(axis, k) / frequency_of(axis, 0));
+    }
+    if (!find_inertia(axis, k, guess, &phase[k]) || !(axis->work.inertia.inertia[0] > 0)) {
+        try_slower(axis);
+    }
+}
+
 static void search_tick(dahl_commission_t *axis)
 {
     dahl_commission_range_t *result = &axis->result.inertia;
-    const float stiffest = TWO_PI * (axis->result.elastic ? STIFFEST_HZ : HIDDEN_HZ);
+    const float stiffest = AXIS_TWO_PI * (axis->result.elastic ? STIFFEST_HZ : HIDDEN_HZ);
     if (axis->work.inertia.shaft < stiffest * stiffest) {
         try_shaft(axis, axis->work.inertia.shaft);
         axis->work.inertia.shaft *= FINER;
@@ -289,10 +308,19 @@ static void search_tick(dahl_commission_t *axis)
     if (!axis->result.elastic) {
         result->best = (axis->work.inertia.inertia[0] + axis->work.inertia.inertia[1]) / 2;
     }
-    result->least = dahl_smaller(result->least, result->best - error);
+    result->least = dahl_smaller((axis->result.elastic ? ROTOR_SHARE : 1) * result->least, result->best - error);
     result->most = dahl_larger(result->most, result->best + error);
     dahl_enter(axis, DAHL_COMMISSION_KICK);
     dahl_return_to_middle(axis);
+}
+
+static void shaft_tick(dahl_commission_t *axis)
+{
+    if (axis->work.inertia.shaft > 0) {
+        search_tick(axis);
+    } else {
+        evaluate_sine(axis);
+    }
 }
 
 void dahl_inertia_tick(dahl_commission_t *axis, int32_t dcounts)
@@ -305,7 +333,7 @@ void dahl_inertia_tick(dahl_commission_t *axis, int32_t dcounts)
         return;
     }
     if (axis->step == 2) {
-        search_tick(axis);
+        shaft_tick(axis);
         return;
     }
     if (dahl_absolute(axis->speed) > dahl_larger(LOUD * axis->config.speed_limit, 2 * MEAN_SPEED)) {
@@ -317,7 +345,7 @@ void dahl_inertia_tick(dahl_commission_t *axis, int32_t dcounts)
     axis->command.speed = axis->work.inertia.base.speed;
     int is_end = dahl_stroke_tick(axis);
     if (is_end && axis->work.inertia.stroke > SINE_STROKES) {
-        evaluate(axis);
+        start_evaluation(axis);
         return;
     }
     if (is_end) {

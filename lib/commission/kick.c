@@ -160,9 +160,16 @@ static void lower_gain(dahl_commission_t *axis)
     dahl_return_to_middle(axis);
 }
 
+/** Return the highest gain that is left. The load of an elastic axis can swing on a small rest of friction. */
+static int highest_gain(const dahl_commission_t *axis)
+{
+    const int elastic_highest = GAINS - 2, left = GAINS - 1 - axis->work.kick.creeps;
+    return axis->result.elastic && left > elastic_highest ? elastic_highest : left;
+}
+
 static void pass(dahl_commission_t *axis)
 {
-    const int highest = GAINS - 1 - axis->work.kick.creeps, last = axis->work.kick.gain >= highest ? 4 : 2;
+    const int highest = highest_gain(axis), last = axis->work.kick.gain >= highest ? 4 : 2;
     dahl_return_to_middle(axis);
     if (++axis->work.kick.kick < last) {
         return;

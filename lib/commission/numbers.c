@@ -2,22 +2,30 @@
 /** Numbers without libm. */
 #include "commission.h"
 
-float dahl_root(float x)
+/** Return a first value of the root of x > 0, at most 25 % too large. */
+static float guess_root(float x)
 {
     float root = 1, scaled = x;
+    for (int k = 0; k < 64; k++) {
+        if (scaled > 4) {
+            scaled *= 0.25f;
+            root *= 2;
+        } else if (scaled < 1) {
+            scaled *= 4;
+            root *= 0.5f;
+        } else {
+            break;
+        }
+    }
+    return root * (0.5f + 0.5f * scaled);
+}
+
+float dahl_root(float x)
+{
     if (!(x > 0)) {
         return 0;
     }
-    while (scaled > 4 && root < 1e18f) {
-        scaled *= 0.25f;
-        root *= 2;
-    }
-    while (scaled < 1 && root > 1e-18f) {
-        scaled *= 4;
-        root *= 0.5f;
-    }
-    scaled = 0.5f + 0.5f * scaled; /* a first value, at most 25 % too large */
-    root *= scaled;
+    float root = guess_root(x);
     for (int step = 0; step < 3; step++) {
         root = 0.5f * (root + x / root);
     }
@@ -41,6 +49,6 @@ void dahl_rotate(float rotor[2], const float turn[2])
 
 float dahl_low_pass_share(float hertz, float period)
 {
-    float ratio = TWO_PI * hertz * period;
+    float ratio = AXIS_TWO_PI * hertz * period;
     return ratio / (1 + ratio);
 }

@@ -6,7 +6,7 @@
 #define FIRST_RATE 0.25f   /* of the torque limit in 1/s, before Fc is known */
 #define FREE_RAD 0.01f     /* a push ends if the axis moved by this */
 #define STUCK_RAD 0.05f    /* tracking error */
-#define STUCK_S 0.02f      /* without a count */
+#define STUCK_SPEED 0.1f   /* rad/s */
 
 #define RETURN_SPEED 1.0f         /* rad/s */
 #define RETURN_ACCELERATION 20.0f /* rad/s2 */
@@ -84,8 +84,8 @@ int dahl_stroke_tick(dahl_commission_t *axis)
         free_tick(axis);
         return 0;
     }
-    if (axis->is_soft && axis->watch.frozen_ticks > dahl_ticks(axis, STUCK_S)
-        && dahl_absolute(axis->command.angle - axis->theta) > STUCK_RAD) {
+    const float error = dahl_absolute(axis->command.angle - axis->theta);
+    if (axis->is_soft && error > STUCK_RAD && dahl_absolute(axis->speed) < STUCK_SPEED) {
         start_push(axis);
         return 0;
     }

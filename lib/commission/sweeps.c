@@ -8,7 +8,7 @@
 #define SPEEDS DAHL_COMMISSION_SPEEDS
 #define STROKES 4                /* at each speed: down, up, down, up */
 #define ACCELERATION 60.0f       /* rad/s2 */
-#define SETTLE_S 0.04f           /* of a stroke before its first sample */
+#define AXIS_SETTLE_S 0.04f           /* of a stroke before its first sample */
 #define MIN_SAMPLES 4            /* of a bin */
 #define NARROW 0.035f            /* rad: a stroke settles within a bin of this */
 #define MIN_BINS 4               /* of a speed */
@@ -44,7 +44,7 @@ float dahl_commission_load(const dahl_commission_t *axis, float angle)
 
 static void add_to_bin(dahl_commission_t *axis)
 {
-    uint32_t first = axis->stroke.ramp_ticks + dahl_ticks(axis, SETTLE_S);
+    uint32_t first = axis->stroke.ramp_ticks + dahl_ticks(axis, AXIS_SETTLE_S);
     uint32_t last = axis->stroke.ramp_ticks + axis->stroke.cruise_ticks;
     if (axis->work.sweeps.stroke == 0 || axis->stroke.tick <= first || axis->stroke.tick > last) {
         return;
@@ -109,7 +109,7 @@ static int is_empty(const dahl_commission_t *axis, int bin)
 /** Return 1 if bins are empty that a stroke must reach: an end stop. */
 static int has_gap(const dahl_commission_t *axis)
 {
-    const int is_narrow = axis->config.travel < NARROW * 0.5f * BINS, ends = is_narrow + 2 * axis->is_soft;
+    const int is_narrow = axis->config.travel < NARROW * 0.5f * BINS, ends = is_narrow + 4 * axis->is_soft;
     int gaps = 0;
     for (int bin = ends; bin < BINS - ends; bin++) {
         gaps += is_empty(axis, bin);
@@ -263,7 +263,8 @@ void dahl_sweeps_tick(dahl_commission_t *axis)
         dahl_stroke_to(axis, travel, speeds[0], ACCELERATION);
     }
     int is_end = axis->work.sweeps.stroke > STROKES ? evaluate_tick(axis) : sweep_tick(axis);
-    if (is_end && ++axis->work.sweeps.stroke <= STROKES) {
+    axis->work.sweeps.stroke = (uint8_t)(axis->work.sweeps.stroke + (is_end ? 1 : 0));
+    if (is_end && axis->work.sweeps.stroke <= STROKES) {
         float end = axis->work.sweeps.stroke & 1 ? -travel : travel;
         dahl_stroke_to(axis, end, speeds[axis->work.sweeps.speed], ACCELERATION);
     }

@@ -59,8 +59,9 @@
  * to 15 % looks like a load; Fc.least and length.most allow for it.
  *
  * @par Properties
- * Floats, no heap, no global variable, no libm. A tick costs at most about 60 multiply-adds and 4
- * divisions. The tick that ends a sweep evaluates the bins, about 300 operations.
+ * Floats, no heap, no global variable, no libm. Long evaluations take a tick for each bin, sine or
+ * shaft. The longest tick prepares the compensator: docs/microcontroller.md has its cost by core.
+ * An image of floats gives the same bounds on each core, not the same bits.
  */
 #ifndef DAHL_COMMISSION_H
 #define DAHL_COMMISSION_H
@@ -157,8 +158,8 @@ typedef struct {
     dahl_commission_range_t length;  /**< [rad] presliding length; most: length_long */
     dahl_commission_range_t sigma0;  /**< [N m/rad] stiffness at rest; most: sigma0_high */
     dahl_commission_range_t inertia; /**< [kg m2] of rotor and load. least: the rotor alone, if a
-                                          shaft that the sines allow rings below 200 Hz (elastic)
-                                          or 130 Hz (not elastic) */
+                                          shaft that the sines allow rings below 160 Hz (elastic)
+                                          or 110 Hz (not elastic) */
     dahl_commission_range_t delay;   /**< [s] from the reading to the torque */
     dahl_commission_range_t viscous; /**< [N m s/rad] slope of the friction over the speed */
     float load[DAHL_COMMISSION_BINS]; /**< [N m] torque that holds the axis, at the middles of the
@@ -215,15 +216,17 @@ typedef struct {
             uint16_t samples[16];
         } cycle;
         struct {
-            float start, peak;
+            float start, peak, change;
+            uint8_t evaluated;
         } breakaway;
         struct {
             dahl_commission_command_t base; /* without the sines */
             float sine[DAHL_COMMISSION_SINES][2], turn[DAHL_COMMISSION_SINES][2];
             float torque[2][DAHL_COMMISSION_SINES][2], speed[2][DAHL_COMMISSION_SINES][2];
             float window[2], window_turn[2], mean_speed;
-            float inertia[DAHL_COMMISSION_SINES], error[DAHL_COMMISSION_SINES], shaft, gap;
-            uint8_t stroke, set;
+            float inertia[DAHL_COMMISSION_SINES], error[DAHL_COMMISSION_SINES];
+            float phase[DAHL_COMMISSION_SINES], shaft, gap;
+            uint8_t stroke, set, evaluated;
         } inertia;
         struct {
             dahl_compensator_params_t params;

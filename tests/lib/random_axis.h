@@ -51,12 +51,18 @@ static inline double log_uniform(uint64_t *seed, double least, double most)
     return least * pow(most / least, uniform(seed, 0, 1));
 }
 
+/* Neighbouring numbers give independent axes. */
+static inline uint64_t seed_of(uint64_t number)
+{
+    uint64_t bits = (number ^ number >> 30) * UINT64_C(0xBF58476D1CE4E5B9) + UINT64_C(0x9E3779B97F4A7C15);
+    bits = (bits ^ bits >> 27) * UINT64_C(0x94D049BB133111EB);
+    bits = (bits ^ bits >> 30) * UINT64_C(0xBF58476D1CE4E5B9);
+    return bits ^ bits >> 31;
+}
+
 static inline axis_t random_axis(uint64_t number)
 {
-    uint64_t seed = number * UINT64_C(0x9E3779B97F4A7C15) + 1, *s = &seed;
-    for (int k = 0; k < 4; k++) {
-        random_u32(s);
-    }
+    uint64_t seed = seed_of(number), *s = &seed;
     double kind = uniform(s, 0, 1);
     axis_t axis = {.sign = 1, .period = 1e-3, .loop_hz = 35, .travel = 0.35};
     axis.kind = kind < 0.25 ? AXIS_DAHL : kind < 0.75 ? AXIS_LUGRE : AXIS_SLIP;
@@ -173,7 +179,8 @@ static inline double move_load(const axis_t *axis, motion_t *motion, double dt)
     double goal = limit * ((moved > 0) - (moved < 0));
     motion->load_theta += moved;
     if (limit > 0) {
-        motion->load_bristle = goal + (motion->load_bristle - goal) * exp(-axis->load_share * axis->sigma0 * fabs(moved) / limit);
+        double left = exp(-axis->load_share * axis->sigma0 * fabs(moved) / limit);
+        motion->load_bristle = goal + (motion->load_bristle - goal) * left;
     }
     motion->load_speed += dt * (shaft - motion->load_bristle - load_torque(axis, motion->load_theta)) / axis->load_inertia;
     return shaft;
@@ -315,14 +322,15 @@ static inline double compensate(compensation_t *compensation, int32_t dcounts)
 }
 
 /* Push the axis by `push` N m for 30 ms at most, with compensation on. The push ends at a speed that leaves the axis in its
- * travel. Return its largest speed in the last 0.4 s of 2.5 s. The firmware adds the table of the load, or not: has_load. */
+ * travel. Return its largest speed in the last 0.4 s of 2.5 s. The firmware adds the table of the load, or not: has_load.
+ * A state of NULL: without compensation. */
 static inline double speed_after_push(const axis_t *axis, const dahl_commission_t *state, int has_load, double push)
 {
     compensation_t compensation;
     motion_t motion;
     double most = 0, torque = 0, end_speed = sqrt(0.25 * axis->travel * axis->Fc / axis->inertia);
     int is_pushed = 1;
-    if (!start_compensation(state, has_load, &compensation)) {
+    if (state != NULL && !start_compensation(state, has_load, &compensation)) {
         return INFINITY;
     }
     start_motion(axis, &motion);
@@ -330,8 +338,10 @@ static inline double speed_after_push(const axis_t *axis, const dahl_commission_
     while (motion.time < 2.5) {
         int32_t counts = read_encoder(axis, &motion), moved = counts - last;
         last = counts;
-        torque = compensate(&compensation, moved);
-        torque += has_load ? 0 : (double)dahl_commission_load(state, (float)((counts - first) * axis->count));
+        torque = state == NULL ? 0 : compensate(&compensation, moved);
+        if (state != NULL && !has_load) {
+            torque += (double)dahl_commission_load(state, (float)((counts - first) * axis->count));
+        }
         is_pushed = is_pushed && motion.time < 0.33 && fabs(motion.speed) < end_speed;
         move_shaft(axis, &motion, torque, motion.time > 0.3 && is_pushed ? push : 0);
         most = motion.time > 2.1 ? fmax(most, fabs(motion.speed)) : 0;

@@ -63,13 +63,16 @@ static int has_load(const axis_t *axis, const dahl_commission_result_t *result)
     return error <= (double)result->load_error;
 }
 
-/* Rest is that of dahl_compensator.h, with the creep that the table of the load leaves. */
+/* Rest is that of dahl_compensator.h: not faster than without the law, and without a load, by more than this. */
 static int rests(const axis_t *axis, const dahl_commission_t *state)
 {
-    double least = fmax(0.02, 2 * axis->count * sqrt(axis->sigma0 / axis->inertia));
+    const double more = fmax(0.02, 2 * axis->count * sqrt(axis->sigma0 / axis->inertia));
+    axis_t unloaded = *axis;
+    unloaded.gravity = unloaded.cogging = 0;
     for (int kick = 0; kick < 4; kick++) {
         double push = (kick & 1 ? -1 : 1) * (1.3 + kick) * axis->Fc;
-        if (!(speed_after_push(axis, state, 0, push) < least)) {
+        double speed = speed_after_push(axis, state, 0, push);
+        if (!(speed < more) && !(speed < more + speed_after_push(&unloaded, NULL, 0, push))) {
             return 0;
         }
     }
