@@ -42,13 +42,13 @@ static int bad_spec(const char *spec)
     for (size_t i = 0, used = 0; i < SCHEMES && used < sizeof known; i++) {
         used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", i > 0 ? ", " : "", schemes[i].usage);
     }
-    log_error("--bus %s: not one of %s", spec, known);
+    log_error("--bus %.200s: not one of %s", spec, known);
     return EXIT_BAD_INPUT;
 }
 
 static int cannot_open(const char *spec, const char *hint)
 {
-    log_error("--bus %s: %s%s", spec, strerror(errno), hint);
+    log_error("--bus %.200s: %s%s", spec, strerror(errno), hint);
     return EXIT_RUNTIME;
 }
 

@@ -2,7 +2,6 @@
 #include "encoder_node.h"
 
 #include "dahl_frames.h"
-#include "load.h"
 #include "timing.h"
 
 enum { COUNTERS = 16 }; /* values of the 4-bit counter */
@@ -36,7 +35,7 @@ bool encoder_load(encoder_t *encoder, dahl_can_frame_t *out)
         return false;
     }
     dahl_param_write_t request = {.param = DAHL_FRAMES_PARAM_LOAD, .write = DAHL_FRAMES_PARAM_WRITE};
-    request.value = load_of(encoder->load, encoder->motion->load, 1);
+    request.value = encoder_load_of(encoder->load, encoder->motion->load, 1);
     if (request.value == encoder->load_sent && encoder->sent % ENCODER_LOAD_TICKS != 0) {
         return false;
     }

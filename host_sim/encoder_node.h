@@ -9,6 +9,7 @@
 #ifndef ENCODER_NODE_H
 #define ENCODER_NODE_H
 
+#include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -45,6 +46,12 @@ typedef struct {
 
 /* True: send *out now. False: the motion has ended or failed. */
 bool encoder_tick(encoder_t *encoder, uint64_t now_ns, dahl_can_frame_t *out);
+
+/* Load of a bearing in the unit of parameter Load, 1/DAHL_NODE_ONE: min(limit, rest + |x|/full), x in the unit of full. */
+static inline uint32_t encoder_load_of(const run_load_t *load, double x, double limit)
+{
+    return (uint32_t)lround(fmin(limit, load->rest + fabs(x) / load->full) * DAHL_NODE_ONE);
+}
 
 /* True: send *out, the load of the last tick, before the count of that tick. False: the load has not changed. It is sent again
  * each ENCODER_LOAD_TICKS, for a node that lost it or restarted. */

@@ -159,7 +159,6 @@ static void silence(faults_t *f, const dahl_can_frame_t *frame, fault_t fault, s
     (void)frame;
     (void)sink;
     f->reports_bus_off = fault == FAULT_BUS_OFF;
-    f->silent++;
     f->off = f->off_ticks - 1;
     f->rearm = DAHL_NODE_REARM - 1;
     f->good_due = DAHL_NODE_REARM;
@@ -232,7 +231,6 @@ static void release(faults_t *f, sink_t *sink)
 static void stay_silent(faults_t *f, sink_t *sink)
 {
     f->off--;
-    f->silent++;
     if (f->reports_bus_off && f->off == f->off_ticks - BUS_OFF_TICKS) {
         put(sink, &(dahl_can_frame_t){.id = DAHL_CAN_ERROR_BUS_OFF, .flags = DAHL_CAN_FRAME_ERROR, .length = 8});
         f->expected.bus_off++;

@@ -38,7 +38,6 @@ typedef struct {
     uint64_t random;
     uint32_t off_ticks; /* duration of silence and bus_off */
     uint64_t injected[FAULT_KINDS];
-    uint64_t silent;       /* frames not sent in silence and bus_off */
     dahl_node_counts_t expected; /* of the node, after all that was sent so far */
     uint32_t off;          /* ticks left of the present silence */
     bool reports_bus_off;  /* the present silence is a bus_off */

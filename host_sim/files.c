@@ -60,7 +60,8 @@ static bool is_same(const named_t *a, const named_t *b)
     struct stat one;
     struct stat other;
     bool has_a = stat_file(a, &one);
-    if (a->path == NULL || b->path == NULL || has_a != stat_file(b, &other)) {
+    bool is_used = a->path != NULL && b->path != NULL && a->path[0] != '\0';
+    if (!is_used || has_a != stat_file(b, &other)) {
         return false;
     }
     if (!has_a) {

@@ -3,7 +3,6 @@
 #include "loop.h"
 
 #include <stddef.h>
-#include <stdio.h>
 #include <time.h>
 
 #include "stderr_messages.h"
@@ -298,11 +297,9 @@ static void give_up(loop_t *loop)
     for (uint32_t i = 0; i < loop->encoder_count; i++) {
         encoder_give_up(&loop->encoders[i]);
     }
-    char text[80];
-    snprintf(text, sizeof text, loop->waits_for_encoder ? "no count came for %d s; the node's clock runs on"
-                                                        : "a count had no answer for %d s; the encoder goes on without it",
+    log_note(loop->waits_for_encoder ? "no count came for %d s; the node's clock runs on"
+                                     : "a count had no answer for %d s; the encoder goes on without it",
              LOOP_PATIENCE_S);
-    log_warning(text);
     loop->waits_for_encoder = false;
 }
 

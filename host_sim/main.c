@@ -148,7 +148,7 @@ static void configure_loop(program_t *p)
     p->loop.clock = &p->clock;
     p->loop.stop = &stop;
     p->loop.max_ticks = options->seconds > 0 ? (uint64_t)llround(options->seconds * TICKS_PER_SECOND) : UINT64_MAX;
-    p->loop.wait_clients = options->wait_clients;
+    p->loop.wait_clients = (uint32_t)options->wait_clients;
     p->loop.until_idle = options->until_idle;
     p->loop.is_lockstep = options->lockstep;
 }
@@ -188,10 +188,7 @@ static void note_early_end(const program_t *p)
 {
     const encoder_t *first = &p->setup.encoders[0];
     if (p->options.seconds > 0 && first->has_ended && !first->has_failed) {
-        char text[120];
-        snprintf(text, sizeof text, "--seconds %g: the motion ended after %g s", p->options.seconds,
-                 loop_seconds(&p->loop));
-        log_warning(text);
+        log_note("--seconds %g: the motion ended after %g s", p->options.seconds, loop_seconds(&p->loop));
     }
 }
 
@@ -246,7 +243,7 @@ int main(int argc, char **argv)
         return result < 0 ? EXIT_BAD_INPUT : 0;
     }
     prctl(PR_SET_TIMERSLACK, (unsigned long)TIMER_SLACK_NS);
-    int code = end_with_parent(program.options.parent);
+    int code = end_with_parent((uint32_t)program.options.parent);
     if (code == 0) {
         code = prepare(&program);
     }

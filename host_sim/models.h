@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* models: set the friction model of a node from a run file. */
+/* models: initialize a node with the friction model of a run file. */
 #ifndef MODELS_H
 #define MODELS_H
 
@@ -12,7 +12,7 @@ typedef union {
     DAHL_OTHER_MODELS(MODEL_STORAGE)
 } model_memory_t;
 
-/* Call it after dahl_node_init. It returns the error code of the library. */
-dahl_err_t models_use(dahl_node_t *node, model_memory_t *memory, const run_friction_t *f);
+/* path: of the run file. Returns 0, or prints one error line and returns -1. */
+int models_start(dahl_node_t *node, model_memory_t *memory, const run_friction_t *f, uint8_t number, const char *path);
 
 #endif

@@ -2,8 +2,11 @@
 #include "motion.h"
 
 #include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
 #include "splitmix.h"
+#include "stderr_messages.h"
 #include "timing.h"
 
 /* Of steering: ranges of the random numbers, as shares of the given values; a tremor's duration in s. */
@@ -122,11 +125,30 @@ static int next_steering(motion_t *self, int64_t *count)
     return 1;
 }
 
+static const char BLANKS[] = " \t\r";
+
+/* Read "count" or "count x". x is 0 if it is not there. */
+static bool parse_row(const char *text, int64_t *count, double *x)
+{
+    char *end, *last;
+    long long number = strtoll(text, &end, 10);
+    *x = strtod(end, &last);
+    *count = number;
+    return end != text && (*end == '\0' || strchr(BLANKS, *end) != NULL) && number >= INT32_MIN && number <= INT32_MAX &&
+           isfinite(*x) && last[strspn(last, BLANKS)] == '\0';
+}
+
 static int next_row(motion_t *self, int64_t *count)
 {
-    int32_t row_count = 0;
-    int result = counts_next(&self->counts, &row_count, &self->load);
-    *count = row_count;
+    lines_t *rows = &self->counts;
+    int result = lines_next(rows);
+    if (result == 0 && rows->line == 1) {
+        return log_error("%s: has no counts", rows->path);
+    }
+    if (result == 1 && !parse_row(rows->text, count, &self->load)) {
+        return log_error("%s:%llu: %.40s: not a count from %d to %d, or not finite after it", rows->path,
+                         (unsigned long long)rows->line, rows->text, INT32_MIN, INT32_MAX);
+    }
     return result;
 }
 
@@ -145,7 +167,7 @@ bool motion_open(motion_t *self, const run_motion_t *run, const char *path, uint
         return true;
     default:
         self->next = next_row;
-        return counts_open(&self->counts, path);
+        return lines_open(&self->counts, path);
     }
 }
 
@@ -162,6 +184,6 @@ int motion_next(motion_t *self, int32_t *count)
 void motion_close(motion_t *self)
 {
     if (self->run != NULL && self->run->number == MOTION_COUNTS) {
-        counts_close(&self->counts);
+        lines_close(&self->counts);
     }
 }

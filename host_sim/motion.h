@@ -5,7 +5,8 @@
  *
  *   segments  the three of the paper at constant speed: 0 to theta1, back to theta2, to theta3, each after a rest of hold_s
  *   steering  slow sweeps between random targets, as in parking, with small random reversals (tremor)
- *   counts    a file of counts, one each tick
+ *   counts    a file with a line for each tick: the encoder's count and, if the friction has a load, its x. It is read line by
+ *             line, so that memory does not grow with it; it may be a pipe.
  */
 #ifndef MOTION_H
 #define MOTION_H
@@ -13,7 +14,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "counts.h"
+#include "lines.h"
 #include "run_file.h"
 
 typedef struct motion motion_t;
@@ -36,7 +37,7 @@ struct motion {
     double bump;                      /* amplitude of the present tremor, counts */
     uint64_t bump_tick, bump_ticks;   /* if bump_ticks is 0: bump_tick counts down to the next tremor */
     double load;                      /* of this tick, x in the file of counts, or N m of a motor */
-    counts_t counts;
+    lines_t counts; /* of kind counts */
 };
 
 /* path: of the file of kind counts. False: one error line was printed. */

@@ -4,7 +4,7 @@
 
 #include <errno.h>
 #include <getopt.h>
-#include <math.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -46,19 +46,35 @@ static const char help[] =
     "file failed; 2 for bad input. Example, from the project's folder; it waits for its first client and ends with its last:\n"
     "  build/host/host_sim/dahl-loop host_sim/steering.run --bus socketcand:28600 --wait-clients 1 --until-idle &\n";
 
-enum { OPTION_FIRST = 256, BUS, NODES, ROLE, VIRTUAL, LOCKSTEP, SECONDS, SEED, LOG, TRACE, COUNTERS, WAIT, IDLE, PARENT, HELP,
-       VERSION };
+typedef enum { TEXT, SECONDS, INTEGER, ROLE, FLAG, HELP, VERSION } kind_t; /* those before FLAG have a value */
 
-static const struct option long_options[] = {
-    {"bus", required_argument, NULL, BUS},           {"nodes", required_argument, NULL, NODES},
-    {"role", required_argument, NULL, ROLE},         {"virtual", no_argument, NULL, VIRTUAL},
-    {"lockstep", no_argument, NULL, LOCKSTEP},       {"seconds", required_argument, NULL, SECONDS},
-    {"seed", required_argument, NULL, SEED},         {"log", required_argument, NULL, LOG},
-    {"trace", required_argument, NULL, TRACE},       {"counters", required_argument, NULL, COUNTERS},
-    {"wait-clients", required_argument, NULL, WAIT}, {"until-idle", no_argument, NULL, IDLE},
-    {"with-parent", required_argument, NULL, PARENT}, {"help", no_argument, NULL, HELP},
-    {"version", no_argument, NULL, VERSION},         {NULL, 0, NULL, 0},
+typedef struct {
+    const char *name;
+    kind_t kind;
+    size_t offset;      /* of its member in options_t */
+    uint64_t low, high; /* of an integer, both allowed */
+} row_t;
+
+#define MEMBER(name) offsetof(options_t, name)
+static const row_t rows[] = {
+    {"bus", TEXT, MEMBER(bus), 0, 0},
+    {"nodes", INTEGER, MEMBER(nodes), 1, 16},
+    {"role", ROLE, 0, 0, 0},
+    {"virtual", FLAG, MEMBER(is_virtual), 0, 0},
+    {"lockstep", FLAG, MEMBER(lockstep), 0, 0},
+    {"seconds", SECONDS, MEMBER(seconds), 0, 0},
+    {"seed", INTEGER, MEMBER(seed), 0, UINT64_MAX},
+    {"log", TEXT, MEMBER(log), 0, 0},
+    {"trace", TEXT, MEMBER(trace), 0, 0},
+    {"counters", TEXT, MEMBER(counters), 0, 0},
+    {"wait-clients", INTEGER, MEMBER(wait_clients), 0, 16},
+    {"until-idle", FLAG, MEMBER(until_idle), 0, 0},
+    {"with-parent", INTEGER, MEMBER(parent), 1, INT32_MAX},
+    {"help", HELP, 0, 0, 0},
+    {"version", VERSION, 0, 0, 0},
 };
+
+enum { ROWS = sizeof rows / sizeof rows[0], FIRST = 256 }; /* FIRST + i is option i; below are letters */
 
 static int parse_role(options_t *options, const char *text)
 {
@@ -71,113 +87,66 @@ static int parse_role(options_t *options, const char *text)
     return 0;
 }
 
-static int parse_seconds(options_t *options, const char *text)
+static int parse_seconds(const char *text, double *to)
 {
     char *end;
-    options->seconds = strtod(text, &end);
-    if (end == text || *end != '\0' || !(options->seconds >= 0.001) || options->seconds > 1e9) {
+    *to = strtod(text, &end);
+    if (end == text || *end != '\0' || !(*to >= 0.001) || *to > 1e9) {
         return log_error("--seconds %s: not a number from 0.001 to 1e9", text);
     }
     return 0;
 }
 
-static int parse_integer(const char *name, const char *text, uint64_t low, uint64_t high, uint64_t *to)
+static int parse_integer(const row_t *row, const char *text, uint64_t *to)
 {
     char *end;
     errno = 0;
     *to = strtoull(text, &end, 10);
-    if (text[0] < '0' || text[0] > '9' || *end != '\0' || errno != 0 || *to < low || *to > high) {
-        return log_error("--%s %s: not an integer from %llu to %llu", name, text, (unsigned long long)low,
-                        (unsigned long long)high);
+    if (text[0] < '0' || text[0] > '9' || *end != '\0' || errno != 0 || *to < row->low || *to > row->high) {
+        return log_error("--%s %s: not an integer from %llu to %llu", row->name, text, (unsigned long long)row->low,
+                        (unsigned long long)row->high);
     }
     return 0;
 }
 
-static int parse_uint32(const char *name, const char *text, uint32_t low, uint32_t high, uint32_t *to)
+static int parse_option(options_t *options, const row_t *row, const char *value)
 {
-    uint64_t value = 0;
-    int result = parse_integer(name, text, low, high, &value);
-    *to = (uint32_t)value;
-    return result;
-}
-
-static int parse_flag(options_t *options, int which)
-{
-    switch (which) {
-    case VIRTUAL:
-        options->is_virtual = true;
-        return 0;
-    case IDLE:
-        options->until_idle = true;
-        return 0;
-    case LOCKSTEP:
-        options->lockstep = true;
-        return 0;
-    case HELP:
-        fputs(help, stdout);
-        return 1;
-    case VERSION:
-        puts("dahl-loop " DAHL_VERSION);
-        return 1;
-    default:
-        return -1;
+    void *to = (char *)options + row->offset;
+    switch (row->kind) {
+    case TEXT: *(const char **)to = value; return 0;
+    case SECONDS: return parse_seconds(value, (double *)to);
+    case INTEGER: return parse_integer(row, value, (uint64_t *)to);
+    case ROLE: return parse_role(options, value);
+    case FLAG: *(bool *)to = true; return 0;
+    case HELP: fputs(help, stdout); return 1;
+    default: puts("dahl-loop " DAHL_VERSION); return 1;
     }
 }
 
-static int parse_value(options_t *options, int which, const char *value)
+/* which: the result of getopt_long() for a word that is no option, or has no value. */
+static int report_unknown(int which, const char *word)
 {
-    switch (which) {
-    case ROLE:
-        return parse_role(options, value);
-    case SECONDS:
-        return parse_seconds(options, value);
-    case SEED:
-        return parse_integer("seed", value, 0, UINT64_MAX, &options->seed);
-    case WAIT:
-        return parse_uint32("wait-clients", value, 0, 16, &options->wait_clients);
-    case NODES:
-        return parse_uint32("nodes", value, 1, 16, &options->nodes);
-    case PARENT:
-        return parse_uint32("with-parent", value, 1, INT32_MAX, &options->parent);
-    default:
-        return parse_flag(options, which);
-    }
-}
-
-/* The value of an option that is plain text; NULL for other options. */
-static const char **text_of(options_t *options, int which)
-{
-    switch (which) {
-    case BUS:
-        return &options->bus;
-    case LOG:
-        return &options->log;
-    case COUNTERS:
-        return &options->counters;
-    case TRACE:
-        return &options->trace;
-    default:
-        return NULL;
-    }
-}
-
-static int parse_option(options_t *options, int which, char **argv)
-{
-    const char **text = text_of(options, which);
     if (which == ':') {
-        return log_error("%s needs a value", argv[optind - 1]);
+        return log_error("%s needs a value", word);
     }
-    if (which == '?' && optopt > 0 && optopt < OPTION_FIRST) { /* one letter; its word may have more */
+    if (optopt > 0 && optopt < FIRST) { /* one letter; its word may have more */
         return log_error("unknown option -%c; see dahl-loop --help", optopt);
     }
-    if (which == '?') {
-        return log_error("unknown option %s; see dahl-loop --help", argv[optind - 1]);
+    return log_error("unknown option %s; see dahl-loop --help", word);
+}
+
+static int parse_all(options_t *options, int argc, char **argv)
+{
+    struct option known[ROWS + 1] = {{0}};
+    int which, result = 0;
+    for (int i = 0; i < ROWS; i++) {
+        known[i] = (struct option){rows[i].name, rows[i].kind < FLAG ? required_argument : no_argument, NULL, FIRST + i};
     }
-    if (text != NULL) {
-        *text = optarg;
-        return 0;
+    opterr = 0;
+    while (result == 0 && (which = getopt_long(argc, argv, ":", known, NULL)) != -1) {
+        result = which < FIRST ? report_unknown(which, argv[optind - 1]) : parse_option(options, &rows[which - FIRST], optarg);
     }
-    return parse_value(options, which, optarg);
+    return result;
 }
 
 static bool is_socketcand(const options_t *options)
@@ -212,14 +181,10 @@ static int check(const options_t *options)
 
 int options_read(options_t *options, int argc, char **argv)
 {
-    int which;
     *options = (options_t){.bus = "loopback", .run_encoder = true, .run_node = true, .seed = 1, .nodes = 1};
-    opterr = 0;
-    while ((which = getopt_long(argc, argv, ":", long_options, NULL)) != -1) {
-        int result = parse_option(options, which, argv);
-        if (result != 0) {
-            return result;
-        }
+    int result = parse_all(options, argc, argv);
+    if (result != 0) {
+        return result;
     }
     if (optind == argc) {
         return log_error("no RUN_FILE; see dahl-loop --help");

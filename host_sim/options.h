@@ -18,9 +18,9 @@ typedef struct {
     bool lockstep;
     double seconds; /* 0: no limit */
     uint64_t seed;
-    uint32_t wait_clients;
-    uint32_t nodes;
-    uint32_t parent;  /* end with this process; 0: run on */
+    uint64_t wait_clients;
+    uint64_t nodes;
+    uint64_t parent; /* end with this process; 0: run on */
 } options_t;
 
 /* Returns 0 to continue, 1 after --help or --version, -1 after one error line. */

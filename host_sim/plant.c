@@ -4,7 +4,6 @@
 #include <errno.h>
 #include <math.h>
 
-#include "load.h"
 #include "stderr_messages.h"
 #include "timing.h"
 
@@ -55,7 +54,7 @@ static double answered_torque(const plant_t *p)
 {
     const encoder_t *e = p->encoder;
     bool is_fresh = e->torque_of > 0 && e->sent - e->torque_of < FRESH_TICKS;
-    return is_fresh ? ldexp(e->torque_q30, -30) * (double)(float)p->run->friction.total_Fc : 0;
+    return is_fresh ? ldexp(e->torque_q30, -30) * p->Fc : 0;
 }
 
 static double control_torque(plant_t *p)
@@ -111,7 +110,7 @@ static void set_load(plant_t *p, double torque)
     const run_load_t *load = &p->run->load;
     p->motion.load = torque;
     if (p->run->has_load) {
-        p->rotor.load_q30 = load_of(load, torque, load->rotor_limit) << 14;
+        p->rotor.load_q30 = encoder_load_of(load, torque, load->rotor_limit) << 14;
     }
 }
 
@@ -161,10 +160,10 @@ static int next_driven(motion_t *self, int64_t *count)
     return 1;
 }
 
-bool plant_open(plant_t *plant, const run_t *run, motion_t *reference, const encoder_t *encoder)
+bool plant_open(plant_t *plant, const run_t *run, motion_t *reference, const encoder_t *encoder, float Fc)
 {
     const run_rotor_t *r = &run->rotor;
-    *plant = (plant_t){.run = run, .reference = reference, .encoder = encoder};
+    *plant = (plant_t){.run = run, .reference = reference, .encoder = encoder, .Fc = (double)Fc};
     plant->controller = (controller_t){.kp = run->control.kp, .kd = run->control.kd};
     plant->motion = (motion_t){.next = reference != NULL ? next_controlled : next_driven, .run = &run->motion};
     if (dahl_rotor_open(&plant->rotor, r->inertia, r->viscous, r->sigma0, r->Fc) != DAHL_OK) {

@@ -25,6 +25,7 @@ typedef struct {
     const run_t *run;
     motion_t *reference;      /* NULL: [motor] */
     const encoder_t *encoder; /* with the last answer */
+    double Fc;                /* N m, torque of an answer of 1 */
     FILE *trace;              /* NULL: not written */
     int trace_errno;          /* of a failed row; 0: all are written */
     rotor_t rotor;
@@ -43,8 +44,8 @@ typedef struct {
     uint64_t reversals;    /* of the reference */
 } plant_t;
 
-/* reference: an open motion, or NULL for [motor]. False: one error line was printed. */
-bool plant_open(plant_t *plant, const run_t *run, motion_t *reference, const encoder_t *encoder);
+/* reference: an open motion, or NULL for [motor]. Fc: of the node. False: one error line was printed. */
+bool plant_open(plant_t *plant, const run_t *run, motion_t *reference, const encoder_t *encoder, float Fc);
 
 /* Open the trace: a CSV row of time, angles, velocity and torques for each tick. Returns false with errno set on failure. */
 bool plant_trace(plant_t *plant, const char *path);

@@ -3,13 +3,13 @@
 #define _POSIX_C_SOURCE 200809L
 #include "run_file.h"
 
-#include <errno.h>
 #include <math.h>
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "lines.h"
 #include "stderr_messages.h"
 
 enum { SEGMENTS = MOTION_SEGMENTS, STEERING = MOTION_STEERING, COUNTS = MOTION_COUNTS, ANY = SEGMENTS | STEERING | COUNTS };
@@ -30,6 +30,7 @@ typedef struct {
 
 #define RUN_KEY(section, name, type, low, high, need, usual, kinds) \
     {#section, #section "." #name, offsetof(run_t, section.name), type, low, high, need, usual, kinds},
+#define RUN_OWN(name, low, high) {"friction", "friction." #name, offsetof(run_t, friction.own), NUMBER, low, high, OWN, 0, ANY},
 #define RUN_FAULT(NAME, name) \
     {"faults", "faults." #name, offsetof(run_t, faults[FAULT_##NAME]), NUMBER, 0, 1, OPTIONAL, 0, ANY},
 static const run_key_t keys[] = {
@@ -51,7 +52,7 @@ enum { KEYS = sizeof keys / sizeof keys[0], SECTIONS = sizeof sections / sizeof 
 typedef struct {
     run_t *run;
     const char *path;
-    int line;
+    int line;           /* present one */
     int key_line[KEYS]; /* 0: absent */
 } reader_t;
 
@@ -85,14 +86,15 @@ static bool read_number(const reader_t *r, const run_key_t *key, const char *val
 {
     char *end;
     double number = strtod(value, &end);
-    const char *why = end == value || *end != '\0' || !isfinite(number) ? "not a finite number"
+    bool is_decimal = value[strspn(value, "0123456789+-.eE")] == '\0';
+    const char *why = end == value || *end != '\0' || !is_decimal || !isfinite(number) ? "not a finite decimal number"
                       : key->type == WHOLE && fabs(number - trunc(number)) > 0 ? "not a whole number" : NULL;
     if (why != NULL) {
-        log_error("%s:%d: %s = %s: %s", r->path, r->line, key->name, value, why);
+        log_error("%s:%d: %s = %.80s: %s", r->path, r->line, key->name, value, why);
         return false;
     }
     if (number < key->low || number > key->high) {
-        log_error("%s:%d: %s = %s: outside %.10g to %.10g", r->path, r->line, key->name, value, key->low, key->high);
+        log_error("%s:%d: %s = %.80s: outside %.10g to %.10g", r->path, r->line, key->name, value, key->low, key->high);
         return false;
     }
     *to = number;
@@ -102,7 +104,7 @@ static bool read_number(const reader_t *r, const run_key_t *key, const char *val
 static bool read_text(const reader_t *r, const run_key_t *key, const char *value, char *to)
 {
     if (value[0] == '\0' || strlen(value) >= RUN_TEXT) {
-        log_error("%s:%d: %s: %s", r->path, r->line, key->name, value[0] != '\0' ? "too long" : "empty");
+        log_error("%s:%d: %s: %s", r->path, r->line, key->name, value[0] != '\0' ? "longer than 1023 bytes" : "empty");
         return false;
     }
     strcpy(to, value);
@@ -118,7 +120,7 @@ static bool read_list(const reader_t *r, const run_key_t *key, const char *value
     }
     for (char *word = strtok_r(copy, " \t", &rest); word != NULL; word = strtok_r(NULL, " \t", &rest)) {
         if (to->count == DAHL_SLIP_MAX) {
-            log_error("%s:%d: %s = %s: more than %d numbers", r->path, r->line, key->name, value, DAHL_SLIP_MAX);
+            log_error("%s:%d: %s = %.80s: more than %d numbers", r->path, r->line, key->name, value, DAHL_SLIP_MAX);
             return false;
         }
         if (!read_number(r, key, word, &to->value[to->count])) {
@@ -148,7 +150,7 @@ static bool read_value(reader_t *r, int i, const char *value)
 
 /* --- lines ---------------------------------------------------------------------------------------------------------------- */
 
-static const char BLANKS[] = " \t\r\n";
+static const char BLANKS[] = " \t\r";
 
 /* Remove blanks at both ends. */
 static char *trim(char *text)
@@ -194,20 +196,17 @@ static bool read_line(reader_t *r, char *line)
     return read_value(r, i, trim(equals + 1));
 }
 
-static bool read_lines(reader_t *r, FILE *file)
+static bool read_lines(reader_t *r, lines_t *lines)
 {
-    char *line = NULL;
-    size_t room = 0;
-    bool is_good = true;
-    for (r->line = 1; is_good && getline(&line, &room, file) >= 0; r->line++) {
-        is_good = read_line(r, line);
+    int result = 1;
+    while (result == 1) {
+        result = lines_next(lines);
+        r->line = (int)lines->line;
+        if (result == 1 && !read_line(r, lines->text)) {
+            return false;
+        }
     }
-    free(line);
-    if (is_good && ferror(file) != 0) {
-        log_error("%s: cannot be read: %s", r->path, strerror(errno));
-        is_good = false;
-    }
-    return is_good;
+    return result == 0;
 }
 
 /* --- the whole ------------------------------------------------------------------------------------------------------------ */
@@ -222,7 +221,7 @@ static bool find_kind(const reader_t *r)
             return true;
         }
     }
-    log_error("%s:%d: motion.kind = %s: not one of segments, steering, counts", r->path, line_of(r, "motion.kind"), motion->kind);
+    log_error("%s:%d: motion.kind = %.80s: not one of segments, steering, counts", r->path, line_of(r, "motion.kind"), motion->kind);
     return false;
 }
 
@@ -233,6 +232,10 @@ static bool check_keys(const reader_t *r)
         bool is_for_kind = key->kinds == ANY || (key->kinds & r->run->motion.number) != 0;
         if (*has_section(r->run, key->section) && key->need == REQUIRED && is_for_kind && r->key_line[i] == 0) {
             log_error("%s: %s is missing", r->path, key->name);
+            return false;
+        }
+        if (!is_for_kind && r->key_line[i] != 0) {
+            log_error("%s:%d: %s has no meaning for motion.kind = %s", r->path, r->key_line[i], key->name, r->run->motion.kind);
             return false;
         }
     }
@@ -294,25 +297,24 @@ static bool check_inertia(const reader_t *r)
 typedef struct {
     const char *name;
     uint32_t sigma0, Fc; /* count of numbers; 0: one for each element */
+    const char *own;     /* its own key; "friction." if it has none */
 } model_row_t;
 
-#define MODEL_ROW(name, NAME, Class, number, sigma0s, Fcs, ...) {#name, sigma0s, Fcs},
+#define MODEL_ROW(name, NAME, Class, number, sigma0s, Fcs, plan, key, ...) {#name, sigma0s, Fcs, "friction." key},
 static const model_row_t models[] = {DAHL_MODELS(MODEL_ROW)};
 #define MODEL_NAME(name, ...) ", " #name
 static const char model_names[] = DAHL_MODELS(MODEL_NAME);
 
-enum { MODELS = sizeof models / sizeof models[0] };
-
 static bool find_model(const reader_t *r)
 {
     run_friction_t *f = &r->run->friction;
-    for (int i = 0; i < MODELS; i++) {
+    for (int i = 0; i < RUN_MODELS; i++) {
         if (strcmp(f->model[0] == '\0' ? "dahl" : f->model, models[i].name) == 0) {
             f->number = (run_model_t)i;
             return true;
         }
     }
-    log_error("%s:%d: friction.model = %s: not one of %s", r->path, line_of(r, "friction.model"), f->model, model_names + 2);
+    log_error("%s:%d: friction.model = %.80s: not one of %s", r->path, line_of(r, "friction.model"), f->model, model_names + 2);
     return false;
 }
 
@@ -328,6 +330,24 @@ static bool check_numbers_of_elements(const reader_t *r)
     return is_good;
 }
 
+/* The model's own key must be there, and no key of another model. */
+static bool check_own_keys(const reader_t *r)
+{
+    const model_row_t *model = &models[r->run->friction.number];
+    for (const model_row_t *owner = models; owner < models + RUN_MODELS; owner++) {
+        int i = find_key(owner->own);
+        if (i < KEYS && owner == model && r->key_line[i] == 0) {
+            log_error("%s: %s is missing: friction.model = %s needs it", r->path, owner->own, owner->name);
+            return false;
+        }
+        if (i < KEYS && owner != model && r->key_line[i] != 0) {
+            log_error("%s:%d: %s has no meaning for friction.model = %s", r->path, r->key_line[i], owner->own, model->name);
+            return false;
+        }
+    }
+    return true;
+}
+
 /* Read dahl or slip for each element of parallel. */
 static bool read_kinds(const reader_t *r)
 {
@@ -340,34 +360,18 @@ static bool read_kinds(const reader_t *r)
         is_good = is_good && (strcmp(word, "slip") == 0 || strcmp(word, "dahl") == 0);
         f->slips |= count < DAHL_SLIP_MAX && word[0] == 's' ? 1u << count : 0u;
     }
-    if (count == 0) {
-        log_error("%s: friction.kinds is missing", r->path);
-    } else if (!is_good || count != f->Fc.count) {
-        log_error("%s:%d: friction.kinds = %s: not dahl or slip for each of %u elements", r->path, line_of(r, "friction.kinds"),
+    is_good = is_good && count == f->Fc.count;
+    if (!is_good) {
+        log_error("%s:%d: friction.kinds = %.80s: not dahl or slip for each of %u elements", r->path, line_of(r, "friction.kinds"),
                   f->kinds, f->Fc.count);
     }
-    return is_good && count == f->Fc.count;
-}
-
-/* Compute the sigma0 and Fc that the ratio on the bus refers to. */
-static void sum_elements(run_friction_t *f)
-{
-    for (uint32_t k = 0; k < f->sigma0.count; k++) {
-        f->total_sigma0 += f->sigma0.value[k];
-    }
-    for (uint32_t k = 0; k < f->Fc.count; k++) {
-        f->total_Fc = models[f->number].Fc == 2 ? fmax(f->total_Fc, f->Fc.value[k]) : f->total_Fc + f->Fc.value[k];
-    }
+    return is_good;
 }
 
 static bool read_model(const reader_t *r)
 {
-    run_friction_t *f = &r->run->friction;
-    if (!find_model(r) || !check_numbers_of_elements(r) || (f->number == MODEL_PARALLEL && !read_kinds(r))) {
-        return false;
-    }
-    sum_elements(f);
-    return true;
+    return find_model(r) && check_numbers_of_elements(r) && check_own_keys(r) &&
+           (r->run->friction.number != MODEL_PARALLEL || read_kinds(r));
 }
 
 static bool check(const reader_t *r)
@@ -390,13 +394,12 @@ static void set_defaults(run_t *run)
 bool run_file_read(run_t *run, const char *path)
 {
     reader_t reader = {.run = run, .path = path};
+    lines_t lines;
     set_defaults(run);
-    FILE *file = fopen(path, "r");
-    if (file == NULL) {
-        log_error("%s: %s", path, strerror(errno));
+    if (!lines_open(&lines, path)) {
         return false;
     }
-    bool is_good = read_lines(&reader, file) && check(&reader);
-    fclose(file);
+    bool is_good = read_lines(&reader, &lines) && check(&reader);
+    lines_close(&lines);
     return is_good;
 }

@@ -25,18 +25,17 @@ typedef struct {
 } run_list_t;
 
 #define RUN_MODEL(name, NAME, ...) MODEL_##NAME,
-typedef enum { DAHL_MODELS(RUN_MODEL) } run_model_t;
+typedef enum { DAHL_MODELS(RUN_MODEL) RUN_MODELS } run_model_t;
 
 typedef struct {
     char model[RUN_TEXT], kinds[RUN_TEXT];
     run_list_t sigma0, Fc; /* of each element, or one sigma0 and Fc forward, backward */
-    double breakaway;
+    double own; /* value of the own key of the model, if that is a number */
     double theta_per_count, node, timeout_ms;
     double gain, limit, ramp_ms, max_step;
     /* derived from the keys */
     run_model_t number;
-    uint32_t slips;                 /* of parallel: bit k is set if element k slips */
-    double total_sigma0, total_Fc;  /* of the ratio on the bus: the sums, or the larger Fc of two directions */
+    uint32_t slips; /* of parallel: bit k is set if element k slips */
 } run_friction_t;
 
 typedef struct {

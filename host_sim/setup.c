@@ -12,31 +12,19 @@ static uint32_t to_us(double ms)
     return (uint32_t)lround(ms * US_PER_MS);
 }
 
-static void configure_node(const setup_t *s, dahl_node_t *node)
+static int create_node(setup_t *s, dahl_node_t *node, uint8_t number)
 {
     const run_friction_t *f = &s->run->friction;
+    if (models_start(node, &s->models[number], f, number, s->options->run_file) != 0) {
+        return -1;
+    }
     node->status_us = s->run->has_status ? to_us(s->run->status.period_ms) : 0;
-    node->timeout_us = to_us(s->run->friction.timeout_ms);
+    node->timeout_us = to_us(f->timeout_ms);
     node->gain = (uint32_t)lround(f->gain * DAHL_NODE_ONE);
     node->limit = (uint32_t)lround(f->limit * DAHL_NODE_ONE);
     node->ramp_us = to_us(f->ramp_ms);
     node->max_step = (uint32_t)lround(f->max_step);
     node->gain_now = node->ramp_us == 0 ? node->gain : 0;
-}
-
-static int create_node(setup_t *s, dahl_node_t *node, uint8_t number)
-{
-    const run_friction_t *f = &s->run->friction;
-    dahl_params_t params = {(float)f->total_sigma0, (float)f->total_Fc, (float)f->theta_per_count};
-    dahl_err_t result = dahl_node_init(node, &params, number);
-    if (result == DAHL_OK) {
-        result = models_use(node, &s->models[number], f);
-    }
-    if (result != DAHL_OK) {
-        return log_error("%s: friction.sigma0 = %.9g, Fc = %.9g, theta_per_count = %.9g: the model refuses (dahl_err_t %d)",
-                         s->options->run_file, f->total_sigma0, f->total_Fc, f->theta_per_count, (int)result);
-    }
-    configure_node(s, node);
     return 0;
 }
 
@@ -47,7 +35,6 @@ uint8_t setup_number(const setup_t *s, uint32_t i)
 
 static int create_nodes(setup_t *s)
 {
-    s->node_count = s->options->nodes;
     for (uint32_t i = 0; i < s->options->nodes; i++) {
         if (create_node(s, &s->nodes[i], setup_number(s, i)) != 0) {
             return -1;
@@ -59,7 +46,7 @@ static int create_nodes(setup_t *s)
 static int create_plant(setup_t *s)
 {
     motion_t *reference = s->run->has_control ? &s->motions[0] : NULL;
-    if (!plant_open(&s->plant, s->run, reference, &s->encoders[0])) {
+    if (!plant_open(&s->plant, s->run, reference, &s->encoders[0], s->nodes[0].params.Fc)) {
         return -1;
     }
     s->encoders[0].motion = &s->plant.motion;
@@ -88,8 +75,8 @@ static int create_encoder(setup_t *s, uint32_t i)
 
 static int create_encoders(setup_t *s)
 {
-    s->encoder_count = s->options->nodes;
-    for (uint32_t i = 0; i < s->options->nodes; i++) {
+    s->encoder_count = (uint32_t)s->options->nodes;
+    for (uint32_t i = 0; i < s->encoder_count; i++) {
         if (create_encoder(s, i) != 0) {
             return -1;
         }
@@ -99,7 +86,7 @@ static int create_encoders(setup_t *s)
 
 static int check_numbers(const setup_t *s)
 {
-    unsigned nodes = s->options->nodes;
+    unsigned nodes = (unsigned)s->options->nodes;
     if (setup_number(s, nodes - 1) >= DAHL_FRAMES_NODES) {
         return log_error("--nodes %u: with friction.node = %u, numbers would pass %u", nodes,
                          (unsigned)s->run->friction.node, (unsigned)DAHL_FRAMES_NODES - 1);
@@ -133,9 +120,10 @@ int setup_create(setup_t *s)
     bool has_node = s->options->run_node && s->run->has_friction;
     bool has_encoder = s->options->run_encoder && (s->run->has_motion || s->run->has_motor);
     int result = check_roles(s, has_node, has_encoder);
-    if (result == 0 && has_node) {
+    if (result == 0 && s->run->has_friction) { /* an encoder of a shaft needs their Fc */
         result = create_nodes(s);
     }
+    s->node_count = has_node ? (uint32_t)s->options->nodes : 0;
     if (result == 0 && has_encoder) {
         result = create_encoders(s);
     }

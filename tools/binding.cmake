@@ -2,10 +2,14 @@
 # _dahl.abi3.so, a module of cffi for Python whose calls cost half; needs cffi and Python.h, and is left out without them. It lies
 # next to libdahl.so; tools/dahl/binding/library.py loads both. tools/generators/facts.py writes its declarations.
 # Shaft and controller of dahl-loop are in libdahl.so too, for the simulations in Python.
-set(headers dahl.h dahl_encoder.h dahl_parts.h dahl_compensator.h dahl_commission.h dahl_float.h dahl_batch.h dahl_can_bus.h dahl_frames.h dahl_node.h
-    rotor.h controller.h)
+set(headers dahl.h dahl_encoder.h dahl_parts.h dahl_compensator.h dahl_commission.h dahl_float.h dahl_batch.h dahl_can_bus.h
+    dahl_frames.h dahl_node.h rotor.h controller.h compare/compare.h)
 set(sim ${PROJECT_SOURCE_DIR}/host_sim)
-target_sources(dahl_shared PRIVATE ${sim}/rotor.c ${sim}/controller.c)
+set(simulated ${sim}/rotor.c ${sim}/controller.c ${sim}/compare/compare.c ${sim}/compare/library_law.c ${sim}/compare/rivals.c
+    ${sim}/compare/true_friction.c)
+target_sources(dahl_shared PRIVATE ${simulated})
+# Only the names of the library are unique in one unit.
+set_source_files_properties(${simulated} TARGET_DIRECTORY dahl_shared PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
 set(declarations ${PROJECT_SOURCE_DIR}/tools/dahl/binding/declarations.cdef)
 set(module_source ${PROJECT_BINARY_DIR}/binding/_dahl.c)
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 # Files of the Python package besides its modules, for the build of a wheel (pyproject.toml): the library, dahl-loop, the public
-# headers, the bus description, the scenes. tools/dahl/paths.py finds them.
+# headers, the bus description, the scenes and their keys. tools/dahl/paths.py finds them.
 set(DAHL_BUILD_FLOAT ON)
 set(DAHL_BUILD_BATCH ON)
 set(DAHL_BUILD_SHARED ON)
@@ -23,7 +23,7 @@ function(dahl_install_wheel)
         install(TARGETS dahl_module LIBRARY DESTINATION dahl/lib COMPONENT python)
     endif()
     install(DIRECTORY lib/include/ DESTINATION dahl/share/include COMPONENT python)
-    install(FILES lib/node/dahl.dbc LICENSE DESTINATION dahl/share COMPONENT python)
+    install(FILES lib/node/dahl.dbc host_sim/keys.csv LICENSE DESTINATION dahl/share COMPONENT python)
     install(DIRECTORY lib/arith lib/model lib/parts DESTINATION dahl/share/lib COMPONENT python) # sources of an FMU
     install(DIRECTORY port/fmu port/mujoco port/simulators DESTINATION dahl/share COMPONENT python FILES_MATCHING PATTERN "*.[ch]")
     install(DIRECTORY host_sim/scenes DESTINATION dahl/share COMPONENT python)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * New parameters of a compensator between two ticks.
+ * New parameters of a compensator or an observer between two ticks.
  *
  * Torques are fractions of Fc, and the speed is one of fade_speed. Each is multiplied by the old unit over the new one.
  * The product is truncated, so a torque never grows. It loses less than one unit, which prepare reserves of the slew.
@@ -10,6 +10,7 @@
 #include "dahl_compensator.h"
 
 #define CHANGED_SPEED_MAX_Q20 (INT32_C(1) << 30)
+#define CHANGED_RESIDUAL_MAX_Q24 ((INT32_C(1) << 30) - 1) /* a difference of two fits 32 bits */
 #define PRODUCT_BITS 55 /* of 31 bits and the 24 of a float */
 #define PRODUCT_END ((uint64_t)1 << PRODUCT_BITS)
 
@@ -32,6 +33,12 @@ static int32_t convert_unit(int32_t x, dahl_real_t from, dahl_real_t to)
     const uint64_t numerator = shift_product(dahl_mul(dahl_magnitude(x), from.mantissa >> 8), shift);
     const int32_t size = numerator < denominator ? (int32_t)dahl_quotient(numerator, denominator, 31) : INT32_MAX;
     return x < 0 ? -size : size;
+}
+
+/** Return a torque in the new unit, 0 if one of the plans is all zeros. */
+static int32_t convert_torque(int32_t x, dahl_real_t before, dahl_real_t after)
+{
+    return before.mantissa == 0 || after.mantissa == 0 ? 0 : convert_unit(x, before, after);
 }
 
 /** Keep the distance to the nearer end of the play. */
@@ -61,8 +68,32 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
     const dahl_real_t before = {from->Fc_mantissa, from->Fc_exponent}, after = {to->Fc_mantissa, to->Fc_exponent};
     int32_t *const torques[] = {&compensator->ratio_q30, &compensator->wanted_q30, &compensator->torque_q30};
     for (int k = 0; k < 3; k++) {
-        *torques[k] = before.mantissa == 0 || after.mantissa == 0 ? 0 : convert_unit(*torques[k], before, after);
+        *torques[k] = convert_torque(*torques[k], before, after);
     }
     compensator->speed_q20 = convert_speed(from, to, compensator);
     compensator->play_position = convert_position(compensator->play_position, from->play, to->play);
+}
+
+static int32_t convert_residual(int32_t x, dahl_real_t before, dahl_real_t after)
+{
+    return dahl_limit(convert_torque(x, before, after), CHANGED_RESIDUAL_MAX_Q24);
+}
+
+/** Convert the upper word of a low-pass; the lower one is below the rounding. */
+static int64_t convert_low_pass(int64_t x_q56, dahl_real_t before, dahl_real_t after)
+{
+    return convert_residual((int32_t)(x_q56 >> 32), before, after) * ((int64_t)1 << 32);
+}
+
+/** A move of the old period has no use in the new one. */
+void dahl_residual_change(const dahl_residual_plan_t *from, const dahl_residual_plan_t *to, dahl_residual_t *residual)
+{
+    const dahl_real_t before = {from->Fc_mantissa, from->Fc_exponent}, after = {to->Fc_mantissa, to->Fc_exponent};
+    for (int k = 0; k < DAHL_RESIDUAL_TICKS; k++) {
+        residual->unexplained_q24[k] = convert_residual(residual->unexplained_q24[k], before, after);
+    }
+    residual->raw_q56 = convert_low_pass(residual->raw_q56, before, after);
+    residual->filtered_q56 = convert_low_pass(residual->filtered_q56, before, after);
+    residual->torque_q24 = convert_torque(residual->torque_q24, before, after);
+    residual->move = 0;
 }

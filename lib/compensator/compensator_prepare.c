@@ -6,27 +6,11 @@
 
 #define SPEED_MEAN_S 0.012f /* 2 to 3 counts of a 12-bit encoder at 1 rad/s */
 #define SPEED_SHIFT_MAX 12
-#define PULL_SHIFT_MAX 30 /* bits of a ratio */
-#define SQRT2_Q31 3037000500u
-#define TWO_PI 6.2831855f
 #define FINE_COUNTS ((float)DAHL_COMPENSATOR_FINE_COUNTS)
 #define COARSE_SPEED_Q20 ((UINT32_C(1) << 20) / DAHL_COMPENSATOR_FINE_COUNTS)
 #define ONE_Q16 (UINT32_C(1) << 16)
 #define LIMIT_MAX INT32_MAX
 #define ELASTIC_LENGTHS_LOG2 2 /* 4 length_long */
-
-/** Return a code of dahl_err_t. The OR of several is the most severe one. */
-static DAHL_COLD int32_t check_value(float value, int may_be_zero)
-{
-    const uint32_t bits = dahl_bits_of(value);
-    if (dahl_is_zero(value)) {
-        return may_be_zero ? DAHL_OK : DAHL_ERR_PARAM;
-    }
-    if (bits >= DAHL_BITS_INF) { /* infinite, NaN, or negative */
-        return DAHL_ERR_PARAM;
-    }
-    return dahl_bits_of(DAHL_TORQUE_MIN) <= bits && bits < dahl_bits_of(DAHL_TORQUE_MAX) ? DAHL_OK : DAHL_ERR_RANGE;
-}
 
 static int is_measured(const dahl_compensator_params_t *params)
 {
@@ -36,8 +20,8 @@ static int is_measured(const dahl_compensator_params_t *params)
 /** Only the measured law needs the axis. */
 static DAHL_COLD int32_t check_axis(const dahl_compensator_params_t *params)
 {
-    return check_value(params->sigma0_high, 0) | check_value(params->load, 1) | check_value(params->inertia, 0)
-        | check_value(params->delay, 0);
+    return dahl_check_value(params->sigma0_high, 0) | dahl_check_value(params->load, 1) | dahl_check_value(params->inertia, 0)
+        | dahl_check_value(params->delay, 0);
 }
 
 static DAHL_COLD dahl_compensator_err_t check_values(const dahl_compensator_params_t *params)
@@ -45,11 +29,11 @@ static DAHL_COLD dahl_compensator_err_t check_values(const dahl_compensator_para
     const int is_reference = params->law == DAHL_COMPENSATOR_REFERENCE;
     int32_t err = dahl_check_params_by_counts(&params->friction);
     err |= is_reference || is_measured(params) ? DAHL_OK : DAHL_ERR_PARAM;
-    err |= check_value(params->Fc_low, is_reference) | check_value(params->length_long, is_reference);
+    err |= dahl_check_value(params->Fc_low, is_reference) | dahl_check_value(params->length_long, is_reference);
     err |= is_measured(params) ? check_axis(params) : DAHL_OK;
-    err |= check_value(params->gain, 1) | check_value(params->limit, 0) | check_value(params->slew, 0);
-    err |= check_value(params->period, 0) | check_value(params->rise, 1) | check_value(params->fall, 1);
-    err |= check_value(params->fade_speed, 1) | check_value(params->pull, 1);
+    err |= dahl_check_value(params->gain, 1) | dahl_check_value(params->limit, 0) | dahl_check_value(params->slew, 0);
+    err |= dahl_check_value(params->period, 0) | dahl_check_value(params->rise, 1) | dahl_check_value(params->fall, 1);
+    err |= dahl_check_value(params->fade_speed, 1);
     err |= params->jump > 0 ? DAHL_OK : DAHL_ERR_PARAM;
     return dahl_compensator_code_of(err);
 }
@@ -179,18 +163,6 @@ static uint32_t fade_step_q30(dahl_real_t period, float time)
     return step > 0 ? step : 1;
 }
 
-/** Return the exponent of 2 nearest to that of 1/(2 pi pull period). */
-static uint8_t pull_shift(const dahl_compensator_params_t *params, dahl_real_t period)
-{
-    if (dahl_is_zero(params->pull)) {
-        return 0;
-    }
-    dahl_real_t angle = dahl_real_multiply(dahl_real_of_param(params->pull), dahl_real_of_param(TWO_PI));
-    dahl_real_t part = dahl_real_multiply(angle, period);
-    int32_t shift = -(part.exponent + 31) - (part.mantissa > SQRT2_Q31);
-    return (uint8_t)(shift < 1 ? 1 : shift > PULL_SHIFT_MAX ? PULL_SHIFT_MAX : shift);
-}
-
 static DAHL_COLD void write_compensator_plan(dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params)
 {
     const dahl_real_t Fc = dahl_real_of_param(params->friction.Fc), period = dahl_real_of_param(params->period);
@@ -211,7 +183,6 @@ static DAHL_COLD void write_compensator_plan(dahl_compensator_plan_t *plan, cons
     plan->speed_unit = speed_unit(params);
     plan->speed_shift = dahl_real_doublings(SPEED_MEAN_S, period, SPEED_SHIFT_MAX);
     plan->speed_mask = (UINT32_C(1) << plan->speed_shift) - 1;
-    plan->pull_shift = pull_shift(params, period);
 }
 
 DAHL_COLD dahl_compensator_err_t dahl_compensator_prepare(dahl_compensator_plan_t *plan,

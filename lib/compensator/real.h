@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT */
-/** For prepare functions: codes, and sums, products and quotients of parameters as mantissa 2^exponent of 32 bits. */
+/** For prepare functions: checks, codes, and sums, products and quotients of parameters as mantissa 2^exponent of 32 bits. */
 #ifndef DAHL_REAL_H
 #define DAHL_REAL_H
 
 #include "../arith/fixed.h"
+#include "../model/check_params.h"
 #include "dahl_compensator.h"
 
 /** Return the code of a dahl_err_t. */
@@ -30,6 +31,19 @@ static inline dahl_real_t dahl_real_round_down(uint64_t mantissa, int32_t expone
     dahl_wide_t wide = dahl_normalise(mantissa, exponent);
     dahl_real_t real = {(uint32_t)(wide.mantissa >> 32), wide.exponent + 32};
     return real;
+}
+
+/** Return a code of dahl_err_t. The OR of several is the most severe one. */
+static inline DAHL_COLD int32_t dahl_check_value(float value, int may_be_zero)
+{
+    const uint32_t bits = dahl_bits_of(value);
+    if (dahl_is_zero(value)) {
+        return may_be_zero ? DAHL_OK : DAHL_ERR_PARAM;
+    }
+    if (bits >= DAHL_BITS_INF) { /* infinite, NaN, or negative */
+        return DAHL_ERR_PARAM;
+    }
+    return dahl_bits_of(DAHL_TORQUE_MIN) <= bits && bits < dahl_bits_of(DAHL_TORQUE_MAX) ? DAHL_OK : DAHL_ERR_RANGE;
 }
 
 static inline DAHL_COLD dahl_real_t dahl_real_multiply(dahl_real_t a, dahl_real_t b)
@@ -65,16 +79,6 @@ static inline DAHL_COLD uint8_t dahl_real_doublings(float time, dahl_real_t peri
 static inline DAHL_COLD uint32_t dahl_real_speed_unit(dahl_real_t speed, dahl_real_t period, dahl_real_t theta)
 {
     return dahl_real_to_fixed(dahl_real_divide(theta, dahl_real_multiply(speed, period)), 20, DAHL_ONE_Q30);
-}
-
-/** Return the longest move whose product with a unit of at most 2^30 is at most 2^30. */
-static inline uint32_t dahl_real_speed_counts(uint32_t unit)
-{
-    uint32_t counts = DAHL_ONE_Q30;
-    for (; unit > 1; unit = (unit + 1) / 2) {
-        counts /= 2;
-    }
-    return counts;
 }
 
 /** Return x 2^(30 - shift), truncated. A loop, because Cortex-M0 would call a helper function for the shift. */

@@ -103,8 +103,6 @@ public:
     bool state_ok() const { return dahl_state_ok(&state_) != 0; }
 
 private:
-    friend class Compensator; // pull()
-
     const dahl_plan_t *plan_;
     dahl_state_t state_;
 };
@@ -174,11 +172,6 @@ public:
     }
     /// dahl_compensator_torque()
     int32_t torque(int32_t ratio_q30) { return dahl_compensator_torque(plan_, &state_, ratio_q30); }
-    /// dahl_compensator_pull(): draw `bearing`, which the reference steps, to `measured`.
-    void pull(Bearing &bearing, const Bearing &measured) const
-    {
-        dahl_compensator_pull(plan_, &bearing.state_, &measured.state_);
-    }
 
     /// dahl_compensator_change(): use other parameters from now on. Call it between two ticks.
     void change(const CompensatorPlan &to) { change(to.c()); }
@@ -195,6 +188,64 @@ public:
 private:
     const dahl_compensator_plan_t *plan_;
     dahl_compensator_t state_;
+};
+
+/// Prepared parameters of residual observers. Before prepare(), torques are 0.
+class ResidualPlan {
+public:
+    /// A plan of all zeros.
+    constexpr ResidualPlan() : plan_() {}
+
+    /// dahl_residual_prepare(). If it fails, the plan is unchanged.
+    DAHL_NODISCARD dahl_compensator_err_t prepare(const dahl_compensator_params_t &params,
+                                                  const dahl_residual_params_t &residual)
+    {
+        return dahl_residual_prepare(&plan_, &params, &residual);
+    }
+
+    /// The C plan.
+    constexpr const dahl_residual_plan_t &c() const { return plan_; }
+
+private:
+    dahl_residual_plan_t plan_;
+};
+
+/**
+ * Residual observer of one axis (dahl_compensator.h): a reference to a plan, which must outlive it,
+ * and a state. Call torque() after Compensator::move(), and note() at the end of the tick.
+ */
+class Residual {
+public:
+    /// An observer without a residual.
+    explicit constexpr Residual(const ResidualPlan &plan) : plan_(&plan.c()), state_() {}
+    /// The same on a C plan.
+    explicit constexpr Residual(const dahl_residual_plan_t &plan) : plan_(&plan), state_() {}
+
+    /// dahl_residual_torque()
+    int32_t torque(const Compensator &compensator, int32_t dcounts)
+    {
+        return dahl_residual_torque(plan_, &state_, &compensator.state(), dcounts);
+    }
+    /// dahl_residual_note() with dahl_residual_q24(): motor torque less known feed-forwards, N m.
+    void note(float unexplained) { note_q24(dahl_residual_q24(plan_, unexplained)); }
+    /// dahl_residual_note()
+    void note_q24(int32_t unexplained_q24) { dahl_residual_note(&state_, unexplained_q24); }
+
+    /// dahl_residual_change(): use other parameters from now on. Call it between two ticks.
+    void change(const ResidualPlan &to) { change(to.c()); }
+    /// dahl_residual_change() to a C plan.
+    void change(const dahl_residual_plan_t &to)
+    {
+        dahl_residual_change(plan_, &to, &state_);
+        plan_ = &to;
+    }
+
+    /// The C state, with all telemetry.
+    constexpr const dahl_residual_t &state() const { return state_; }
+
+private:
+    const dahl_residual_plan_t *plan_;
+    dahl_residual_t state_;
 };
 
 /// dahl_to_units()

@@ -145,7 +145,7 @@ typedef enum {
 #define DAHL_FRAMES_MODELS(MODEL) DAHL_MODELS(MODEL)
 
 /** One value of parameter Model. */
-#define DAHL_FRAMES_MODEL(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning) \
+#define DAHL_FRAMES_MODEL(name, NAME, Class, number, ...) \
     DAHL_FRAMES_MODEL_##NAME = (number),
 
 /** Values of parameter Model: DAHL_FRAMES_MODEL_NAME of each row. */

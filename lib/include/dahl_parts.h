@@ -331,6 +331,61 @@ float dahl_velocity_torque(const dahl_velocity_plan_t *plan, int32_t dcounts);
  * @return torque over the largest |torque|, in Q30
  */
 int32_t dahl_velocity_torque_q30(const dahl_velocity_plan_t *plan, int32_t dcounts);
+
+/**
+ * @name Presliding damping
+ * For a motor that renders friction: a knob, a wheel of a simulator. The element alone is a spring
+ * in presliding. The motor acts on it late, so a shaft that rests buzzes. LuGre's sigma1 damps it.
+ * @verbatim
+ *   y = F + sigma1/sigma0 dF/dt              [N m], with dF of a tick: it changes by travel only
+ *   w = dahl_step_counts_q30(&plan, &state, dcounts);
+ *   command_mNm = -dahl_to_units(dahl_damping_apply(&damping_plan, &damping, w), Fc_mNm);
+ * @endverbatim
+ * Choose sigma1 = 2 zeta sqrt(inertia sigma0) in N m s/rad, zeta 0.2 to 0.3; inertia: all that the
+ * motor turns. A free shaft then rests within 2 counts if
+ * - sqrt(sigma0/inertia) (delay + period) <= 0.4, delay from reading to torque: lower sigma0,
+ * - a count of the encoder is at most Fc/(5 sigma0): lower sigma0, or use a finer encoder.
+ *
+ * With noise of +-1 count it rests within 10 counts if a count is at most Fc/(20 sigma0). Do not
+ * put the counts behind a play: it delays the torque, and the shaft buzzes again. docs/rendering.md
+ * has the largest sigma0 for an inertia, a tick and a delay.
+ */
+/** @{ */
+
+/** Prepared damping; may be `const` in flash. All zeros: no damping. */
+typedef struct {
+    int32_t gain_q16; /**< [Q16] sigma1/(sigma0 period), above 0 */
+} dahl_damping_plan_t;
+
+/** State of the damping. All zeros: a relaxed element. After a jump of the element's state, set it
+ * to the torque of the element. */
+typedef struct {
+    int32_t ratio_q30; /**< [Q30 of Fc] torque of the element in the last tick */
+} dahl_damping_t;
+
+/**
+ * Prepare the damping.
+ * @param[out] plan   plan to write; unchanged if the call fails
+ * @param      params parameters of the element: its steepest sigma0
+ * @param      sigma1 [N m s/rad] damping, 2^-64 <= sigma1 < 2^64
+ * @param      period [s] time between two ticks, 2^-64 <= period < 2^64
+ * @return #DAHL_OK; #DAHL_ERR_PARAM if a value is NaN, infinite, zero or negative; #DAHL_ERR_RANGE
+ *   if one is out of range, or sigma1/(sigma0 period) is outside 2^-16 .. 32767
+ */
+DAHL_NODISCARD dahl_err_t dahl_damping_prepare(dahl_damping_plan_t *plan,
+                                               const dahl_params_t *params, float sigma1,
+                                               float period);
+
+/**
+ * Add the damping to the torque of the element. Call it once in each tick.
+ * @param plan      prepared plan
+ * @param damping   state
+ * @param ratio_q30 [Q30 of Fc] torque of the element, any int32_t
+ * @return [Q30 of Fc] ratio_q30 and its change times sigma1/(sigma0 period), within 2 Fc
+ */
+int32_t dahl_damping_apply(const dahl_damping_plan_t *plan, dahl_damping_t *damping,
+                           int32_t ratio_q30);
+/** @} */
 /** @} */
 
 /**
@@ -553,7 +608,7 @@ int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan
 /** The friction models: one row each. Nodes, simulators, log calls, scenes, the Python package,
  * dahl.dbc and the pages read this table.
  *
- *     MODEL(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning)
+ *     MODEL(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning, low, high)
  *
  * - name: in scenes and options. Its types are dahl_name_plan_t and dahl_name_state_t, and its
  *   objects dahl_model_name and dahl_model_name_q30. Those of the Dahl element are dahl_plan_t,
@@ -567,26 +622,30 @@ int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan
  *   is F divided by the sum of all Fc. For two directions, it is F divided by the larger Fc.
  * - plan: 1 if `dahl plan --model` can write its plan as a constant for flash.
  * - key: its own key in [friction] of a scene; "" if there is none.
- * - meaning: what that key sets, or other data that the model needs. */
+ * - meaning: what that key sets, or other data that the model needs.
+ * - low, high: both allowed values of the key if it is a number, which params.own then holds;
+ *   otherwise 0, 0. */
 /* clang-format off */
 #define DAHL_OTHER_MODELS(MODEL) \
-    MODEL(slip, SLIP, Slip, 0, 0, 0, 1, "", "") \
-    MODEL(parallel, PARALLEL, Parallel, 32, 0, 0, 0, "kinds", "`dahl` or `slip` for each element") \
+    MODEL(slip, SLIP, Slip, 0, 0, 0, 1, "", "", 0, 0) \
+    MODEL(parallel, PARALLEL, Parallel, 32, 0, 0, 0, "kinds", "`dahl` or `slip` for each element", \
+          0, 0) \
     MODEL(loaded, LOADED, Loaded, 18, 1, 1, 0, "", \
-          "a section `[load]`; `sigma0` and `Fc` hold at load 1") \
+          "a section `[load]`; `sigma0` and `Fc` hold at load 1", 0, 0) \
     DAHL_BRISTLE_MODELS(MODEL)
 
 /** Rows of the models with the state of one bristle, a dahl_state_t, and the calls
  * dahl_name_step_counts(plan, state, dcounts) and dahl_name_step_counts_q30(). Their log calls,
  * tests and benchmarks read these rows. */
 #define DAHL_BRISTLE_MODELS(MODEL) \
-    MODEL(elastoplastic, ELASTOPLASTIC, ElastoPlastic, 17, 1, 1, 1, "breakaway", "a fraction of Fc") \
-    MODEL(asymmetric, ASYMMETRIC, Asymmetric, 16, 1, 2, 1, "", "")
+    MODEL(elastoplastic, ELASTOPLASTIC, ElastoPlastic, 17, 1, 1, 1, "breakaway", \
+          "the fraction of Fc up to which nothing creeps", 1e-45, 0.9999999403953552) \
+    MODEL(asymmetric, ASYMMETRIC, Asymmetric, 16, 1, 2, 1, "", "", 0, 0)
 /* clang-format on */
 
 /** All models: the Dahl element and DAHL_OTHER_MODELS. */
 #define DAHL_MODELS(MODEL) \
-    MODEL(dahl, DAHL, Dahl, 0, 1, 1, 1, "", "") \
+    MODEL(dahl, DAHL, Dahl, 0, 1, 1, 1, "", "", 0, 0) \
     DAHL_OTHER_MODELS(MODEL)
 
 /** Parameters of any model. */
@@ -596,7 +655,7 @@ typedef struct {
                                   models whose sigma0s is 0 read `elements` */
     uint32_t slips;          /**< only `parallel` reads it. Bit k set: element k slips, otherwise it
                                   is a Dahl element */
-    float own;               /**< value of the model's own key: breakaway of `elastoplastic` */
+    float own;               /**< value of the model's own key */
 } dahl_model_params_t;
 
 /** Calls of a model. Ticks use integers only. A state of all zeros is relaxed. */

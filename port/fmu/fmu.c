@@ -106,7 +106,7 @@ static void read_parameters(friction_t *f, const fmu_start_t *start, const doubl
     *f = (friction_t){.model = friction_find(start->model),
                       .params = {.each = {.elements = start->Fcs, .theta_per_count = (float)value[FMU_THETA]},
                                  .slips = start->slips,
-                                 .own = (float)value[FMU_BREAKAWAY]},
+                                 .own = (float)value[FMU_OWN]},
                       .is_stiffness_fixed = start->fixed_stiffness != 0};
     for (uint32_t k = 0; k < start->Fcs; k++) {
         f->params.each.sigma0[k] = (float)value[FMU_SIGMA0 + k];

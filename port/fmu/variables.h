@@ -12,7 +12,7 @@ enum {
     FMU_TORQUE = 2,                      /* [N m] output */
     FMU_RATIO = 3,                       /* output, torque over the largest torque at load 1 */
     FMU_THETA = 4,                       /* [rad] theta_per_count; 0: moves by angle */
-    FMU_BREAKAWAY = 5,                   /* [Fc] of the model with this key */
+    FMU_OWN = 5,                         /* the number of the model's own key */
     FMU_SIGMA0 = 6,                      /* [N m/rad] of each element */
     FMU_FC = FMU_SIGMA0 + DAHL_SLIP_MAX, /* [N m] of each element, or of each direction */
     FMU_TIME = FMU_FC + DAHL_SLIP_MAX,   /* [s] of FMI 3.0 */

@@ -14,21 +14,20 @@
 /* A number, or a list of them. */
 typedef struct {
     const char *key;
-    const char *model; /* the only one with this key; NULL: that of the row of DAHL_MODELS with this key, else any model */
+    const char *model; /* the only one with this key; NULL: any model */
     bool is_needed;
     uint32_t max_values;
     double low, high; /* both allowed */
     size_t offset;    /* of a float or an array, in instance_t */
 } range_t;
 
-enum { SIGMA0, FC, THETA, BREAKAWAY, FULL, REST, RANGES };
+enum { SIGMA0, FC, THETA, FULL, REST, RANGES };
 #define MEMBER(name) offsetof(instance_t, name)
-/* breakaway, full and rest as in host_sim/keys.csv */
+/* full and rest as in host_sim/keys.csv */
 static const range_t ranges[RANGES] = {
     [SIGMA0] = {"sigma0", NULL, true, DAHL_SLIP_MAX, PARAM_MIN, PARAM_MAX, MEMBER(friction.params.each.sigma0)},
     [FC] = {"Fc", NULL, true, DAHL_SLIP_MAX, PARAM_MIN, PARAM_MAX, MEMBER(friction.params.each.Fc)},
     [THETA] = {"theta_per_count", NULL, false, 1, PARAM_MIN, PARAM_MAX, MEMBER(friction.params.each.theta_per_count)},
-    [BREAKAWAY] = {"breakaway", NULL, true, 1, 1e-37, 0x1.fffffep-1, MEMBER(friction.params.own)},
     [FULL] = {"full", "loaded", true, 1, 1e-9, 1e12, MEMBER(full)},
     [REST] = {"rest", "loaded", false, 1, 0.0, 1.0, MEMBER(rest)},
 };
@@ -98,16 +97,6 @@ static uint32_t read_numbers(const config_t *c, const range_t *range, float *to)
     return count;
 }
 
-/* Return the name of the model with this key of its own, or NULL. */
-static const char *find_owner(const char *key)
-{
-    uint32_t model = 0;
-    while (model < FRICTION_MODELS && strcmp(friction_models[model].key, key) != 0) {
-        model++;
-    }
-    return model < FRICTION_MODELS ? friction_models[model].name : NULL;
-}
-
 static void check_owner(const config_t *c, const char *model, const char *key, const char *owner, bool is_needed)
 {
     const bool is_owner = owner == NULL || strcmp(owner, model) == 0;
@@ -153,17 +142,36 @@ static void check_counts(const config_t *c, const friction_model_t *model, uint3
     }
 }
 
+static void read_range(const config_t *c, instance_t *self, const range_t *range, uint32_t *count)
+{
+    check_owner(c, friction_models[self->friction.model].name, range->key, range->model, range->is_needed);
+    *count = read_numbers(c, range, (float *)(void *)((char *)self + range->offset));
+}
+
+/* Read the own keys of all models. That of another model is refused. */
+static void read_own_keys(const config_t *c, instance_t *self)
+{
+    for (uint32_t i = 0; i < FRICTION_MODELS; i++) {
+        const friction_model_t *owner = &friction_models[i];
+        const range_t own = {owner->key, owner->name, true, 1, owner->low, owner->high, MEMBER(friction.params.own)};
+        uint32_t count;
+        if (owner->high > 0) {
+            read_range(c, self, &own, &count);
+        } else if (owner->key[0] != '\0') {
+            check_owner(c, friction_models[self->friction.model].name, owner->key, owner->name, true);
+        }
+    }
+}
+
 static void read_friction(const config_t *c, instance_t *self)
 {
     friction_t *f = &self->friction;
     const friction_model_t *model = &friction_models[f->model];
     uint32_t counts[RANGES];
     for (int i = 0; i < RANGES; i++) {
-        const char *owner = ranges[i].model != NULL ? ranges[i].model : find_owner(ranges[i].key);
-        check_owner(c, model->name, ranges[i].key, owner, ranges[i].is_needed);
-        counts[i] = read_numbers(c, &ranges[i], (float *)(void *)((char *)self + ranges[i].offset));
+        read_range(c, self, &ranges[i], &counts[i]);
     }
-    check_owner(c, model->name, "kinds", find_owner("kinds"), true);
+    read_own_keys(c, self);
     check_counts(c, model, counts[SIGMA0], counts[FC], read_kinds(c, f));
     f->params.each.elements = counts[FC];
     if (friction_prepare(f) != DAHL_OK) {
@@ -195,6 +203,23 @@ static void read_object(const config_t *c, instance_t *self)
     if (self->tendon >= 0 && self->friction.model == FRICTION_LOADED) {
         fail(c, "tendon = %s: model = loaded needs a joint", text_of(c, "tendon"));
     }
+}
+
+int attributes_list(const char *names[ATTRIBUTES_MAX])
+{
+    int count = 0;
+    names[count++] = "joint";
+    names[count++] = "tendon";
+    names[count++] = "model";
+    for (int i = 0; i < RANGES; i++) {
+        names[count++] = ranges[i].key;
+    }
+    for (uint32_t i = 0; i < FRICTION_MODELS; i++) {
+        if (friction_models[i].key[0] != '\0') {
+            names[count++] = friction_models[i].key;
+        }
+    }
+    return count;
 }
 
 #define NAME(name, ...) " " #name

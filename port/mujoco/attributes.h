@@ -7,13 +7,16 @@
 
 #include "../simulators/friction.h"
 
-#define ATTRIBUTES {"joint", "tendon", "model", "kinds", "sigma0", "Fc", "theta_per_count", "breakaway", "full", "rest"}
 
 typedef struct {
     friction_t friction;
     int joint, tendon; /* id; -1: none */
     float full, rest;  /* of loaded: the load is rest + |torque of the actuators|/full */
 } instance_t;
+
+/* Write the names of all attributes, and return their number. */
+enum { ATTRIBUTES_MAX = 8 + FRICTION_MODELS };
+int attributes_list(const char *names[ATTRIBUTES_MAX]);
 
 /* Read and check all attributes, and prepare the friction. For a bad attribute, call mju_error() with the name of the instance,
  * the attribute, its value and its limit; MuJoCo then rejects the model. The call does not return then, so it owns no memory. */

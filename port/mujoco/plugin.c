@@ -155,7 +155,7 @@ static void reset(const mjModel *m, mjtNum *state, void *data, int instance)
 
 mjPLUGIN_LIB_INIT(dahl_friction)
 {
-    static const char *const keys[] = ATTRIBUTES;
+    static const char *keys[ATTRIBUTES_MAX];
     mjpPlugin plugin;
     if (mj_version() != mjVERSION_HEADER) { /* the members of mjModel and mjData may have moved */
         mju_warning("dahl.friction is not registered: compiled for MuJoCo %d, but this is %d", mjVERSION_HEADER, mj_version());
@@ -163,7 +163,7 @@ mjPLUGIN_LIB_INIT(dahl_friction)
     }
     mjp_defaultPlugin(&plugin);
     plugin.name = "dahl.friction";
-    plugin.nattribute = sizeof keys / sizeof keys[0];
+    plugin.nattribute = attributes_list(keys);
     plugin.attributes = keys;
     plugin.capabilityflags = mjPLUGIN_PASSIVE;
     plugin.nstate = nstate;

@@ -9,7 +9,7 @@
 #define MOVE_MAX 0x1p36      /* 64 presliding lengths or more: every element is at its end */
 #define TWO_52 0x1p52        /* a double from here on is an integer */
 
-#define ROW(name, NAME, Class, number, sigma0s, Fcs, plan, key, ...) {#name, key, &dahl_model_##name},
+#define ROW(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning, low, high) {#name, key, low, high, &dahl_model_##name},
 const friction_model_t friction_models[FRICTION_MODELS] = {DAHL_MODELS(ROW)};
 
 static const dahl_model_q30_t *calls_of(const friction_t *f)

@@ -11,7 +11,8 @@
 enum { DAHL_MODELS(FRICTION_ENUM) FRICTION_MODELS };
 
 typedef struct {
-    const char *name, *key; /* key: of the member `own` of its parameters; "" if there is none */
+    const char *name, *key; /* key: its own; "" if there is none */
+    double low, high;       /* of the key if it is a number, the member `own` of the parameters; otherwise 0 */
     const dahl_model_t *calls;
 } friction_model_t;
 extern const friction_model_t friction_models[FRICTION_MODELS];

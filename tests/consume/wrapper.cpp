@@ -59,12 +59,12 @@ static dahl_compensator_params_t compensator_params()
     dahl_compensator_params_t p = {};
     p.friction = {100.0f, 0.5f, 6.2831853f / 16384};
     p.law = DAHL_COMPENSATOR_REFERENCE;
-    p.gain = 0.9f, p.limit = 0.4f, p.slew = 50.0f, p.period = 1e-3f, p.rise = 0.1f, p.fall = 0.02f, p.pull = 0.5f;
+    p.gain = 0.9f, p.limit = 0.4f, p.slew = 50.0f, p.period = 1e-3f, p.rise = 0.1f, p.fall = 0.02f;
     p.play = 2, p.jump = 300;
     return p;
 }
 
-// One bearing is stepped by a reference and drawn to another one, which the measured counts step.
+// The bearing is stepped by a reference, and the observer adds to its torque.
 static bool compensator_has_the_bits_of_c()
 {
     dahl_compensator_params_t good = compensator_params(), bad = good;
@@ -72,15 +72,24 @@ static bool compensator_has_the_bits_of_c()
     dahl_compensator_plan_t c_plan = {};
     dahl_compensator_t c_compensator = {};
     dahl_plan_t c_friction;
-    dahl_state_t c_state = {}, c_measured = {};
+    dahl_state_t c_state = {};
     if (compensation.prepare(good) != DAHL_COMPENSATOR_OK || dahl_compensator_prepare(&c_plan, &good) != DAHL_COMPENSATOR_OK ||
         compensation.prepare(bad) == DAHL_COMPENSATOR_OK || dahl_prepare(&c_friction, &good.friction) != DAHL_OK) {
         return false;
     }
-    dahl::Bearing reference(c_friction), measured(c_friction);
+    dahl::Bearing reference(c_friction);
     dahl::Compensator again(c_plan);
+    const dahl_residual_params_t observer = {0.002f, 15.0f, 0.4f, 0.4f, 0.0f, 1, 0};
+    dahl::ResidualPlan residual_plan, other_residual_plan;
+    dahl::Residual residual(residual_plan), same_residual(residual_plan.c());
+    dahl_residual_t c_residual = {};
     dahl_compensator_params_t other = good;
     other.gain = 0.5f, other.play = 4, other.friction.Fc = 0.4f;
+    if (residual_plan.prepare(good, observer) != DAHL_COMPENSATOR_OK ||
+        other_residual_plan.prepare(other, observer) != DAHL_COMPENSATOR_OK) {
+        return false;
+    }
+    const dahl_residual_plan_t *c_residual_plan = &residual_plan.c();
     dahl_compensator_plan_t other_plan = {};
     if (dahl_compensator_prepare(&other_plan, &other) != DAHL_COMPENSATOR_OK) {
         return false;
@@ -92,15 +101,21 @@ static bool compensator_has_the_bits_of_c()
         if (compensator.move(moved, is_good) != behind || again.move(moved, is_good) != behind) {
             return false;
         }
-        measured.step_counts_q30(behind);
-        dahl_step_counts_q30(&c_friction, &c_measured, behind);
-        compensator.pull(reference, measured);
-        dahl_compensator_pull(&c_plan, &c_state, &c_measured);
         const std::int32_t w = dahl_step_counts_q30(&c_friction, &c_state, moved);
         if (reference.step_counts_q30(moved) != w || compensator.torque(w) != dahl_compensator_torque(&c_plan, &c_compensator, w)) {
             return false;
         }
+        const float torque = 1e-3f * static_cast<float>(moved);
+        const std::int32_t r = dahl_residual_torque(c_residual_plan, &c_residual, &c_compensator, moved);
+        dahl_residual_note(&c_residual, dahl_residual_q24(c_residual_plan, torque));
+        if (residual.torque(compensator, moved) != r || same_residual.torque(again, moved) != r) {
+            return false;
+        }
+        residual.note(torque), same_residual.note_q24(residual.state().unexplained_q24[0]);
         if (tick == 1500) {
+            residual.change(other_residual_plan), same_residual.change(other_residual_plan.c());
+            dahl_residual_change(c_residual_plan, &other_residual_plan.c(), &c_residual);
+            c_residual_plan = &other_residual_plan.c();
             compensator.change(other_plan), again.change(other_plan);
             dahl_compensator_change(&c_plan, &other_plan, &c_compensator);
             c_plan = other_plan;

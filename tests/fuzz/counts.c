@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* Files of counts of any bytes are read to their end, or to a line that is refused with one error. */
-#include "counts.h"
+#include "motion.h"
 
 #include <math.h>
 
@@ -8,16 +8,16 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-    static counts_t counts;
-    double x = 0;
+    static const run_motion_t run = {.number = MOTION_COUNTS};
+    static motion_t motion;
     int32_t count;
     int result = 1;
     streams_begin(data, size);
-    HOLDS(counts_open(&counts, "counts"), "the file is there");
-    while ((result = counts_next(&counts, &count, &x)) == 1) {
-        HOLDS(isfinite(x), "a load is finite");
+    HOLDS(motion_open(&motion, &run, "counts", 1), "the file is there");
+    while ((result = motion_next(&motion, &count)) == 1) {
+        HOLDS(isfinite(motion.load), "a load is finite");
     }
-    counts_close(&counts);
+    motion_close(&motion);
     HOLDS(size > 0 || result == -1, "an empty file is refused");
     streams_check(result == 0);
     return 0;

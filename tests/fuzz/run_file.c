@@ -3,6 +3,7 @@
  * dahl-loop. tests/python/sim compares the limits of each key. */
 #include "run_file.h"
 
+#include "models.h"
 #include "motion.h"
 #include "dahl_node.h"
 #include "plant.h"
@@ -10,20 +11,12 @@
 
 enum { TICKS = 40 };
 
-/* Return 0 if the parameters are refused after their rounding to float. */
-static int start_node(const run_t *r, dahl_node_t *node)
-{
-    const run_friction_t *f = &r->friction;
-    const dahl_params_t params = {(float)f->total_sigma0, (float)f->total_Fc, (float)f->theta_per_count};
-    return dahl_node_init(node, &params, (uint8_t)f->node) == DAHL_OK;
-}
-
-static void run_rotor(const run_t *r, motion_t *reference)
+static void run_rotor(const run_t *r, motion_t *reference, float Fc)
 {
     static plant_t plant;
     static encoder_t encoder;
     int32_t count;
-    if (plant_open(&plant, r, r->has_control ? reference : NULL, &encoder)) {
+    if (plant_open(&plant, r, r->has_control ? reference : NULL, &encoder, Fc)) {
         for (int i = 0; i < TICKS && motion_next(&plant.motion, &count) == 1; i++) {
         }
     }
@@ -41,15 +34,16 @@ static void run(const run_t *r)
 {
     static motion_t motion;
     static dahl_node_t node;
+    static model_memory_t memory;
     int moves = r->has_motion && r->motion.number != MOTION_COUNTS;
-    if (r->has_friction && !start_node(r, &node)) {
+    if (r->has_friction && models_start(&node, &memory, &r->friction, (uint8_t)r->friction.node, "run") != 0) {
         return;
     }
     if (moves) {
         run_motion(r, &motion);
     }
     if (r->has_rotor && (moves || r->has_motor)) {
-        run_rotor(r, &motion);
+        run_rotor(r, &motion, node.params.Fc);
     }
 }
 

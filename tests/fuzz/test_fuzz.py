@@ -15,6 +15,8 @@ from pathlib import Path
 
 import pytest
 from conftest import BUILD, ROOT, need
+from dahl.binding import models
+from dahl.sim.keys import KEYS
 
 HERE = ROOT / "tests/fuzz"
 PROGRAMS = BUILD.parent / "fuzz/programs"
@@ -55,6 +57,14 @@ def call(*words: object) -> subprocess.CompletedProcess[str]:
     )
 
 
+def run_file_words() -> str:
+    """Return the dictionary of run files: a line with each key, motion and model."""
+    kinds = [f"motion.kind={kind}" for kind in ("segments", "steering", "counts")]
+    names = [f"{key.section}.{key.name}=1" for key in KEYS.values() if not key.is_of_scene]
+    lines = names + kinds + [f"friction.model={name}" for name in models.table()]
+    return "".join(f'"{line}\\x0a"\n' for line in lines)
+
+
 @pytest.fixture(scope="module")
 def programs() -> Path:
     clang = need("clang-19", CLAIM)
@@ -62,6 +72,7 @@ def programs() -> Path:
     for command in (["cmake", *words], ["ninja", "-C", PROGRAMS]):
         done = call(*command)
         assert done.returncode == 0, done.stdout[-3000:]
+    (PROGRAMS / "run_file.dict").write_text(run_file_words())
     return PROGRAMS
 
 
@@ -71,7 +82,8 @@ def fuzz(program: Path, found: Path, *options: str) -> subprocess.CompletedProce
     for folder in (crashes, found):
         folder.mkdir(parents=True, exist_ok=True)
     seeds = [HERE / "corpus" / name, crashes]
-    words = [f"-dict={path}" for path in HERE.glob(f"{name}.dict")]
+    files = (folder / f"{name}.dict" for folder in (HERE, PROGRAMS))
+    words = [f"-dict={path}" for path in files if path.exists()]
     words += [f"-artifact_prefix={crashes}/", f"-max_len={FUZZERS[name].length}"]
     words += ["-timeout=60", "-rss_limit_mb=2048", "-malloc_limit_mb=1024", *options]
     return call(program, *words, found, *(path for path in seeds if path.exists()))

@@ -184,7 +184,6 @@ static inline dahl_compensator_params_t bits_compensator_params(const dahl_param
         .rise = 0.05f,
         .fall = 0.02f,
         .fade_speed = 4096.0f * p->theta_per_count,
-        .pull = 0.7f,
         .noise = 1,
         .play = 3,
         .jump = 3999,
@@ -197,14 +196,7 @@ static inline uint64_t bits_fold_compensator_plan(uint64_t hash, const dahl_comp
     hash = bits_fold(hash, (uint64_t)plan->gain_q16 << 32 | (uint32_t)plan->limit_q30);
     hash = bits_fold(hash, (uint64_t)plan->rise_q30 << 32 | plan->fall_q30);
     hash = bits_fold(hash, (uint64_t)plan->slew_q30 << 32 | plan->speed_unit);
-    return bits_fold(hash, (uint32_t)plan->speed_shift << 8 | plan->pull_shift);
-}
-
-static inline uint64_t bits_fold_adaptation_plan(uint64_t hash, const dahl_adaptation_plan_t *plan)
-{
-    hash = bits_fold(hash, (uint64_t)plan->speed_unit << 32 | plan->inertia_q16);
-    hash = bits_fold(hash, (uint64_t)plan->settle_ticks << 32 | plan->window_ticks);
-    return bits_fold(hash, (uint64_t)(uint32_t)plan->gap_q20 << 32 | (uint32_t)plan->speed_shift << 8 | plan->bin_shift);
+    return bits_fold(hash, plan->speed_shift);
 }
 
 /* Change to other units and back; the bristle keeps its ratio. */
@@ -221,14 +213,11 @@ static inline void bits_compensator(bits_of_part_t *run)
 {
     dahl_compensator_params_t params = bits_compensator_params(run->params);
     dahl_compensator_plan_t plan, other;
-    dahl_adaptation_plan_t adaptation_plan;
     dahl_plan_t element;
     dahl_compensator_t compensator = {0};
-    dahl_adaptation_t adaptation = {0};
-    dahl_state_t bristle = {0}, measured = {0};
+    dahl_state_t bristle = {0};
     motion_t motion = MOTION_START, faults = MOTION_START;
-    if (dahl_prepare(&element, run->params) != DAHL_OK || dahl_compensator_prepare(&plan, &params) != DAHL_COMPENSATOR_OK
-        || dahl_adaptation_prepare(&adaptation_plan, &params, 0.002f) != DAHL_COMPENSATOR_OK) {
+    if (dahl_prepare(&element, run->params) != DAHL_OK || dahl_compensator_prepare(&plan, &params) != DAHL_COMPENSATOR_OK) {
         return;
     }
     params.friction.Fc *= 0.75f;
@@ -237,20 +226,67 @@ static inline void bits_compensator(bits_of_part_t *run)
     if (dahl_compensator_prepare(&other, &params) != DAHL_COMPENSATOR_OK) {
         return;
     }
-    run->hash = bits_fold_adaptation_plan(bits_fold_compensator_plan(run->hash, &plan), &adaptation_plan);
+    run->hash = bits_fold_compensator_plan(run->hash, &plan);
     for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {
         int32_t d = run->next(&motion);
         int32_t move = dahl_compensator_move(&plan, &compensator, d, motion_random(&faults) % 64u > 4u);
-        (void)dahl_step_counts_q30(&element, &measured, move);
-        dahl_compensator_pull(&plan, &bristle, &measured);
-        int32_t ratio = dahl_step_counts_q30(&element, &bristle, d);
-        int32_t adapted = dahl_adaptation_apply(&adaptation, ratio);
-        run->hash = bits_fold(run->hash, (uint32_t)dahl_compensator_torque(&plan, &compensator, adapted));
-        dahl_adaptation_step(&adaptation_plan, &adaptation, &compensator, ratio >> 5);
-        run->hash = bits_fold(run->hash, (uint64_t)(uint32_t)compensator.speed_q20 << 32 | (uint32_t)adaptation.speed_q20);
+        int32_t ratio = dahl_step_counts_q30(&element, &bristle, move);
+        run->hash = bits_fold(run->hash, (uint32_t)dahl_compensator_torque(&plan, &compensator, ratio));
+        run->hash = bits_fold(run->hash, (uint32_t)compensator.speed_q20);
         run->hash = bits_fold(run->hash, (uint64_t)bristle.w);
         if (t % 97 == 0) {
             run->hash = bits_change_compensator(run->hash, &plan, &other, &compensator);
+        }
+    }
+}
+
+static inline uint64_t bits_fold_residual_plan(uint64_t hash, const dahl_residual_plan_t *plan)
+{
+    hash = bits_fold(hash, (uint64_t)(uint32_t)plan->step_q32 << 32 | (uint32_t)plan->share_q32);
+    hash = bits_fold(hash, (uint64_t)(uint32_t)plan->momentum_q24 << 32 | (uint32_t)plan->limit_q24);
+    hash = bits_fold(hash, (uint64_t)plan->Fc_mantissa << 32 | (uint32_t)plan->Fc_exponent);
+    hash = bits_fold(hash, (uint64_t)plan->per_torque_mantissa << 32 | (uint32_t)plan->torque_shift);
+    return bits_fold(hash, plan->slew_q24);
+}
+
+/* The residual observer with bad readings, and presliding damping. Torques in N m are rounded once, like a float. */
+static inline void bits_residual(bits_of_part_t *run)
+{
+    dahl_compensator_params_t params = bits_compensator_params(run->params);
+    const dahl_residual_params_t observer = {.inertia = 0x1p-9f * run->params->Fc, .corner = 15.0f,
+                                             .limit = 0.5f * run->params->Fc, .resonance = 150.0f, .delay = 2};
+    dahl_compensator_plan_t plan;
+    dahl_residual_plan_t residual_plan, other;
+    dahl_damping_plan_t damping_plan;
+    dahl_plan_t element;
+    dahl_compensator_t compensator = {0};
+    dahl_residual_t residual = {0};
+    dahl_damping_t damping = {0};
+    dahl_state_t bristle = {0};
+    motion_t motion = MOTION_START, faults = MOTION_START;
+    if (dahl_prepare(&element, run->params) != DAHL_OK || dahl_compensator_prepare(&plan, &params) != DAHL_COMPENSATOR_OK
+        || dahl_damping_prepare(&damping_plan, run->params, 0x1p-8f * run->params->sigma0, 0x1p-10f) != DAHL_OK
+        || dahl_residual_prepare(&residual_plan, &params, &observer) != DAHL_COMPENSATOR_OK) {
+        return;
+    }
+    params.friction.Fc *= 0.75f;
+    if (dahl_residual_prepare(&other, &params, &observer) != DAHL_COMPENSATOR_OK) {
+        return;
+    }
+    run->hash = bits_fold(bits_fold_residual_plan(run->hash, &residual_plan), (uint32_t)damping_plan.gain_q16);
+    for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {
+        int32_t d = run->next(&motion);
+        (void)dahl_compensator_move(&plan, &compensator, d, motion_random(&faults) % 64u > 4u);
+        int32_t damped = dahl_damping_apply(&damping_plan, &damping, dahl_step_counts_q30(&element, &bristle, d));
+        volatile float torque = (float)(damped >> 8) * 0x1p-20f * run->params->Fc;
+        run->hash = bits_fold(run->hash, (uint32_t)dahl_residual_torque(&residual_plan, &residual, &compensator, d));
+        dahl_residual_note(&residual, dahl_residual_q24(&residual_plan, torque));
+        run->hash = bits_fold(run->hash, (uint64_t)residual.raw_q56);
+        run->hash = bits_fold(run->hash, (uint64_t)(uint32_t)damped << 32 | (uint32_t)residual.unexplained_q24[0]);
+        if (t % 97 == 0) {
+            dahl_residual_change(&residual_plan, &other, &residual);
+            run->hash = bits_fold(run->hash, (uint64_t)residual.filtered_q56);
+            dahl_residual_change(&other, &residual_plan, &residual);
         }
     }
 }
@@ -268,6 +304,7 @@ static const struct {
     {"loaded", bits_loaded},
     {"clamped", bits_clamped},
     {"compensator", bits_compensator},
+    {"residual", bits_residual},
     DAHL_BRISTLE_MODELS(BITS_ROW)
 };
 

@@ -59,13 +59,6 @@ static dahl_compensator_plan_t plan_of(const dahl_compensator_params_t *params)
     return plan;
 }
 
-static dahl_adaptation_plan_t adaptation_plan_of(const dahl_compensator_params_t *params, float inertia)
-{
-    dahl_adaptation_plan_t plan;
-    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_OK, dahl_adaptation_prepare(&plan, params, inertia));
-    return plan;
-}
-
 /* Any size, either sign. */
 static int32_t random_i32(void)
 {
@@ -122,7 +115,6 @@ static void test_parameters_are_refused_with_the_code_of_their_bound(void)
         {AT(fall), 0x1p64f, DAHL_COMPENSATOR_RANGE},
         {AT(rise), 0x1p-65f, DAHL_COMPENSATOR_RANGE},
         {AT(fade_speed), -1.0f, DAHL_COMPENSATOR_PARAM},
-        {AT(pull), NAN, DAHL_COMPENSATOR_PARAM},
         {AT(fade_speed), 0.0383495130f, DAHL_COMPENSATOR_RANGE}, /* jump is 1000 times this speed */
         {AT(fade_speed), 0.0383495167f, DAHL_COMPENSATOR_OK}, /* the next float */
         {AT(slew), 0x1p-32f, DAHL_COMPENSATOR_RANGE}, /* in a tick, less than 2^-30 Fc */
@@ -272,8 +264,8 @@ static dahl_compensator_params_t random_params(void)
     params.gain = (float)(random_u32(&seed) % 1001) / 1000.0f;
     params.limit = (float)random_between(1e-12, 1e9);
     params.slew = (float)random_between(1e-9, 1e12);
-    float *const optional[] = {&params.rise, &params.fall, &params.fade_speed, &params.pull};
-    static const double most[] = {1e7, 1e7, 1e4, 1e7};
+    float *const optional[] = {&params.rise, &params.fall, &params.fade_speed};
+    static const double most[] = {1e7, 1e7, 1e4};
     for (size_t k = 0; k < sizeof optional / sizeof optional[0]; k++) {
         *optional[k] = random_u32(&seed) % 8 == 0 ? 0.0f : (float)random_between(1e-5, most[k]);
     }
@@ -287,13 +279,6 @@ static void check_speed_unit(const dahl_compensator_plan_t *plan, double counts_
     const double unit = counts_to_fade > 0 ? 1 / (counts_to_fade * FROM_Q20) : 0;
     check_fixed(unit, 0, ONE_Q30, plan->speed_unit);
     TEST_ASSERT_TRUE(counts_to_fade <= DAHL_COMPENSATOR_FINE_COUNTS || plan->speed_unit >= unit);
-}
-
-/* The corner of a pull is at part/(2 pi) of the tick rate. Return the factor between the wanted and the planned one. */
-static double corner_factor(const dahl_compensator_plan_t *plan, const dahl_compensator_params_t *params)
-{
-    const double wanted = 6.283185307179586 * (double)params->pull * (double)params->period, got = ldexp(1, -plan->pull_shift);
-    return fmax(wanted / got, got / wanted);
 }
 
 /* Within 1e-9 of the limit, a double does not decide it. */
@@ -333,33 +318,10 @@ static void test_a_plan_has_the_values_of_its_parameters(void)
         check_speed_unit(&plan, counts_to_fade);
         TEST_ASSERT_EQUAL_INT(doublings((double)0.012f, period, 12), plan.speed_shift);
         TEST_ASSERT_EQUAL_UINT32((1u << plan.speed_shift) - 1, plan.speed_mask);
-        TEST_ASSERT_TRUE(p.pull > 0 ? 1 <= plan.pull_shift && plan.pull_shift <= 30 : plan.pull_shift == 0);
-        const int is_between = plan.pull_shift > 1 && plan.pull_shift < 30;
-        TEST_ASSERT_TRUE(!is_between || corner_factor(&plan, &p) < 1.4143);
         TEST_ASSERT_TRUE(plan.slew_q30 >= 1 && plan.rise_q30 >= 1 && plan.fall_q30 >= 1);
         TEST_ASSERT_TRUE(plan.jump == p.jump && plan.play == (int32_t)p.play && plan.law == (uint8_t)p.law);
     }
     TEST_ASSERT_GREATER_THAN_INT(PLANS / 10, accepted);
-}
-
-static void test_an_adaptation_plan_has_the_values_of_its_parameters(void)
-{
-    for (int k = 0; k < PLANS; k++) {
-        const dahl_compensator_params_t p = random_params();
-        const double inertia = (double)(float)random_between(1e-12, 1e12), period = (double)p.period;
-        const double per_Fc = inertia / (double)p.friction.Fc;
-        const dahl_adaptation_plan_t plan = adaptation_plan_of(&p, (float)inertia);
-        const double unit = (double)p.friction.theta_per_count / period / FROM_Q20;
-        TEST_ASSERT_EQUAL_INT(doublings(1, period, 15), plan.bin_shift);
-        TEST_ASSERT_EQUAL_INT(doublings((double)0.064f, period, 12), plan.speed_shift);
-        check_fixed((double)0.06f / period, 0, UINT32_MAX, plan.settle_ticks);
-        check_fixed(30 / period, 0, UINT32_MAX, plan.window_ticks);
-        check_fixed(unit, 0, ONE_Q30, plan.speed_unit);
-        const double longest = (double)plan.speed_unit * plan.speed_counts;
-        TEST_ASSERT_TRUE(longest <= ONE_Q30 && (plan.speed_unit == 0 || longest > ONE_Q30 / 2 - 1));
-        check_fixed(per_Fc / ldexp(period, plan.bin_shift) * 65536, 0, 1 << 22, plan.inertia_q16);
-        check_fixed((double)0.1f * ldexp(period, plan.speed_shift) / per_Fc / FROM_Q20, 0, ONE_Q30, plan.gap_q20);
-    }
 }
 
 /* --- ticks ------------------------------------------------------------------------------------------------------------ */
@@ -528,19 +490,12 @@ static void test_any_state_keeps_the_limit(void)
     params.limit = 0.3f;
     params.slew = 3.0f;
     const dahl_compensator_plan_t plan = plan_of(&params), zeros = {0};
-    const dahl_adaptation_plan_t adaptation_plan = adaptation_plan_of(&params, 0.002f);
     for (int k = 0; k < 20000; k++) {
         dahl_compensator_t compensator;
-        dahl_adaptation_t adaptation;
         randomize(&compensator, sizeof compensator);
-        randomize(&adaptation, sizeof adaptation);
         for (int t = 0; t < 4; t++) {
             (void)dahl_compensator_move(&plan, &compensator, random_i32(), (int)(random_u32(&seed) % 8));
             TEST_ASSERT_TRUE(labs(dahl_compensator_torque(&plan, &compensator, random_i32())) <= plan.limit_q30);
-            dahl_adaptation_step(&adaptation_plan, &adaptation, &compensator, random_i32());
-            const int32_t ratio = random_i32(), scaled = dahl_adaptation_apply(&adaptation, ratio);
-            const double factor = 1 + clamp(adaptation.Fc_change_q16 * 0x1p-16, 0.5);
-            TEST_ASSERT_DOUBLE_WITHIN(1e-6, clamp(ratio * FROM_Q30 * factor, 2), scaled * FROM_Q30);
         }
         TEST_ASSERT_EQUAL_INT32(0, dahl_compensator_torque(&zeros, &compensator, random_i32()));
     }
@@ -603,154 +558,4 @@ static void test_counts_of_rejections_do_not_wrap(void)
     dahl_compensator_t compensator = {.bad_ticks = UINT32_MAX, .rejected = UINT32_MAX};
     (void)dahl_compensator_move(&plan, &compensator, 1, 0);
     TEST_ASSERT_TRUE(compensator.bad_ticks == UINT32_MAX && compensator.rejected == UINT32_MAX);
-}
-
-/* Any state in range, often at an end. */
-static dahl_state_t random_state_in_range(void)
-{
-    static const int64_t one = (int64_t)1 << 62;
-    const int64_t any = (int64_t)((uint64_t)random_u32(&seed) << 32 | random_u32(&seed));
-    const int64_t near_end = one - (any >> 1 & (one - 1) >> (random_u32(&seed) & 63u));
-    dahl_state_t state = {random_u32(&seed) % 2 == 0 ? near_end : ~near_end};
-    state.w = random_u32(&seed) % 4 == 0 ? (any < 0 ? -one : one) : state.w;
-    return state;
-}
-
-/* A step of the pull is 2^-30 Fc. It leaves every state in range, and does not move from the measured one by more than its dead
- * zone. */
-static void test_a_pull_closes_its_part_of_the_gap(void)
-{
-    dahl_compensator_params_t params = valid;
-    const dahl_compensator_plan_t without = plan_of(&valid);
-    for (int k = 0; k < 20 * PLANS; k++) {
-        params.pull = (float)random_between(1e-8, 300);
-        const dahl_compensator_plan_t plan = plan_of(&params);
-        dahl_state_t state = random_state_in_range(), measured = random_state_in_range();
-        if (random_u32(&seed) % 2 == 0) {
-            measured.w = state.w + (random_i32() < 0 ? -1 : 1) * (int64_t)(random_u32(&seed) % 4) * ((int64_t)1 << 32);
-        }
-        const int64_t before = state.w;
-        dahl_compensator_pull(&without, &state, &measured);
-        TEST_ASSERT_TRUE(before == state.w);
-        const int is_ok = dahl_state_ok(&state) && dahl_state_ok(&measured);
-        dahl_compensator_pull(&plan, &state, &measured);
-        TEST_ASSERT_TRUE(!is_ok || dahl_state_ok(&state));
-        const double gap = (double)measured.w - (double)before, moved = (double)state.w - (double)before;
-        TEST_ASSERT_DOUBLE_WITHIN(2.0 * 0x1p32 + 0x1p32, ldexp(gap, -plan.pull_shift), moved);
-        TEST_ASSERT_TRUE((uint32_t)state.w == (uint32_t)before);
-    }
-}
-
-static void test_a_pull_leaves_the_gap_of_the_header(void)
-{
-    dahl_compensator_plan_t plan = plan_of(&valid);
-    for (int k = 0; k < 20 * PLANS; k++) {
-        dahl_state_t state = random_state_in_range(), before = {state.w + 1}, measured = random_state_in_range();
-        plan.pull_shift = (uint8_t)(1 + k % 6);
-        while (state.w != before.w) {
-            before = state;
-            dahl_compensator_pull(&plan, &state, &measured);
-        }
-        const double gap = fabs((double)measured.w - (double)state.w);
-        TEST_ASSERT_TRUE(gap < ldexp(1, plan.pull_shift + 32) + 0x1p32);
-    }
-}
-
-/* --- adaptation ------------------------------------------------------------------------------------------------------- */
-
-static void test_the_adaptation_refuses_the_measured_law_and_bad_values(void)
-{
-    dahl_adaptation_plan_t plan;
-    dahl_compensator_params_t params = valid;
-    params.law = DAHL_COMPENSATOR_MEASURED;
-    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_WRONG_LAW, dahl_adaptation_prepare(&plan, &params, 0.002f));
-    params.law = DAHL_COMPENSATOR_REFERENCE;
-    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_PARAM, dahl_adaptation_prepare(&plan, &params, 0.0f));
-    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_PARAM, dahl_adaptation_prepare(&plan, &params, NAN));
-    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_RANGE, dahl_adaptation_prepare(&plan, &params, 0x1p-70f));
-    params.period = 0.021f;
-    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_RANGE, dahl_adaptation_prepare(&plan, &params, 0.002f));
-}
-
-/* Slides of 0.45 s in both directions. The true Fc is 1.2 times that of the element. */
-typedef struct {
-    const char *name;
-    double from, to;   /* rad/s, speed at the start and at the end of a slide */
-    double ratio;      /* torque of the element at a slide, in Fc */
-    double load;       /* N m, added to the motor */
-    int bad_every;     /* ticks */
-    enum { IN_TURN, FORWARD, APART } order;
-    double expected; /* change of Fc after 60 s */
-} slides_t;
-
-enum { SLIDE = 450 };
-#define INERTIA 0.02
-#define ADAPTED_FC 0.6
-
-/* Apart: one direction in each window of 30 s. */
-static int direction_at(const slides_t *slides, int t)
-{
-    if (slides->order == APART) {
-        return t < 20000 ? 1 : t < 35000 ? 0 : -1;
-    }
-    return slides->order == FORWARD || t / SLIDE % 2 == 0 ? 1 : -1;
-}
-
-static double change_after(const slides_t *slides, int ticks)
-{
-    const dahl_adaptation_plan_t plan = adaptation_plan_of(&valid, (float)INERTIA);
-    dahl_adaptation_t adaptation = {0};
-    dahl_compensator_t compensator = {0};
-    double angle = 0;
-    for (int t = 0; t < ticks; t++) {
-        const int direction = direction_at(slides, t), sign = direction < 0 ? -1 : 1;
-        const double acceleration = (slides->to - slides->from) / (double)SLIDE * 1e3;
-        const double before = floor(angle);
-        angle += sign * (slides->from + acceleration * (t % SLIDE) * 1e-3) * 1e-3 / (double)valid.friction.theta_per_count;
-        compensator.move = (int32_t)(floor(angle) - before);
-        compensator.bad_ticks = slides->bad_every > 0 && t % slides->bad_every == 0;
-        const double motor = (sign * (ADAPTED_FC + INERTIA * acceleration) + slides->load) / (double)valid.friction.Fc;
-        (void)dahl_adaptation_apply(&adaptation, (int32_t)(direction * slides->ratio * ONE_Q30));
-        dahl_adaptation_step(&plan, &adaptation, &compensator, (int32_t)lround(motor * 0x1p24));
-    }
-    return adaptation.Fc_change_q16 * 0x1p-16;
-}
-
-static void test_only_steady_slides_in_both_directions_count(void)
-{
-    static const slides_t cases[] = {
-        {"steady", 0.5, 0.5, 1, 0, 0, IN_TURN, 0.2},
-        {"accelerated", 0.3, 0.8, 1, 0, 0, IN_TURN, 0.2},
-        {"under a load", 0.5, 0.5, 1, 0.375, 0, IN_TURN, 0.2},
-        {"presliding", 0.5, 0.5, 0.96, 0, 0, IN_TURN, 0},
-        {"against the torque", 0.5, 0.5, -1, 0, 0, IN_TURN, 0},
-        {"too slow", 0.02, 0.02, 1, 0, 0, IN_TURN, 0},
-        {"too fast", 1.3, 1.3, 1, 0, 0, IN_TURN, 0},
-        {"accelerated too much", -1.2, 2, 1, 0, 0, IN_TURN, 0},
-        {"bad encoder", 0.5, 0.5, 1, 0, 50, IN_TURN, 0},
-        {"above 4 Fc", 0.5, 0.5, 1, 2.7, 0, IN_TURN, 0},
-        {"one direction", 0.5, 0.5, 1, 0, 0, FORWARD, 0},
-        {"both directions, but not within 30 s", 0.5, 0.5, 1, 0, 0, APART, 0},
-    };
-    for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
-        const double change = change_after(&cases[k], 60000);
-        TEST_ASSERT_TRUE_MESSAGE(fabs(change - cases[k].expected) <= 0.01, cases[k].name);
-    }
-}
-
-static void test_the_first_pair_of_bins_closes_a_quarter_of_the_gap(void)
-{
-    static const slides_t steady = {"steady", 0.5, 0.5, 1, 0, 0, IN_TURN, 0.2};
-    TEST_ASSERT_DOUBLE_WITHIN(0.002, 0.05, change_after(&steady, 3000));
-}
-
-static void test_a_rejected_adaptation_changes_no_torque(void)
-{
-    static const dahl_adaptation_plan_t zeros = {0};
-    const dahl_compensator_t compensator = {.move = 1};
-    dahl_adaptation_t adaptation = {0};
-    for (int t = 0; t < 1000; t++) {
-        TEST_ASSERT_EQUAL_INT32(ONE_Q30, dahl_adaptation_apply(&adaptation, ONE_Q30));
-        dahl_adaptation_step(&zeros, &adaptation, &compensator, 1 << 25);
-    }
 }

@@ -115,6 +115,62 @@ static void test_each_model_answers_reports_its_parameters_and_restarts(void)
     }
 }
 
+/* Compare answers in state OK with those of the model alone, from rest. */
+static void check_answers(size_t model)
+{
+    static dahl_any_plan_t plan;
+    dahl_any_state_t state;
+    const dahl_model_params_t given = params_of(model, 1);
+    memset(&state, 0, sizeof state);
+    TEST_ASSERT_EQUAL(DAHL_OK, models[model].calls->prepare(&plan, &given));
+    for (uint32_t k = 1; k <= 50; k++) {
+        const int32_t wanted = models[model].calls->step_q30(&plan, &state, move_at(k), 1u << 30);
+        TEST_ASSERT_EQUAL_INT32(wanted, moved(move_at(k)));
+        TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, answer.state);
+        TEST_ASSERT_EQUAL((counter - 1) % 16, answer.counter);
+    }
+}
+
+static void check_supervision(void)
+{
+    const dahl_node_counts_t before = node.counts;
+    TEST_ASSERT_FALSE(feed(counter++, place + 2000)); /* further than MaxStep */
+    (void)moved(1);
+    now_us += node.timeout_us;
+    for (uint32_t k = 1; k < DAHL_NODE_REARM; k++) {
+        TEST_ASSERT_FALSE(feed(counter++, place));
+    }
+    (void)moved(0);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_STALE, answer.state);
+    TEST_ASSERT_EQUAL_UINT32(before.jump + 1, node.counts.jump);
+    TEST_ASSERT_EQUAL_UINT32(before.stale + 1, node.counts.stale);
+    TEST_ASSERT_EQUAL_UINT32(before.lost, node.counts.lost);
+}
+
+/* The next model starts relaxed at the last count. State, counters, MaxStep and timeout go on. Held parameters are dropped, and
+ * the memory of the model before is free. */
+static void test_a_model_can_be_changed_between_two_frames(void)
+{
+    for (size_t i = 0; i < MODELS * MODELS; i++) {
+        const size_t first = i / MODELS, next = i % MODELS;
+        setUp();
+        node.max_step = 1000;
+        (void)moved(0);
+        (void)ask(DAHL_FRAMES_PARAM_FC, DAHL_FRAMES_PARAM_HOLD, 1u << 18);
+        TEST_ASSERT_EQUAL(DAHL_OK, use(first, 1));
+        check_answers(first);
+        TEST_ASSERT_EQUAL(DAHL_OK, use(next, 1));
+        if (first != next) {
+            memset(models[first].storage, 0xA5, sizeof(dahl_node_model_t) + models[first].calls->plan_bytes);
+        }
+        check_answers(next);
+        TEST_ASSERT_EQUAL_UINT32(101, node.counts.ok);
+        TEST_ASSERT_TRUE(ask(DAHL_FRAMES_PARAM_FC, DAHL_FRAMES_PARAM_WRITE, 1u << 19).result != DAHL_FRAMES_PARAM_DONE);
+        check_parameters(next, 1);
+        check_supervision();
+    }
+}
+
 /* A typed call leaves the storage that dahl_node_use() leaves. */
 #define CHECK_TYPED(name, call)                                                                                                \
     {                                                                                                                          \

@@ -8,7 +8,11 @@ from dahl.binding import models
 SIGMA0 = [100.0, 30.0, 50.0]  # N m/rad, of each element
 FC = [0.2, 0.7, 0.05]  # N m, of each element or direction
 THETA = 3.8e-4  # rad per count
-OWN = {"kinds": ["dahl", "slip", "dahl"], "breakaway": 0.6}  # own keys
+OWN: dict[str, Any] = {  # own keys
+    model.key: model.low + 0.6 * (model.high - model.low)
+    for model in models.table().values()
+    if model.has_own_number
+} | {"kinds": ["dahl", "slip", "dahl"]}
 STATE_ELEMENTS = [model for model in models.table().values() if model.has_plan and model.sigma0s]
 STATE_ELEMENTS = [model for model in STATE_ELEMENTS if model.name != "dahl"]  # of a StateElement
 

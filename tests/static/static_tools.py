@@ -16,7 +16,7 @@ START_UP = sorted(p for core in ("cortex_m", "riscv", "avr") for p in ROOT.glob(
 FOUND = importlib.util.find_spec("mujoco")
 MUJOCO = Path(FOUND.origin).parent if FOUND and FOUND.origin else None  # None: not installed
 NOT_READ = [*START_UP, *([] if MUJOCO else ROOT.glob("port/mujoco/*.c"))]
-DESK = sorted({*ROOT.glob("port/**/*.c"), *ROOT.glob("host_sim/*.c")} - {*FIRMWARE, *NOT_READ})
+DESK = sorted({*ROOT.glob("port/**/*.c"), *ROOT.glob("host_sim/**/*.c")} - {*FIRMWARE, *NOT_READ})
 HEADERS = sorted(p for part in ("lib", "port", "host_sim") for p in ROOT.glob(f"{part}/**/*.h"))
 HEADERS = [path for path in HEADERS if MUJOCO or path.parent.name != "mujoco"]
 

@@ -19,7 +19,8 @@ INLINE = re.compile(r"dahl_node_use_\w+")  # inline calls of dahl_node_use()
 
 IN_A_TICK = re.compile(
     r"dahl_((\w+_)?step(_counts)?(_q30)?|torque|velocity_torque(_q30)?|to_units|counts_between"
-    r"|encoder_move|compensator_(move|torque|pull)|adaptation_apply|commission_(tick|load))"
+    r"|encoder_move|compensator_(move|torque)|residual_(torque|note|q24)"
+    r"|damping_apply|commission_(tick|load))"
 )
 
 # Rows of dahl_node_receive(), by case: what it receives
@@ -51,7 +52,8 @@ TYPES: dict[str, tuple[str | None, str | None]] = {
     "work": (None, "dahl_work_t"),
     "encoder": (None, "dahl_encoder_t"),
     "compensator": ("dahl_compensator_plan_t", "dahl_compensator_t"),
-    "adaptation": ("dahl_adaptation_plan_t", "dahl_adaptation_t"),
+    "residual observer": ("dahl_residual_plan_t", "dahl_residual_t"),
+    "presliding damping": ("dahl_damping_plan_t", "dahl_damping_t"),
     "commissioning, while it runs": (None, "dahl_commission_t"),
     "node, model dahl": (None, "dahl_node_t"),
     **{f"node, storage of {name}": (None, f"dahl_node_{name}_t") for name in OTHER_MODELS},

@@ -362,8 +362,8 @@ def measure_calls(core: Core, cases: dict[str, list[Call]], image: Path) -> dict
 PARTS = (
     *(f"{name}_" for name in models.table() if name != "dahl"),
     *("mixed_", "clamped_", "elastic_", "plastic_", "crossing_"),
-    *("work_", "counts_to_torque", "tip_torque", "velocity_", "compensator_", "adaptation_"),
-    "commission_",
+    *("work_", "counts_to_torque", "tip_torque", "velocity_", "compensator_", "residual_"),
+    *("damping_", "commission_"),
     "coulomb",
 )
 

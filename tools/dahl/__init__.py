@@ -18,7 +18,8 @@ before any move. Public names:
     Loaded(plan), Work(plan)            Dahl element under a load; one that sums its work
     VelocityTable(torque, segment_bits)   friction that depends on speed; add it to another
     Compensator(sigma0, Fc, theta_per_count, ...)   torque that cancels friction, within bounds
-    Adaptation(sigma0, Fc, theta_per_count, ...)   for a Compensator: follow an Fc that drifts
+    Residual(sigma0, Fc, theta_per_count, ...)     for a Compensator: add what the model lacks
+    Damping(sigma0, Fc, sigma1, period)   damps an element that a motor renders
     Commission(period=..., ...).run(drive)   an axis measures its own friction, without a sensor
     Encoder(modulus, sign, largest_step).move(reading)   counts of each tick, for any wrap
     counts_between(before, now, modulus)   shortest way from one encoder reading to the next
@@ -46,13 +47,14 @@ from dahl.version import __version__ as __version__
 
 TYPE_CHECKING = False  # importing typing would double the time of `dahl --help`
 if TYPE_CHECKING:
-    from dahl.binding.adaptation import Adaptation
     from dahl.binding.commission import Commission
     from dahl.binding.compensator import Compensator
+    from dahl.binding.damping import Damping
     from dahl.binding.encoder import Encoder, counts_between, to_units
     from dahl.binding.friction import Friction, Plan, State
     from dahl.binding.loaded import Loaded
     from dahl.binding.plausible import implausible
+    from dahl.binding.residual import Residual
     from dahl.binding.slip import Parallel, Slip
     from dahl.binding.state_element import Asymmetric, ElastoPlastic
     from dahl.binding.throughput import Throughput
@@ -63,12 +65,12 @@ if TYPE_CHECKING:
     from dahl.can.node import Node
 
 __all__ = [
-    "Adaptation",
     "Asymmetric",
     "BusError",
     "Client",
     "Commission",
     "Compensator",
+    "Damping",
     "ElastoPlastic",
     "Encoder",
     "Error",
@@ -78,6 +80,7 @@ __all__ = [
     "Node",
     "Parallel",
     "Plan",
+    "Residual",
     "RunError",
     "Slip",
     "State",
@@ -93,14 +96,15 @@ __all__ = [
 ]
 SUBMODULES = {"codec": "dahl.can.codec", "node": "dahl.can.node"}
 MODULES = {  # of the public classes and functions
-    "binding.adaptation": ("Adaptation",),
     "binding.commission": ("Commission",),
     "binding.state_element": ("Asymmetric", "ElastoPlastic"),
     "binding.compensator": ("Compensator",),
+    "binding.damping": ("Damping",),
     "binding.encoder": ("Encoder", "counts_between", "to_units"),
     "binding.friction": ("Friction", "Plan", "State"),
     "binding.loaded": ("Loaded",),
     "binding.plausible": ("implausible",),
+    "binding.residual": ("Residual",),
     "binding.slip": ("Parallel", "Slip"),
     "binding.throughput": ("Throughput",),
     "binding.velocity": ("VelocityTable",),
@@ -119,6 +123,8 @@ if not TYPE_CHECKING:  # a type checker would accept any name
             return import_module(SUBMODULES[name])
         if name in MODULE:
             return getattr(import_module(f"dahl.{MODULE[name]}"), name)
+        if name == "Adaptation":
+            raise AttributeError("dahl.Adaptation is removed: use dahl.Residual")
         raise AttributeError(f"module 'dahl' has no attribute '{name}'")
 
 

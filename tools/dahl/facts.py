@@ -14,20 +14,19 @@ BOARDS = {  # of each emulated core: the machine of QEMU, the address of its pag
     "m33": ("mps2-an505", 0x103FF000),
 }
 
-MODELS = (  # dahl_frames.h: name, class, number, numbers of sigma0 and Fc, has a plan, key, meaning
-    ("dahl", "Dahl", 0, 1, 1, True, "", ""),
-    ("slip", "Slip", 0, 0, 0, True, "", ""),
-    ("parallel", "Parallel", 32, 0, 0, False, "kinds", "`dahl` or `slip` for each element"),
+# fmt: off
+MODELS = (  # the rows of DAHL_MODELS (dahl_parts.h) without NAME; plan is True or False
+    ("dahl", "Dahl", 0, 1, 1, True, "", "", 0, 0),
+    ("slip", "Slip", 0, 0, 0, True, "", "", 0, 0),
+    ("parallel", "Parallel", 32, 0, 0, False, "kinds", "`dahl` or `slip` for each element", 0, 0),
     (
-        "loaded",
-        "Loaded",
-        18,
-        1,
-        1,
-        False,
-        "",
-        "a section `[load]`; `sigma0` and `Fc` hold at load 1",
+        "loaded", "Loaded", 18, 1, 1, False, "",
+        "a section `[load]`; `sigma0` and `Fc` hold at load 1", 0, 0,
     ),
-    ("elastoplastic", "ElastoPlastic", 17, 1, 1, True, "breakaway", "a fraction of Fc"),
-    ("asymmetric", "Asymmetric", 16, 1, 2, True, "", ""),
+    (
+        "elastoplastic", "ElastoPlastic", 17, 1, 1, True, "breakaway",
+        "the fraction of Fc up to which nothing creeps", 1e-45, 0.9999999403953552,
+    ),
+    ("asymmetric", "Asymmetric", 16, 1, 2, True, "", "", 0, 0),
 )
+# fmt: on

@@ -22,6 +22,7 @@ INCLUDE = SHARE / "include" if INSTALLED else ROOT / "lib" / "include"
 LIB = SHARE / "lib" if INSTALLED else ROOT / "lib"  # C sources
 PORT = SHARE if INSTALLED else ROOT / "port"  # folders fmu, mujoco, simulators: C sources
 LICENSE = (SHARE if INSTALLED else ROOT) / "LICENSE"
+KEYS = SHARE / "keys.csv" if INSTALLED else ROOT / "host_sim" / "keys.csv"
 SCENES = SHARE / "scenes" if INSTALLED else ROOT / "host_sim" / "scenes"
 OUTPUT = (
     Path("dahl-out") if INSTALLED else ROOT / "build"

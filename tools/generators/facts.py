@@ -28,7 +28,7 @@ from pycparser import c_ast, c_generator, c_parser
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("lib/include", "lib/node", "host_sim")
 LINE = 100  # characters
-COLUMNS = "name NAME Class number sigma0s Fcs plan key meaning".split()  # DAHL_FRAMES_MODELS
+COLUMNS = "name NAME Class number sigma0s Fcs plan key meaning low high".split()  # DAHL_MODELS
 
 
 def preprocess(source: str, *words: str) -> str:
@@ -61,9 +61,11 @@ BOARDS = {{  # of each emulated core: the machine of QEMU, the address of its pa
 {boards}
 }}
 
-MODELS = (  # dahl_frames.h: name, class, number, numbers of sigma0 and Fc, has a plan, key, meaning
+# fmt: off
+MODELS = (  # the rows of DAHL_MODELS (dahl_parts.h) without NAME; plan is True or False
 {models}
 )
+# fmt: on
 '''
 
 
@@ -77,11 +79,11 @@ def module() -> str:
 
 
 def models() -> list[dict[str, Any]]:
-    """Return the rows of DAHL_FRAMES_MODELS by their columns."""
-    rows = rows_of("dahl_frames.h", "DAHL_FRAMES_MODELS", len(COLUMNS))
+    """Return the rows of DAHL_MODELS by their columns."""
+    rows = rows_of("dahl_parts.h", "DAHL_MODELS", len(COLUMNS))
     found = [dict(zip(COLUMNS, row, strict=True)) for row in rows]
-    numbers = ("number", "sigma0s", "Fcs", "plan")
-    return [row | {name: int(row[name]) for name in numbers} for row in found]
+    numbers = ("number", "sigma0s", "Fcs", "plan", "low", "high")
+    return [row | {name: ast.literal_eval(row[name]) for name in numbers} for row in found]
 
 
 def _python_row(model: dict[str, Any]) -> str:
@@ -91,7 +93,8 @@ def _python_row(model: dict[str, Any]) -> str:
     row = f"    ({', '.join(cells)}),"
     if len(row) <= LINE:
         return row
-    return "\n".join(["    (", *(f"        {cell}," for cell in cells), "    ),"])
+    lines = (", ".join(cells[:7]), ", ".join(cells[7:]))
+    return "\n".join(["    (", *(f"        {line}," for line in lines), "    ),"])
 
 
 def boards_of() -> list[tuple[str, str, int]]:
@@ -108,8 +111,8 @@ def boards_of() -> list[tuple[str, str, int]]:
 
 # --- declarations for cffi ------------------------------------------------------------------------
 
-HEADERS = "dahl dahl_encoder dahl_parts dahl_compensator dahl_commission".split()
-HEADERS += "dahl_float dahl_batch dahl_can_bus dahl_frames dahl_node rotor controller".split()
+HEADERS = "dahl dahl_encoder dahl_parts dahl_compensator dahl_commission dahl_float".split()
+HEADERS += "dahl_batch dahl_can_bus dahl_frames dahl_node rotor controller compare/compare".split()
 STANDARD = ("stdint", "stdbool", "stddef")  # cffi knows their types
 TYPES = "size_t bool".split() + [f"{u}int{n}_t" for u in ("", "u") for n in (8, 16, 32, 64)]
 CONSTANT = re.compile(r"#define DAHL_\w+ (?:0x[0-9a-fA-F]+|\d+)u?")  # a whole number
@@ -170,6 +173,7 @@ def _between(text: str, mark: str, head: tuple[str, ...], rows: list[Any]) -> st
 def _model_row(model: dict[str, Any]) -> tuple[str, ...]:
     key, meaning = model["key"], model["meaning"]
     own = f"`{key}`, {meaning}" if key else meaning
+    own += f", {model['low']:g} to {model['high']:g}" if model["high"] else ""
     keys = MODEL_KEYS[model["sigma0s"], model["Fcs"]] + (f"; {own}" if own else "")
     number = str(model["number"])
     if model["sigma0s"] == 0:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""dahl.Compensator and dahl.Adaptation: the bits of the C calls on a log, units of their terms,
+"""dahl.Compensator and dahl.Residual: the bits of the C calls on a log, units of their terms,
 refusals with their limits, and changes of parameters in exact numbers.
 """
 
@@ -20,7 +20,7 @@ from model_examples import STATE_ELEMENTS
 THETA = 3.8e-4
 FRICTION = {"sigma0": 100.0, "Fc": 0.5, "theta_per_count": THETA}
 VALUES = {"Fc_low": 0.45, "length_long": 4e-3, "gain": 0.75, "limit": 0.3, "slew": 50.0}
-VALUES |= {"period": 1e-3, "rise": 0.08, "fall": 0.04, "fade_speed": 1.5, "pull": 0.3}
+VALUES |= {"period": 1e-3, "rise": 0.08, "fall": 0.04, "fade_speed": 1.5}
 INERTIA = 2e-3
 VALUES |= {"sigma0_high": 120.0, "load": 0.02, "inertia": INERTIA, "delay": 2e-3}
 COUNTS = {"elastic": False, "noise": 1, "play": 2, "jump": 500}
@@ -38,8 +38,12 @@ def compensator(**changed: Any) -> dahl.Compensator:
     return dahl.Compensator(**(FRICTION | VALUES | COUNTS | changed))
 
 
-def adaptation(**changed: Any) -> dahl.Adaptation:
-    return dahl.Adaptation(**(FRICTION | {"inertia": INERTIA, "period": 1e-3} | changed))
+OBSERVER = {"inertia": INERTIA, "corner": 15.0, "limit": 0.4, "speed_gain": 0.4, "resonance": 0.0}
+
+
+def residual(**changed: Any) -> dahl.Residual:
+    tick = {"slew": 50.0, "period": 1e-3, "delay": 2}
+    return dahl.Residual(**(FRICTION | OBSERVER | tick | changed))
 
 
 def params_of_c(reference: bool) -> Any:
@@ -89,47 +93,25 @@ def test_a_log_has_the_bits_of_the_c_calls_with_any_element(name: str, reference
     assert element == same and one.terms["rejected"] == 60
 
 
-def test_draw_has_the_bits_of_c_and_needs_elements_with_a_state() -> None:
-    one, element, measured = compensator(reference=True), *(ELEMENTS["dahl"]() for _ in "ab")
-    element.state.w, measured.state.w = 2**62, 2**60
-    plan, _ = compensator_of_c(True)
-    w, target = (c.new("dahl_state_t *", [value]) for value in (2**62, 2**60))
-    for _ in range(512):
-        one.draw(element, measured)
-        c.dahl_compensator_pull(plan, w, target)
-    assert 2**60 < element.state.w == w.w < 2**62 and measured.state.w == target.w
-    wrong = {"element": (ELEMENTS["slip"](), measured), "measured": (element, dahl.Work)}
-    for name, pair in wrong.items():
-        with pytest.raises(TypeError, match=f"^{name} = .* has no State"):
-            one.draw(*pair)
-
-
-def test_the_adaptation_has_the_bits_of_the_c_calls() -> None:
-    """Slides of half a second to and fro against 0.6 N m. Some torques are beyond int32."""
-    plan, state = c.new("dahl_adaptation_plan_t *"), c.new("dahl_adaptation_t *")
-    code = c.dahl_adaptation_prepare(plan, params_of_c(True), INERTIA)
-    assert code == c.DAHL_COMPENSATOR_OK
-    one, added = adaptation(), compensator(reference=True)
-    added_plan, added_state = compensator_of_c(True)
-    bearing, random = ELEMENTS["dahl"](), np.random.default_rng(5)
-    for tick in range(20_100):
-        move = 1 if tick % 1000 < 500 else -1
-        ratio_q24 = round(move * 1.2 * 2**24 * random.uniform(0.9, 1.1))
-        is_beyond, w = random.random() < 1e-3, bearing.step_counts_q30(move)
-        assert added.move(move) == c.dahl_compensator_move(added_plan, added_state, move, True)
-        assert one.apply_q30(w) == c.dahl_adaptation_apply(state, w)
-        assert added.torque_q30(w) == c.dahl_compensator_torque(added_plan, added_state, w)
-        one.step(added, -1e9 if is_beyond else ratio_q24 / 2**24 * 0.5)
-        motor_q24 = 1 - 2**31 if is_beyond else ratio_q24
-        c.dahl_adaptation_step(plan, state, added_state, motor_q24)
-        assert one.Fc_estimate == 0.5 * (1 + state.Fc_change_q16 / 2**16)
-    assert one.Fc_estimate > 0.55 and 0 not in one.terms.values()
-    assert one.terms == {
-        "friction": state.ratio_q30 / 2**30 * 0.5,
-        "speed": state.speed_q20 / 2**20,
-        **{name: getattr(state, name) for name in ("sliding_ticks", "age_ticks")},
-        **{f"samples_{way}": state.samples[k] for k, way in enumerate(("forward", "backward"))},
-    }
+def test_the_residual_has_the_bits_of_the_c_calls() -> None:
+    """The axis moves, some readings are bad, and some torques are beyond 64 Fc."""
+    plan, state = c.new("dahl_residual_plan_t *"), c.new("dahl_residual_t *")
+    params = c.new("dahl_residual_params_t *", OBSERVER | {"delay": 2})
+    assert c.dahl_residual_prepare(plan, params_of_c(True), params) == c.DAHL_COMPENSATOR_OK
+    one, axis = residual(), compensator(reference=True)
+    axis_plan, axis_state = compensator_of_c(True)
+    random = np.random.default_rng(6)
+    for tick in range(3000):
+        move, is_good = round(20 * math.sin(tick / 200)), bool(random.random() > 0.01)
+        torque = float(random.choice([1e30, random.normal(0.1, 0.3)], p=[0.01, 0.99]))
+        axis.move(move, is_good)
+        c.dahl_compensator_move(axis_plan, axis_state, move, is_good)
+        wanted = c.dahl_residual_torque(plan, state, axis_state, move)
+        assert one.torque(axis, move) == wanted / 2**30 * 0.5
+        one.note(torque)
+        c.dahl_residual_note(state, c.dahl_residual_q24(plan, torque))
+        terms = {"raw": state.raw_q56 / 2**56 * 0.5, "filtered": state.filtered_q56 / 2**56 * 0.5}
+        assert one.terms == terms | {"torque": wanted / 2**30 * 0.5}
 
 
 # --- exact numbers --------------------------------------------------------------------------------
@@ -248,6 +230,44 @@ def test_limit_and_slew_hold_in_newton_metres_across_a_change() -> None:
     assert parted > 100
 
 
+def random_observer(chance: random.Random, axis: dict[str, Any]) -> dict[str, Any]:
+    one = {name: axis[name] for name in (*FRICTION, "slew", "period")}
+    one |= {"inertia": random_float(chance, 1e-6, 1e-3) * axis["Fc"], "no_integral": True}
+    one |= {"corner": random_float(chance, 0.005, 0.045) / axis["period"], "speed_gain": 1e9}
+    one |= {"delay": chance.randint(0, 3)}
+    return one | {"limit": random_float(chance, 0.05, 2) * axis["Fc"]}
+
+
+def test_the_observer_keeps_limit_and_slew_across_a_change() -> None:
+    """Exactly in N m, as above. Its low-passes keep their torque."""
+    chance, parted = random.Random(5), 0
+    params = random_plan(chance) | {"slew": 50.0}
+    axis = dahl.Compensator(**params)
+    one = dahl.Residual(**random_observer(chance, params))
+    for _ in range(3000):
+        for _ in range(chance.choice([1, 3, 10])):
+            move = chance.randint(-3, 20)
+            axis.move(move, chance.random() < 0.9)
+            last = Fraction(one.torque_q30(axis, move)) * Fraction(one.Fc)
+            one.note(chance.uniform(-5, 5) * one.Fc)
+        params = random_plan(chance)
+        params["slew"] = random_float(chance, 0.01, 1e4) * params["Fc"]
+        before, units = one.terms, one.Fc + params["Fc"]
+        axis.change(**params)
+        one.change(**random_observer(chance, params))
+        due = {name: pytest.approx(value, abs=2**-24 * units) for name, value in before.items()}
+        if max(map(abs, before.values())) < 60 * one.Fc:
+            assert one.terms == due
+        axis.move(move)
+        torque = Fraction(one.torque_q30(axis, move)) * Fraction(one.Fc)
+        limit = min(Fraction(one.limit), 2 * Fraction(one.Fc)) * 2**30
+        slew = Fraction(one.slew) * Fraction(one.period) * 2**30
+        assert abs(torque) <= limit
+        parted += abs(last) > limit
+        assert abs(last) > limit or abs(torque - last) <= slew
+    assert parted > 100
+
+
 def test_a_change_converts_the_speed_and_keeps_the_end_of_the_play() -> None:
     """At 1.9 rad/s the torque is off with a fade speed of 0.9 rad/s, and half with 1.27 rad/s."""
     given = {"reference": True, "rise": 0.0, "fade_speed": 0.9, "play": 7, "slew": 1e4}
@@ -327,10 +347,19 @@ REFUSED: list[tuple[Callable[..., Any], dict[str, Any], tuple[str, ...]]] = [
     (compensator, {"length_long": -1.0, "reference": True}, ("= -1 is outside 0, or 2^-64",)),
     (compensator, {"slew": 0.0}, ("slew = 0 ", "N m/s")),
     (compensator, {"period": -1.0}, ("period = -1 ", "(s)")),
-    (adaptation, {"inertia": 0.0}, ("inertia = 0 ", "kg m2")),
-    (adaptation, {"inertia": -1.0}, ("inertia = -1 ", "2^-64")),
-    (adaptation, {"period": 0.021}, ("period = 0.021 ", "0.02 (s)")),
-    (adaptation, {"period": 0.0}, ("period = 0 ", "(s)")),
+    (residual, {"corner": 16.0}, ("corner = 16 Hz ", "speed_gain/(4*pi*inertia) = 15.91549")),
+    (residual, {"speed_gain": 0.0}, ("speed_gain = resonance = 0",)),
+    (residual, {"speed_gain": 0.0, "resonance": 149.0}, ("corner = 15 Hz ", "resonance/10")),
+    (residual, {"resonance": -1.0}, ("resonance = -1 ", "0, or 2^-64")),
+    (residual, {"corner": 51.0}, ("corner = 51 Hz ", "0.05/period")),
+    (residual, {"inertia": 10.0}, ("inertia = 10: ", "64 Fc")),
+    (residual, {"inertia": 0.0}, ("inertia = 0 ", "kg m2")),
+    (residual, {"delay": 4}, ("delay = 4 ", "3")),
+    (residual, {"limit": 0.51}, ("limit = 0.51 N m ", "Fc = 0.5", "no_integral = False")),
+    (residual, {"slew": 5e-5}, ("slew = 5e-05 ", "2^-23 Fc")),
+    (residual, {"slew": 0.0}, ("slew = 0 ", "N m/s")),
+    (residual, {"theta_per_count": 0.0}, ("theta_per_count = 0 ",)),
+    (residual, {"Fc": math.inf}, ("Fc = inf ",)),
 ]
 
 
@@ -341,7 +370,7 @@ def test_a_bound_that_is_broken_is_named_with_its_value(make, changed, words) ->
     assert [word for word in words if word not in str(caught.value)] == [], str(caught.value)
 
 
-POSITIVE, OPTIONAL = ("limit", "slew", "period"), ("rise", "fall", "fade_speed", "pull")
+POSITIVE, OPTIONAL = ("limit", "slew", "period"), ("rise", "fall", "fade_speed")
 LEAST, MOST = 2.0**-64, float(np.nextafter(np.float32(2.0**64), np.float32(0)))
 ENDS = dict.fromkeys(OPTIONAL, [0.0, LEAST, MOST]) | dict.fromkeys(POSITIVE, [LEAST, MOST])
 ENDS |= {"fade_speed": [0.0], "Fc_low": [0.0, MOST], "length_long": [0.0, LEAST]}
@@ -401,6 +430,7 @@ def test_a_log_that_does_not_fit_changes_nothing() -> None:
 MISFITS: dict[str, Callable[[], Any]] = {
     "reference = False": compensator,
     "compensator.period = 0.002 is not 0.001": lambda: compensator(reference=True, period=2e-3),
+    "compensator.slew = 9.0 is not 50.0": lambda: compensator(reference=True, slew=9.0),
     "compensator.Fc = 0.48 is not 0.5": lambda: compensator(reference=True, Fc=0.48),
     "compensator = 5": lambda: 5,
 }
@@ -408,9 +438,14 @@ MISFITS: dict[str, Callable[[], Any]] = {
 
 @pytest.mark.parametrize("word", MISFITS)
 def test_a_compensator_that_does_not_fit_is_refused(word: str) -> None:
-    one = adaptation()
+    one = residual()
     with pytest.raises((dahl.InputError, TypeError), match=word):
-        one.step(MISFITS[word](), 0.5)
-    with pytest.raises(dahl.Error, match="motor = nan"):
-        one.step(compensator(reference=True), math.nan)
-    assert one == adaptation()
+        one.torque(MISFITS[word](), 5)
+    with pytest.raises(dahl.Error, match="unexplained = nan"):
+        one.note(math.nan)
+    assert one == residual()
+
+
+def test_a_removed_class_names_its_successor() -> None:
+    with pytest.raises(AttributeError, match=r"dahl\.Residual"):
+        _ = dahl.Adaptation  # type: ignore[attr-defined]

@@ -76,7 +76,8 @@ def test_the_torques_are_the_exact_ones_of_the_parameters(name):
     if name == "dahl":
         element = dahl.Friction(element)
     torques = element.run_counts(MOVES, *loads)
-    scene = SimpleNamespace(sigma0=sigma0[0], Fc=Fc[0], theta_per_count=THETA, **OWN)
+    scene = SimpleNamespace(sigma0=sigma0[0], Fc=Fc[0], theta_per_count=THETA)
+    scene.own = OWN.get(model.key)
     scene.elements = [(sigma0[min(k, len(sigma0) - 1)], torque) for k, torque in enumerate(Fc)]
     loads_q30 = [Fraction(round(load * 2**30), 2**30) for load in LOADS]
     exact = reference.EXACT[name](scene, MOVES, loads_q30)

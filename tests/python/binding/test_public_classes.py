@@ -70,9 +70,12 @@ PLAN = {"sigma0": 100.0, "Fc": 0.5, "theta_per_count": 2e-4}
 PLANNED = {"plan": dahl.Plan(**PLAN)}
 TWO = {"sigma0": [100.0, 50.0], "Fc": [0.5, 1.0], "theta_per_count": 1e-3}
 COMPENSATED = PLAN | {"period": 1e-3, "limit": 0.3, "slew": 50.0, "gain": 0.5, "Fc_low": 0.4}
-COMPENSATED |= {"length_long": 1e-3, "reference": False, "rise": 0.2, "fall": 0.1, "pull": 0.2}
+COMPENSATED |= {"length_long": 1e-3, "reference": False, "rise": 0.2, "fall": 0.1}
 COMPENSATED |= {"fade_speed": 3.0, "noise": 1, "play": 5, "jump": 90, "elastic": False}
 COMPENSATED |= {"sigma0_high": 120.0, "load": 0.01, "inertia": 2e-3, "delay": 2e-3}
+OBSERVED = {"inertia": 1e-3, "corner": 4.0, "limit": 0.3, "speed_gain": 0.5, "resonance": 90.0}
+OBSERVED |= {"delay": 2, "slew": 50.0, "no_integral": True}
+DAMPED = {"sigma0": 500.0, "Fc": 1.5, "sigma1": 1.75, "period": 1e-3}
 AXIS = {"period": 1e-3, "theta_per_count": 1e-4, "inertia": 2e-3, "torque_limit": 3.0}
 AXIS |= {"travel": 0.35, "angle_limit": 0.75, "speed_limit": 10.0}
 NODE = {"gain": 0.5, "limit": 0.25, "ramp": 0.3, "timeout": 0.02, "max_step": 7}
@@ -83,13 +86,9 @@ KINDS = {
     kind.of.__name__: kind
     for kind in (
         *(Kind(models.class_of(model), arguments_of(model), step) for model in STATE_ELEMENTS),
-        Kind(
-            dahl.Adaptation,
-            PLAN | {"inertia": 2e-3, "period": 1e-3},
-            lambda one: one.apply_q30(-7),
-        ),
         Kind(dahl.Commission, AXIS, lambda one: one.tick(2, 0.5)),
         Kind(dahl.Compensator, COMPENSATED, lambda one: one.move(-7)),
+        Kind(dahl.Damping, DAMPED, lambda one: one.apply_q30(-7)),
         Kind(dahl.Encoder, {"modulus": 65536, "sign": 1, "largest_step": 9}, lambda o: o.move(12)),
         Kind(dahl.Friction, PLANNED, step),
         Kind(
@@ -105,6 +104,11 @@ KINDS = {
         ),
         Kind(dahl.Parallel, {"parts": MIX}, step),
         Kind(dahl.Plan, PLAN),
+        Kind(
+            dahl.Residual,
+            PLAN | OBSERVED | {"period": 1e-3},
+            lambda one: one.note_q24(-7),
+        ),
         Kind(dahl.Slip, TWO, step),
         Kind(dahl.State, {"w": 5}, lambda one: setattr(one, "w", -5)),
         Kind(dahl.Throughput, PLAN),
@@ -246,7 +250,7 @@ def test_each_example_of_a_docstring_prints_what_it_shows() -> None:
 
 DEFAULTS: dict[Any, dict[str, Any]] = {  # of the arguments that need not be given
     dahl.Compensator: {"gain": 0.9, "reference": False, "noise": 0, "play": 1, "jump": 1000}
-    | dict.fromkeys(("Fc_low", "length_long", "rise", "fall", "fade_speed", "pull"), 0)
+    | dict.fromkeys(("Fc_low", "length_long", "rise", "fall", "fade_speed"), 0)
     | dict.fromkeys(("sigma0_high", "load", "inertia", "delay"), 0)
     | {"elastic": False},
     dahl.Compensator.move: {"is_good": True},

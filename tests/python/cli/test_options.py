@@ -18,6 +18,7 @@ from programs import run
 
 FINITE, ABOVE_0, TIME = (-1e30, 1e30), (1e-30, 1e30), (0.001, 1e9)
 NODES, FRAMES, PORT = (0, 15), (1, 2**63), (0, 65535)  # of integers whole numbers, else any
+OWN = [f"--{model.key}" for model in models.table().values() if model.has_own_number]
 MODELS = tuple(name for name, model in models.table().items() if model.has_plan)
 FLAG, TEXT, NUMBER = "a flag", "any text", "any number"  # else (least, most), or all choices
 UNKNOWN = "unrecognized arguments: --no-such-option"
@@ -55,10 +56,10 @@ OPTIONS: dict[str, dict[str, Any]] = {
     | dict.fromkeys(("--within", "--rate", "--speed", "--inertia", "--bandwidth"), ABOVE_0)
     | {"--torque-constant": ABOVE_0, "--loop": TEXT, "--reference": TEXT}
     | {"--from": TEXT, "--mm": FLAG, "--name": TEXT, "--force": FLAG, "-o/--output": TEXT},
-    "plan": dict.fromkeys(("--sigma0", "--fc", "--breakaway", "--counts-per-turn"), TEXT)
+    "plan": dict.fromkeys(("--sigma0", "--fc", *OWN, "--counts-per-turn"), TEXT)
     | {"--model": MODELS, "--theta-per-count": TEXT, "-o/--output": TEXT, "--name": TEXT}
     | {"--force": FLAG},
-    "fmu": dict.fromkeys(("--sigma0", "--fc", "--breakaway", "--counts-per-turn"), TEXT)
+    "fmu": dict.fromkeys(("--sigma0", "--fc", *OWN, "--counts-per-turn"), TEXT)
     | dict.fromkeys(("--theta-per-count", "--kinds", "--name", "-o/--output"), TEXT)
     | {"--model": tuple(models.table()), "--fixed-stiffness": FLAG, "--force": FLAG}
     | {"--fmi": (2, 3)},

@@ -119,7 +119,7 @@ WRONG_INPUT = {  # exit code 2
         ASYMMETRIC --fc=1,2 --breakaway=0.5 => --breakaway ... --model {BREAKAWAY}
         BREAKAWAY => --breakaway ... --model {BREAKAWAY}
         BREAKAWAY --breakaway=1 => breakaway = 1
-        BREAKAWAY --breakaway=b => --breakaway b ... 0 < breakaway < 1
+        BREAKAWAY --breakaway=b => --breakaway b ... 1e-45 <= breakaway <= 1
         PLAN --breakaway=0 => --breakaway ... --model {BREAKAWAY}
         PLAN --sigma0=1e30 => sigma0 = 1e+30 ... 2^-64 <= sigma0 < 2^64
         PLAN --sigma0=soft => --sigma0 soft ... 2^-64 <= sigma0 < 2^64
@@ -425,7 +425,7 @@ def test_a_demo_that_recorded_no_tick_is_one_line(dahl, monkeypatch):
         (setup.folder / "run.log").touch()
         return {"interrupted": False}
 
-    monkeypatch.setattr("dahl.sim.loop.run", record_no_frame)
+    monkeypatch.setattr("dahl.sim.recorded_run.run", record_no_frame)
     done = dahl("demo", "--scene", "segments", "-o", "out")
     check(done, 1, "not compared: out/run.log: no frames")
 

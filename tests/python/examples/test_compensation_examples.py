@@ -36,7 +36,8 @@ def compiled(root: Path, folder: Path, *words: object) -> ctypes.CDLL:
 
 
 def compiled_page(root: Path, folder: Path, bounds: str) -> ctypes.CDLL:
-    (code,) = re.findall(r"```c\n(.*?)```", (root / "docs/compensation.md").read_text(), re.S)
+    blocks = re.findall(r"```c\n(.*?)```", (root / "docs/compensation.md").read_text(), re.S)
+    (code,) = (block for block in blocks if "compensation_tick" in block)
     (folder / "page.c").write_text(code)
     (folder / "dahl_plan_rig.h").write_text(bounds)
     page = compiled(root, folder, folder / "page.c")

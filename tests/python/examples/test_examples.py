@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import can
 import dahl
@@ -172,6 +173,26 @@ def test_the_notebook_goes_from_a_log_to_the_bus(dahl_loop, root: Path, tmp_path
     assert run["ticks"] == 8000 and run["max_error_ulp_Fc"] < 0.6 and run["r2_measured"] > 0.99
     shown = [out for cell in done.cells for out in cell.get("outputs", []) if "data" in out]
     assert sum("image/png" in out["data"] for out in shown) == 3
+
+
+def test_the_notebook_goes_from_a_log_to_a_compensator(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Run its cells without Jupyter, on an axis whose friction it steps itself."""
+    matplotlib = pytest.importorskip("matplotlib", reason="unproven: log_to_compensator.ipynb")
+    matplotlib.use("Agg")
+    monkeypatch.chdir(tmp_path)
+    book = json.loads((root / "examples/notebook/log_to_compensator.ipynb").read_text())
+    cells = [cell for cell in book["cells"] if cell["cell_type"] == "code"]
+    assert not any(cell["outputs"] or cell["execution_count"] for cell in cells)
+    names: dict[str, Any] = {}
+    for cell in cells:
+        exec(compile("".join(cell["source"]), "the notebook", "exec"), names)
+    (still, _), _, (moved, _) = names["ends"].values()
+    assert still < 0.01 and moved > 0.5 and max(speed for _, speed in names["ends"].values()) < 0.02
+    assert names["step"] <= names["law"].slew * names["law"].period * (1 + 1e-6)
+    assert names["after"] < 0.3 * names["before"]
+    assert f"{names['law'].Fc_low:.6f}" in names["header"]
 
 
 @pytest.mark.checks

@@ -214,6 +214,7 @@ def test_json_has_each_number_under_its_name(rig):
         **dict.fromkeys(("torque_sign", "rows_per_sample"), 1),
         **dict.fromkeys(("reasons", "findings"), []),
         "next_steps": {},
+        "against_bounds": "",
         **dict.fromkeys(("model", "exported_model"), "Dahl"),
         **dict.fromkeys(("verdict", "notes", "models", "choices"), ANY),
     }

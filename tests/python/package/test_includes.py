@@ -35,6 +35,7 @@ MAY_USE = {  # docs/architecture.md; a public header belongs to the room that im
     "port/mujoco": "port/simulators lib/parts",
     "host_sim": "lib/model lib/parts lib/node bus"
     " port port/loopback port/slcan port/socketcan port/socketcand",
+    "host_sim/compare": "host_sim lib/model lib/compensator",
 }
 ROOM_OF = {"dahl": "lib/model", "dahl_encoder": "lib/model", "dahl_can_bus": "bus"}
 OF_ONE_HEADER = ("parts", "compensator", "commission", "batch", "float")

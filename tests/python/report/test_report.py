@@ -17,7 +17,8 @@ from dahl.binding import models
 from dahl.codec import EncoderState, FrictionTorque, Param, ParamWrite, Reset, What
 from dahl.report import traces
 from dahl.sim import scene
-from dahl.sim.scene import Measured, Recorded, Scene
+from dahl.sim.replay import Recorded
+from dahl.sim.scene import Measured, Scene
 from hypothesis import given
 from hypothesis import strategies as st
 from log_reading import run as command
@@ -259,8 +260,9 @@ def test_rmse_and_r2_follow_their_definitions(run):
 def test_the_summary_describes_the_record(run):
     run.send(3, -460)  # not answered
     run.tick(6, -450, state=2)
-    scene = Scene(SCENE.path, "t", "dahl", SCENE.elements, THETA, measured=Measured(settle=2))
-    scene.kinds, scene.breakaway = ("dahl",), 0.25
+    mix = models.with_key("kinds").name
+    scene = Scene(SCENE.path, "t", mix, SCENE.elements, THETA, measured=Measured(settle=2))
+    scene.own = ("dahl",)
     numbers = summed(run, scene, ticks=7)
     wanted = {
         "ticks": 7,
@@ -269,10 +271,9 @@ def test_the_summary_describes_the_record(run):
         "frames_recorded": 5,
         "frames_not_recorded": 2,
         "answers_by_state": {"OK": 2, "Lost": 1, "Init": 1},
-        "model": "dahl",
+        "model": mix,
         "elements": [{"sigma0": SIGMA0, "Fc": FC}],
         "kinds": ["dahl"],
-        "breakaway": 0.25,
         "units": {"sigma0": "N m/rad", "Fc": "N m", "theta_per_count": "rad"},
         "parameters": {"sigma0": SIGMA0, "Fc": FC, "theta_per_count": THETA},
         "compared_from_row": 2,
@@ -313,12 +314,13 @@ def test_the_page_shows_each_number_in_its_unit(force, slope, tmp_path):
 
 
 RATIOS = {"none": {"ratio": 1.0}, "dahl": {"ratio": 0.0625}, "sign": {"ratio": 2}}
+RATIOS |= {"tanh": {"ratio": 0.5}}
 STEERED = {"width_Nm": 1, "drag_Nm": 2, "largest_hand_Nm": 3, "hand_J": 4, "tyres_J": 5}
 SIMULATED = [  # summary, head and first rows of the table
     (
         {"scene": "compensation", "position": {"fine": RATIOS}, "hand": {"slow": RATIOS}},
-        ["axis", "case", "dahl", "sign"],
-        ["position", "fine", "0.062", "2.000", "hand", "slow", "0.062", "2.000"],
+        ["axis", "case", "dahl", "best other law", "its ratio"],
+        ["position", "fine", "0.062", "tanh", "0.500", "hand", "slow", "0.062", "tanh", "0.500"],
     ),
     (
         {"scene": "park-steer"}

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Pictures of the scenes commission, compensation and park-steer: their curves, bands and bars. The
-table that park-steer prints.
+"""Pictures of the scenes commission, compensation and park-steer: their curves, dots, bands and
+bars. The table that park-steer prints.
 """
 
 import json
@@ -13,22 +13,24 @@ import pytest
 from dahl.report import commission_plot, compensation, park_steer
 from dahl.sim import axis
 from dahl.sim import park_steer as steering
-from dahl.sim.compensation import PERIOD_S, SHOWN_HAND, SHOWN_POSITION
+from dahl.sim.compensation import LAWS, SHOWN_HAND, SHOWN_POSITION, laws_of
+from dahl.sim.compensation_axis import PERIOD_S
 from log_reading import drawing
 from log_reading import run as command
 from matplotlib.axes import Axes
-from matplotlib.colors import to_hex
 
-LAWS = ("none", "sign", "dead band", "tanh", "dahl")
 RANDOM = np.random.default_rng(1)
 PANELS = [  # of compensation: title, and the ends of the labels of x and y
     (f"Position loop: {SHOWN_POSITION.name}", "time [s]", "error [mrad]"),
-    ("motor torque", "time [s]", "torque [N m]"),
+    ("Position loop: a wrong Fc", "Fc [%]", "ratio"),
     (f"Hand: {SHOWN_HAND.name}", "time [s]", "torque of the hand [N m]"),
-    ("motor torque", "time [s]", "torque [N m]"),
+    ("Hand: motor torque, each tick", "time [s]", "torque [N m]"),
     ("", "position: error over that without compensation", ""),
     ("", "hand: error over that without compensation", ""),
 ]
+PLACES = {"position": (0, 1e3), "hand": (2, 1.0)}  # panel of the errors, scale
+WRONG_FC = {-30: "Fc 30 % low", -10: "Fc 10 % low", 0: "17 bits"}
+WRONG_FC |= {10: "Fc 10 % high", 30: "Fc 30 % high"}
 
 
 def assert_labels(panels: list[Axes], wanted: list[tuple[str, str, str]]) -> None:
@@ -42,49 +44,55 @@ def traces(*names: str) -> SimpleNamespace:
     return SimpleNamespace(**{name: RANDOM.normal(size=round(4 / PERIOD_S)) for name in names})
 
 
-def assert_bars(panel: Axes, shown: dict, law_of: dict[str, str]) -> None:
-    """A bar of each case and law is as long as its ratio."""
-    names = [label.get_text() for label in panel.get_yticklabels()]
-    found = {name: {} for name in names}
-    for bar in panel.patches:
-        case = names[round(bar.get_y() + bar.get_height() / 2)]
-        found[case][law_of[to_hex(bar.get_facecolor())]] = bar.get_width()
-    assert [*found] == [*shown]
-    for case, laws in shown.items():
-        ratios = {law: value["ratio"] for law, value in laws.items() if law != "none"}
-        assert found[case] == pytest.approx(ratios)
-    assert [*panel.lines[0].get_xdata()] == [1, 1]
+def random_ratios(axis: str, cases: tuple[str, ...]) -> dict:
+    return {
+        case: {law: {"ratio": RANDOM.uniform(0.1, 2)} for law in laws_of(axis)} for case in cases
+    }
 
 
-def test_each_law_has_its_curves_bands_and_bars(tmp_path) -> None:
-    """Means and ranges of 20 ms from 1 s to 3.5 s, and the ratio of each case."""
-    axes_runs = {name: {law: traces("error", "motor") for law in LAWS} for name in ("hand", "loop")}
-    cases = {case: {law: {"ratio": RANDOM.uniform(0.1, 2)} for law in LAWS} for case in "abc"}
-    numbers = {"position": cases, "hand": dict(reversed(cases.items()))}
-    given = SimpleNamespace(position=axes_runs["loop"], hand=axes_runs["hand"], numbers=numbers)
+def assert_dots(panel: Axes, shown: dict, law_of: dict[str, str]) -> None:
+    """Each law has a dot for each case, at its ratio."""
+    assert [label.get_text() for label in panel.get_yticklabels()] == [*shown]
+    dots = {law_of[line.get_color()]: line for line in panel.lines}
+    assert {*dots} == {law for laws in shown.values() for law in laws}
+    assert [*dots.pop("none").get_xdata()] == [1, 1]
+    for law, line in dots.items():
+        assert [*line.get_ydata()] == [*range(len(shown))]
+        assert [*line.get_xdata()] == [laws[law]["ratio"] for laws in shown.values()]
+
+
+def test_each_law_has_its_curves_and_dots(tmp_path) -> None:
+    """Means of 20 ms from 1 s to 3.5 s without bands, some ticks, and the ratio of each case."""
+    runs = {axis: {law: traces("error", "motor") for law in laws_of(axis)} for axis in PLACES}
+    numbers = {"position": random_ratios("position", (*WRONG_FC.values(), "b"))}
+    numbers |= {"hand": random_ratios("hand", ("c", "d"))}
     with drawing(rendered=False) as figures:
-        compensation.draw(tmp_path / "x.png", given)
-    assert_labels(figures[0].axes, PANELS)
+        compensation.draw(tmp_path / "x.png", SimpleNamespace(**runs, numbers=numbers))
+    panels = figures[0].axes
+    assert_labels(panels, PANELS)
+    assert not any(panel.collections for panel in panels)
     (legend,) = figures[0].legends
     shown = zip(legend.get_texts(), legend.get_lines(), strict=True)
-    colours = {text.get_text(): line.get_color() for text, line in shown}
-    panels = iter(figures[0].axes)
-    for runs, scale in ((given.position, 1e3), (given.hand, 1.0)):
-        for kind, factor in (("error", scale), ("motor", 1.0)):
-            panel = next(panels)
-            assert sorted(line.get_label() for line in panel.lines) == sorted(LAWS)
-            for line, band in zip(panel.lines, panel.collections, strict=True):
-                trace = getattr(runs[line.get_label()], kind) * factor
-                bins = trace[round(1 / PERIOD_S) : round(3.5 / PERIOD_S)].reshape(125, -1)
-                assert line.get_xdata() == pytest.approx(1.01 + 0.02 * np.arange(125))
-                assert line.get_ydata() == pytest.approx(bins.mean(axis=1))
-                ends = band.get_paths()[0].vertices[:, 1]
-                assert {*bins.min(axis=1), *bins.max(axis=1)} == {*ends}
-                assert line.get_color() == colours[line.get_label()]
-    by_colour = {colour: law for law, colour in colours.items()}
-    assert len(by_colour) == len(LAWS)
-    for panel, shown in zip(panels, numbers.values(), strict=True):
-        assert_bars(panel, shown, by_colour)
+    law_of = {line.get_color(): text.get_text() for text, line in shown}
+    assert {*law_of.values()} == {*LAWS}
+    for axis, (place, scale) in PLACES.items():
+        assert {"none", "dahl"} < {law_of[line.get_color()] for line in panels[place].lines}
+        for line in panels[place].lines:
+            trace = runs[axis][law_of[line.get_color()]].error * scale
+            bins = trace[round(1 / PERIOD_S) : round(3.5 / PERIOD_S)].reshape(125, -1)
+            assert line.get_xdata() == pytest.approx(1.01 + 0.02 * np.arange(125))
+            assert line.get_ydata() == pytest.approx(bins.mean(axis=1))
+    for line in panels[3].lines:
+        ticks = np.round(line.get_xdata() / PERIOD_S).astype(int)
+        assert [*np.diff(ticks)] == [1] * (len(ticks) - 1)
+        assert [*line.get_ydata()] == [*runs["hand"][law_of[line.get_color()]].motor[ticks]]
+    for line in panels[1].lines:
+        assert [*line.get_xdata()] == [*WRONG_FC]
+        law = law_of[line.get_color()]
+        due = [numbers["position"][case][law]["ratio"] for case in WRONG_FC.values()]
+        assert [*line.get_ydata()] == due
+    for panel, cases in zip(panels[4:], numbers.values(), strict=True):
+        assert_dots(panel, cases, law_of)
 
 
 def test_the_hand_is_drawn_without_and_with_compensation(tmp_path) -> None:

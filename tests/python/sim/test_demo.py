@@ -20,7 +20,7 @@ import pytest
 from dahl.binding.library import load
 from dahl.io import can_logs
 from dahl.report import run_files, traces
-from dahl.sim import compensation, park_steer, scene
+from dahl.sim import compensation, park_steer, replay, scene
 from demo_tools import (
     FC,
     OFFSET,
@@ -158,7 +158,7 @@ def test_the_model_fits_the_tribometer(measured_file, tmp_path, name, r2):
     played = scene.read(SCENES / f"{name}.ini")
     result = run(tmp_path, played.path, "--virtual", "--data", log.parents[1])
     trace = traces.trace_of(can_logs.read_candump(result.log))
-    assert traces.fit(played, trace, scene.read_log(played, log))["r2_measured"] >= r2
+    assert traces.fit(played, trace, replay.read_recorded(played, log))["r2_measured"] >= r2
 
 
 def test_the_fault_storm_is_counted_and_exact(dahl, unpainted, tmp_path):

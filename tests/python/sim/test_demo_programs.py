@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from dahl import Node, Plan, RunError, node
 from dahl.codec import Param, ParamWrite
-from dahl.sim import loop
+from dahl.sim import recorded_run
 from demo_tools import FC, OWN, SIGMA0, TURN, in_role, scene_of, summary_of, write_loop
 from identify_tools import complaint
 from log_reading import drawing
@@ -207,15 +207,15 @@ CHANGES = [  # scene, change of what dahl-loop counts, words of the message
 @pytest.mark.parametrize(("scene", "change", "words"), CHANGES)
 def test_a_wrong_count_exits_with_1(dahl, monkeypatch, scene, change, words):
     """Unanswered frames, a wrong count of faults, none, and frames that the recorder missed."""
-    real = loop.Program.numbers
+    real = recorded_run.Program.numbers
 
-    def numbers(program: loop.Program) -> dict:
+    def numbers(program: recorded_run.Program) -> dict:
         known = real(program)
         for name, value in change.items():
             known[name] = known.get(name, {}) | value if isinstance(value, dict) else value
         return {name: value for name, value in known.items() if value is not None}
 
-    monkeypatch.setattr(loop.Program, "numbers", numbers)
+    monkeypatch.setattr(recorded_run.Program, "numbers", numbers)
     check_failed(dahl("demo", "--scene", scene, "--seconds", "0.6", "--output", "out"), words)
     is_recorded = "bus_counts" not in change
     assert (summary_of(Path("out"))["max_error_ulp_Fc"] is not None) == is_recorded
@@ -237,8 +237,8 @@ def test_a_demo_that_would_hang_ends_and_leaves_no_program(dahl, monkeypatch, tm
     loop = write_loop(tmp_path / "bin", script)
     monkeypatch.setenv("DAHL_LOOP", str(loop))
     if name == "unserved":
-        monkeypatch.setattr("dahl.sim.loop.PROGRAM_TIMEOUT_S", 0.5)
-    monkeypatch.setattr("dahl.sim.loop.MAX_SILENCE_S", 0.5)
+        monkeypatch.setattr("dahl.sim.recorded_run.PROGRAM_TIMEOUT_S", 0.5)
+    monkeypatch.setattr("dahl.sim.recorded_run.MAX_SILENCE_S", 0.5)
     bus = ("--bus", "socketcand") if scene == "segments" else ()
     code, said = complaint(dahl("demo", "--scene", scene, "--seconds", "0.2", *bus, "-o", "out"))
     assert code == 1 and fact in said

@@ -3,13 +3,13 @@
 value and range, exits with 2 and runs nothing. Scenes: test_scene_errors.py.
 """
 
-import importlib.util
 import re
 from pathlib import Path
 
 import dahl
 import pytest
 from conftest import ROOT
+from dahl.binding import models
 from dahl.sim import keys
 from loop_tools import SCENES, counts_of, read_log, run, run_alone
 from test_scene_errors import BREAKAWAY, beyond
@@ -50,16 +50,24 @@ BAD = [  # run file, line if the message has one, words of the error
     (f"{FRICTION}friction.gain =\n", ":4", "friction.gain not finite"),
     (f"{FRICTION}friction.gain = 1 x\n", ":4", "friction.gain 1 x not finite"),
     (f"{FRICTION}friction.gain = nan\n", ":4", "friction.gain nan not finite"),
+    (f"{FRICTION}friction.gain = 0x1\n", ":4", "friction.gain 0x1 decimal"),
+    (f"{FRICTION}# \0\n", ":4", "0 text"),
+    (f"#{'x' * 4095}\n", ":1", "4095"),
+    (f"{FRICTION}{STEER}motion.theta1 = 5\n", ":10", "motion.theta1 meaning steering"),
     (f"{FRICTION}friction.node = 1.5\n", ":4", "friction.node 1.5 whole"),
     (f"{FRICTION}friction.node = 1\n# a word\nfriction.node = 1\n", ":6", "twice line 4"),
-    (f"{FRICTION}friction.model = {'x' * 1024}\n", ":4", "friction.model too long"),
+    (f"{FRICTION}friction.model = {'x' * 1024}\n", ":4", "friction.model 1023"),
     ("friction.sigma0 = 1 2 3 4 5 6 7 8 9\n", ":1", "friction.sigma0 8"),
     (f"{FRICTION}friction.model = lugre\n", ":4", f"lugre dahl slip {BREAKAWAY}"),
     (FRICTION.replace("50", "50 60"), ":2", "sigma0 2 Fc 1 dahl"),
     (f"{FRICTION}friction.model = asymmetric\n", ":2", "sigma0 1 Fc 1 asymmetric"),
     (f"{FRICTION}friction.model = parallel\nfriction.kinds = lugre\n", ":5", "kinds lugre 1"),
-    (f"{FRICTION}friction.model = parallel\n", "", "kinds missing"),
-    (FRICTION.replace("1e-4", "1e-30"), "", "theta_per_count 1e-30"),
+    (f"{FRICTION}friction.model = parallel\n", "", "kinds missing parallel"),
+    (f"{FRICTION}friction.model = {BREAKAWAY}\n", "", f"breakaway missing {BREAKAWAY}"),
+    (f"{FRICTION}friction.breakaway = 0.5\n", ":4", "breakaway meaning dahl"),
+    (f"{FRICTION}friction.kinds = slip\n", ":4", "kinds meaning dahl"),
+    (FRICTION.replace("1e-4", "1e-30"), ":3", "theta_per_count 1e-30 5.43e-20"),
+    (FRICTION.replace("1e-4", "1e-12"), "", "theta_per_count 1e-12 1e-10 2^-30"),
     ("motion.seconds = 1\n", "", "motion.kind missing"),
     ("motion.kind = log\n", ":1", "log segments steering counts"),
     ("motion.kind = counts\n", "", "motion.file missing"),
@@ -122,7 +130,8 @@ def run_with(folder: Path, key: keys.Key, value: str) -> Path:
     name = f"{key.section}.{key.name}"
     lines = BASE.get(key.section, usual).splitlines()
     lines = [line for line in lines if not line.startswith(f"{name} =")]
-    lines += ["friction.model = " + BREAKAWAY] * (key.name == "breakaway")
+    if key.need == "OWN":
+        lines.append(f"friction.model = {models.with_key(key.name).name}")
     return write(folder, "\n".join([f"{name} = {value}", *lines]))
 
 
@@ -156,14 +165,6 @@ def test_the_example_is_the_scene_of_its_name(tmp_path):
     scene = run(tmp_path, SCENES / "steering.ini", "--virtual")
     assert (tmp_path / "alone.log").read_bytes() == scene.log.read_bytes()
     assert "host_sim/steering.run" in run_alone("--help").out
-
-
-def test_the_tables_of_keys_are_those_of_keys_csv():
-    path = ROOT / "tools/generators/run_keys.py"
-    spec = importlib.util.spec_from_file_location("run_keys", path)
-    spec.loader.exec_module(module := importlib.util.module_from_spec(spec))
-    for path, text in module.generated().items():
-        assert path.read_text(encoding="utf-8") == text, f"run {module.__file__}"
 
 
 # --- options --------------------------------------------------------------------------------------

@@ -62,7 +62,7 @@ NODE_ERRORS = [  # scene, line, words of the error
     (scene_of(friction="[friction]"), 3, "[friction] sigma0"),
     (model("dahl", "1 2", 1), 6, "[friction] sigma0 2 Fc 1 dahl"),
     (model("dahl", 1, 1, 1e-12), 3, "[friction] theta_per_count 1e-12"),
-    (model("dahl", 1, 1, 3.7e-26), 3, "[friction] theta_per_count 3.7e-26"),
+    (model("dahl", 1, 1, 3.7e-26), 7, "[friction] theta_per_count 3.7e-26 5.43e-20"),
     (model("lugre"), 4, f"[friction] model lugre slip {BREAKAWAY}"),
     (model("slip", "1 2 3"), 6, "[friction] sigma0 3 Fc 2 slip"),
     (model("slip", "1 1e-9", "1 1e9"), 3, "[friction] theta_per_count"),

@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: MIT */
-/* Cases of dahl_compensator.h: both calls of a tick without that of the element, the pull, new parameters, and the adaptation. */
+/* Cases of dahl_compensator.h: both calls of a tick without that of the element, new parameters, the residual
+ * observer, and presliding damping. */
 #include "bench.h"
 #include "dahl_compensator.h"
+#include "dahl_parts.h"
 #include "inputs.h"
 
 #include <stdbool.h>
@@ -9,13 +11,17 @@
 int32_t call_tick(const dahl_compensator_plan_t *, dahl_compensator_t *, int32_t, int32_t) __asm__("bench_call");
 int32_t call_move(const dahl_compensator_plan_t *, dahl_compensator_t *, int32_t, int) __asm__("bench_call");
 int32_t call_torque(const dahl_compensator_plan_t *, dahl_compensator_t *, int32_t) __asm__("bench_call");
-int32_t call_apply(dahl_adaptation_t *, int32_t) __asm__("bench_call");
-dahl_compensator_err_t call_adaptation_prepare(dahl_adaptation_plan_t *, const dahl_compensator_params_t *,
-                                               float) __asm__("bench_call");
-void call_pull(const dahl_compensator_plan_t *, dahl_state_t *, const dahl_state_t *) __asm__("bench_call");
-void call_adapt(const dahl_adaptation_plan_t *, dahl_adaptation_t *, const dahl_compensator_t *, int32_t) __asm__("bench_call");
 void call_change(const dahl_compensator_plan_t *, const dahl_compensator_plan_t *, dahl_compensator_t *) __asm__("bench_call");
 dahl_compensator_plausible_t call_plausible(const dahl_compensator_params_t *) __asm__("bench_call");
+dahl_compensator_err_t call_residual_prepare(dahl_residual_plan_t *, const dahl_compensator_params_t *,
+                                             const dahl_residual_params_t *) __asm__("bench_call");
+int32_t call_residual(const dahl_residual_plan_t *, dahl_residual_t *, const dahl_compensator_t *,
+                      int32_t) __asm__("bench_call");
+void call_note(dahl_residual_t *, int32_t) __asm__("bench_call");
+int32_t call_q24(const dahl_residual_plan_t *, float) __asm__("bench_call");
+void call_residual_change(const dahl_residual_plan_t *, const dahl_residual_plan_t *, dahl_residual_t *) __asm__("bench_call");
+dahl_err_t call_damping_prepare(dahl_damping_plan_t *, const dahl_params_t *, float, float) __asm__("bench_call");
+int32_t call_damping(const dahl_damping_plan_t *, dahl_damping_t *, int32_t) __asm__("bench_call");
 dahl_compensator_err_t call_compensator_prepare(dahl_compensator_plan_t *,
                                                 const dahl_compensator_params_t *) __asm__("bench_call");
 
@@ -40,7 +46,6 @@ static const dahl_compensator_params_t params = {
     .rise = 0.1f,
     .fall = 0.02f,
     .fade_speed = 5.0f,
-    .pull = 0.3f,
     .noise = 1,
     .play = 2,
     .jump = 200,
@@ -93,17 +98,6 @@ static void search_worst_tick(const dahl_compensator_plan_t *plan)
     }
 }
 
-static void bench_pull(const dahl_compensator_plan_t *plan)
-{
-    dahl_state_t state = {-1}, measured = {(int64_t)1 << 62};
-    bench_case("compensator_pull");
-    bench_function = (bench_function_t)dahl_compensator_pull;
-    for (int k = 0; k < 4; k++) {
-        call_pull(plan, &state, &measured);
-        measured.w = -measured.w;
-    }
-}
-
 /* From each of two plans to the other, with states and torques of all sizes. */
 static void bench_change(const dahl_compensator_plan_t *plan)
 {
@@ -128,29 +122,66 @@ static void bench_change(const dahl_compensator_plan_t *plan)
     }
 }
 
-/* Slides to and fro, through each gate, to full bins. */
-static void bench_adaptation(void)
+/* Starts, faults, saturations and both ends of the limit, with torques of all sizes. */
+static void bench_residual(void)
 {
-    dahl_adaptation_plan_t adaptation_plan;
-    dahl_adaptation_t adaptation = {0};
+    const dahl_residual_params_t observer = {.inertia = 0.002f, .corner = 15.0f, .limit = 0.5f, .speed_gain = 0.4f, .delay = 2};
+    dahl_residual_plan_t plan;
+    dahl_residual_t residual = {0};
     dahl_compensator_t compensator = {0};
-    bench_case("adaptation_prepare");
-    bench_function = (bench_function_t)dahl_adaptation_prepare;
-    if (call_adaptation_prepare(&adaptation_plan, &params, 0.002f) != DAHL_COMPENSATOR_OK) {
+    bench_case("residual_prepare");
+    bench_function = (bench_function_t)dahl_residual_prepare;
+    if (call_residual_prepare(&plan, &params, &observer) != DAHL_COMPENSATOR_OK) {
         return;
     }
-    bench_case("adaptation_step");
-    bench_function = (bench_function_t)dahl_adaptation_step;
-    for (int32_t k = 0; k < 3000; k++) {
-        const int32_t sign = k / 300 % 2 == 0 ? 1 : -1;
-        compensator.move = sign;
-        (void)dahl_adaptation_apply(&adaptation, sign * ONE_Q30);
-        call_adapt(&adaptation_plan, &adaptation, &compensator, sign * (1 << 24));
+    bench_case("residual_torque");
+    bench_function = (bench_function_t)dahl_residual_torque;
+    for (int k = 0; k < 500; k++) {
+        const int32_t dcounts = k % 9 == 0 ? random_counts() : (int32_t)(next_random() % 7) - 3;
+        compensator.bad_ticks = k % 50 == 0;
+        compensator.fade_q30 = next_random();
+        dahl_residual_note(&residual, (int32_t)next_random() >> k % 12);
+        call_residual(&plan, &residual, &compensator, dcounts);
     }
-    bench_case("adaptation_apply");
-    bench_function = (bench_function_t)dahl_adaptation_apply;
-    call_apply(&adaptation, ONE_Q30);
-    call_apply(&adaptation, -ONE_Q30);
+    bench_case("residual_note");
+    bench_function = (bench_function_t)dahl_residual_note;
+    for (int k = 0; k < 100; k++) {
+        call_note(&residual, (int32_t)next_random());
+    }
+    bench_case("residual_q24");
+    bench_function = (bench_function_t)dahl_residual_q24;
+    for (int k = 0; k < 200; k++) {
+        call_q24(&plan, (float)(int32_t)next_random() * (k % 2 == 0 ? 0x1p-30f : 0x1p-24f));
+    }
+    dahl_compensator_params_t other = params;
+    dahl_residual_plan_t other_plan;
+    other.friction.Fc = 0.51f;
+    if (dahl_residual_prepare(&other_plan, &other, &observer) != DAHL_COMPENSATOR_OK) {
+        return;
+    }
+    bench_case("residual_change");
+    bench_function = (bench_function_t)dahl_residual_change;
+    for (int k = 0; k < 200; k++) {
+        residual = (dahl_residual_t){.raw_q56 = (int64_t)random_state(), .filtered_q56 = (int64_t)random_state()};
+        dahl_residual_note(&residual, (int32_t)next_random());
+        call_residual_change(k % 2 == 0 ? &plan : &other_plan, k % 2 == 0 ? &other_plan : &plan, &residual);
+    }
+}
+
+static void bench_damping(void)
+{
+    dahl_damping_plan_t plan;
+    dahl_damping_t damping = {0};
+    bench_case("damping_prepare");
+    bench_function = (bench_function_t)dahl_damping_prepare;
+    if (call_damping_prepare(&plan, &params.friction, 0.3f, params.period) != DAHL_OK) {
+        return;
+    }
+    bench_case("damping_apply");
+    bench_function = (bench_function_t)dahl_damping_apply;
+    for (int k = 0; k < 200; k++) {
+        call_damping(&plan, &damping, (int32_t)next_random() >> k % 8);
+    }
 }
 
 void bench_compensator(void)
@@ -170,11 +201,13 @@ void bench_compensator(void)
     bench_ticks("compensator_tick", &plan, false);
     bench_ticks("compensator_calls", &plan, true);
     search_worst_tick(&plan);
-    bench_pull(&plan);
     bench_change(&plan);
-    bench_adaptation();
+    bench_residual();
+    bench_damping();
     BENCH_BYTES(dahl_compensator_plan_t);
     BENCH_BYTES(dahl_compensator_t);
-    BENCH_BYTES(dahl_adaptation_plan_t);
-    BENCH_BYTES(dahl_adaptation_t);
+    BENCH_BYTES(dahl_residual_plan_t);
+    BENCH_BYTES(dahl_residual_t);
+    BENCH_BYTES(dahl_damping_plan_t);
+    BENCH_BYTES(dahl_damping_t);
 }

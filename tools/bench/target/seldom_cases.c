@@ -7,7 +7,7 @@
 
 dahl_err_t call_prepare(void *, const void *) __asm__("bench_call");
 dahl_plausible_t call_plausible(const dahl_params_t *) __asm__("bench_call");
-dahl_err_t call_elastoplastic(dahl_elastoplastic_plan_t *, const dahl_params_t *, float) __asm__("bench_call");
+dahl_err_t call_prepare_own(void *, const void *, float) __asm__("bench_call");
 float call_torque(const dahl_plan_t *, const dahl_state_t *) __asm__("bench_call");
 void call_set_torque(const dahl_plan_t *, dahl_state_t *, float) __asm__("bench_call");
 void call_change_plan(const dahl_plan_t *, const dahl_plan_t *, dahl_state_t *) __asm__("bench_call");
@@ -49,22 +49,26 @@ static void prepare_plans(void)
     (void)call_plausible(&params);
 }
 
+/* A model with one Fc and, if the table has one, a number of its own. */
+#define PREPARE_1(name, low, high) \
+    { \
+        static dahl_##name##_plan_t plan; \
+        bench_function = (bench_function_t)dahl_##name##_prepare; \
+        (void)!call_prepare_own(&plan, &one, (float)(high) * magnitude(-8, 0)); \
+    }
 /* A model with one Fc for each direction. */
-#define PREPARE_0(name)
-#define PREPARE_1(name)
-#define PREPARE_2(name) \
+#define PREPARE_2(name, low, high) \
     { \
         static dahl_##name##_plan_t plan; \
         const dahl_##name##_params_t directed = {one.sigma0, one.Fc, less_Fc, one.theta_per_count}; \
         bench_function = (bench_function_t)dahl_##name##_prepare; \
         call_prepare(&plan, &directed); \
     }
-#define PREPARE(name, NAME, Class, number, sigma0s, Fcs, ...) PREPARE_##Fcs(name)
+#define PREPARE(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning, low, high) PREPARE_##Fcs(name, low, high)
 
 static void prepare_parts(void)
 {
     static dahl_slip_plan_t slip;
-    static dahl_elastoplastic_plan_t elastoplastic;
     static dahl_velocity_plan_t velocity;
     const dahl_params_t one = random_params(magnitude(-30, 1));
     const float less_Fc = one.Fc * magnitude(-1, 0);
@@ -80,11 +84,9 @@ static void prepare_parts(void)
     }
     bench_function = (bench_function_t)dahl_slip_prepare;
     call_prepare(&slip, &elements);
-    DAHL_OTHER_MODELS(PREPARE)
+    DAHL_BRISTLE_MODELS(PREPARE)
     bench_function = (bench_function_t)dahl_velocity_prepare;
     call_prepare(&velocity, &table);
-    bench_function = (bench_function_t)dahl_elastoplastic_prepare;
-    (void)!call_elastoplastic(&elastoplastic, &one, magnitude(-8, 0));
 }
 
 static void convert_states(void)

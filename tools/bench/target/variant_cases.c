@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 /* Cases of the parts whose parameters or load change the curve (dahl_parts.h): short moves, each from a spread of states. */
+#include <string.h>
+
 #include "bench.h"
 #include "dahl_parts.h"
 
-int32_t call_elastoplastic(const dahl_elastoplastic_plan_t *, dahl_state_t *, int32_t) __asm__("bench_call");
 float call_clamped(const dahl_plan_t *, dahl_state_t *, float, uint32_t) __asm__("bench_call");
 int32_t call_loaded(const dahl_plan_t *, dahl_loaded_state_t *, int32_t, uint32_t) __asm__("bench_call");
 
@@ -74,21 +75,34 @@ static void bench_clamped(void)
     }
 }
 
-/* From w = start, in hundredths, by `least` to `most` counts: elastic, plastic, or across the breakaway at 0.5. */
-static void bench_elastoplastic(const char *name, bench_function_t step, int start, int32_t least, int32_t most)
+/* From w = start, in hundredths, by `least` to `most` counts. */
+static void bench_from(const char *name, bench_function_t step, const void *plan, int start, int32_t least, int32_t most)
 {
-    dahl_elastoplastic_plan_t plan;
-    if (dahl_elastoplastic_prepare(&plan, &params, 0.5f) != DAHL_OK) {
-        return;
-    }
     bench_case(name);
     bench_function = step;
     for (int32_t n = least; n <= most; n++) {
         dahl_state_t state = {ONE_Q62 / 100 * start}, mirrored = {-state.w};
-        call_elastoplastic(&plan, &state, n);
-        call_elastoplastic(&plan, &mirrored, -n);
+        call_step(plan, &state, n);
+        call_step(plan, &mirrored, -n);
     }
 }
+
+/* The model with a breakaway, here at 0.5: elastic, plastic, and across it. */
+#define BENCH_BREAKAWAY(name, NAME, Class, number, sigma0s, Fcs, has_plan, key, ...) \
+    if (strcmp(key, "breakaway") == 0) { \
+        const bench_function_t q30 = (bench_function_t)dahl_##name##_step_counts_q30; \
+        const bench_function_t in_float = (bench_function_t)dahl_##name##_step_counts; \
+        dahl_##name##_plan_t plan; \
+        if (dahl_model_##name.q30->prepare(&plan, &directed) != DAHL_OK) { \
+            return; \
+        } \
+        bench_from("elastic_q30", q30, &plan, 0, -6, 6); \
+        bench_from("elastic_float", in_float, &plan, 0, -6, 6); \
+        bench_from("plastic_q30", q30, &plan, 60, 1, 8); \
+        bench_from("plastic_float", in_float, &plan, 60, 1, 8); \
+        bench_from("crossing_q30", q30, &plan, 49, 1, 8); \
+        bench_from("crossing_float", in_float, &plan, 49, 1, 8); \
+    }
 
 void bench_variants(void)
 {
@@ -98,10 +112,5 @@ void bench_variants(void)
     bench_loaded("loaded_more_q30", (bench_function_t)dahl_loaded_step_counts_q30, LOAD_ONE + 12345);
     bench_loaded("loaded_more_float", (bench_function_t)dahl_loaded_step_counts, LOAD_ONE + 12345);
     bench_clamped();
-    bench_elastoplastic("elastic_q30", (bench_function_t)dahl_elastoplastic_step_counts_q30, 0, -6, 6);
-    bench_elastoplastic("elastic_float", (bench_function_t)dahl_elastoplastic_step_counts, 0, -6, 6);
-    bench_elastoplastic("plastic_q30", (bench_function_t)dahl_elastoplastic_step_counts_q30, 60, 1, 8);
-    bench_elastoplastic("plastic_float", (bench_function_t)dahl_elastoplastic_step_counts, 60, 1, 8);
-    bench_elastoplastic("crossing_q30", (bench_function_t)dahl_elastoplastic_step_counts_q30, 49, 1, 8);
-    bench_elastoplastic("crossing_float", (bench_function_t)dahl_elastoplastic_step_counts, 49, 1, 8);
+    DAHL_BRISTLE_MODELS(BENCH_BREAKAWAY)
 }

@@ -4,18 +4,18 @@
 from __future__ import annotations
 
 import math
+import os
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dahl.binding import arrays, checks, parameters
+from dahl.binding import arrays, checks, identified, parameters
 from dahl.binding.checks import INT32_MAX, INT32_MIN, ONE_Q30
 from dahl.binding.copies import Copied, content
 from dahl.binding.elements import RatioElement
-from dahl.binding.friction import Friction
 from dahl.binding.library import c
 from dahl.binding.parameters import HasParameters, Parameter
-from dahl.binding.state_element import StateElement
 from dahl.errors import InputError
 
 FRICTION = ("sigma0", "Fc", "theta_per_count")
@@ -46,7 +46,6 @@ class Compensator(HasParameters, Copied):
     rise, fall   s      to fade in, and to fade out while the encoder is bad, at most 2^30 ticks;
                         0: at once
     fade_speed   rad/s  no torque from twice this speed; 0: no fade over speed
-    pull         Hz     corner frequency of draw(); 0: none
     noise, play, jump   counts: +-noise of the encoder, width of the play >= 2*noise and >= 1
                         (2*noise + 2 is safe), longest move of a tick, below 1000 times that of
                         fade_speed
@@ -80,7 +79,6 @@ class Compensator(HasParameters, Copied):
     rise = Parameter(OPTIONAL.format("rise", "s"))
     fall = Parameter(OPTIONAL.format("fall", "s"))
     fade_speed = Parameter(OPTIONAL.format("fade_speed", "rad/s"))
-    pull = Parameter(OPTIONAL.format("pull", "Hz"))
 
     def __init__(
         self,
@@ -103,7 +101,6 @@ class Compensator(HasParameters, Copied):
         rise: float = 0.0,
         fall: float = 0.0,
         fade_speed: float = 0.0,
-        pull: float = 0.0,
         noise: int = 0,
         play: int = 1,
         jump: int = 1000,
@@ -111,7 +108,7 @@ class Compensator(HasParameters, Copied):
         given = dict(sigma0=sigma0, Fc=Fc, theta_per_count=theta_per_count, Fc_low=Fc_low)
         given |= dict(length_long=length_long, sigma0_high=sigma0_high, load=load)
         given |= dict(inertia=inertia, delay=delay, gain=gain, limit=limit, slew=slew)
-        given |= dict(period=period, rise=rise, fall=fall, fade_speed=fade_speed, pull=pull)
+        given |= dict(period=period, rise=rise, fall=fall, fade_speed=fade_speed)
         self._set_values(given)
         self._reference = checks.instance("reference", reference, bool)
         self._elastic = checks.instance("elastic", elastic, bool)
@@ -120,6 +117,33 @@ class Compensator(HasParameters, Copied):
         self._jump = checks.whole("jump", jump, 1, c.DAHL_COMPENSATOR_JUMP_MAX)
         self._state = c.new("dahl_compensator_t *")
         self._prepare()
+
+    @classmethod
+    def from_identified(
+        cls, path: str | os.PathLike[str], *, ratio: float | None = None, **given: Any
+    ) -> Compensator:
+        """Return a compensator with the bounds of the JSON that `dahl identify` writes.
+
+        sigma0, Fc, Fc_low, length_long and sigma0_high follow from the file; `given` has the other
+        parameters of the constructor. Those with a default here may be left out:
+
+        gain     0.9*(Fc_low - load)/Fc_low, with reference: 1
+        limit    1.2*Fc_low
+        slew     100 Fc_low in a second, or more if a light rotor needs it
+        play     2*noise + 2, or 1 without noise
+        rise, fall   0.5 s, 0.02 s
+
+        ratio    rad of the motor for one rad of the log: of a gear if the log is from its output; 1
+                 if not given. For a log in m: 2*pi/lead (rad/m) for a screw, or 1 for a linear
+                 motor, whose parameters are then in N, m and kg.
+
+        Raises dahl.Error, with the next step, if the file has no bounds; if a log in m has no
+        ratio; and if a parameter breaks a condition of the guarantee, also one that the
+        constructor does not check: play, slew and fade_speed of the measured law.
+        """
+        is_free = not checks.instance("reference", given.get("reference", False), bool)
+        bounds = identified.read_bounds(path, ratio, not is_free)
+        return cls(**identified.complete(bounds, is_free, given))
 
     def _prepare(self) -> None:
         self._prepared = c.new("dahl_compensator_plan_t *")
@@ -269,15 +293,6 @@ class Compensator(HasParameters, Copied):
         """Return that torque in N m."""
         return self.torque_q30(ratio_q30) / ONE_Q30 * self.Fc
 
-    def draw(self, element: Friction | StateElement, measured: Friction | StateElement) -> None:
-        """Draw the state of `element`, which the reference steps, to that of `measured`, which the
-        results of move() step. Raises TypeError for elements that have no State.
-        """
-        for name, one in (("element", element), ("measured", measured)):
-            if not isinstance(one, (Friction, StateElement)):
-                raise TypeError(f"{name} = {checks.shown(one)} has no State")
-        c.dahl_compensator_pull(self._prepared, element.state._c, measured.state._c)
-
     def change(self, **changed: float) -> None:
         """Change parameters between two ticks, by the names of the constructor; the others stay.
 
@@ -344,8 +359,19 @@ class Compensator(HasParameters, Copied):
         return f"Compensator({self._shown_values()}{more})"
 
 
+def need_reference(compensator: Compensator, values: dict[str, float]) -> None:
+    """Raise dahl.Error unless the compensator has the law of the reference and these parameters."""
+    checks.instance("compensator", compensator, Compensator)
+    if not compensator.reference:
+        raise InputError("compensator.reference = False: the estimate would see its own output")
+    for name in ("Fc", "theta_per_count", "period", "slew"):
+        if (other := getattr(compensator, name)) != values[name]:
+            wanted = parameters.digits(values[name])
+            raise InputError(f"compensator.{name} = {parameters.digits(other)} is not {wanted}")
+
+
 def _is_in_range(name: str, value: float, reference: bool) -> bool:
-    may_be_zero = name in ("load", "gain", "rise", "fall", "fade_speed", "pull")
+    may_be_zero = name in ("load", "gain", "rise", "fall", "fade_speed")
     may_be_zero |= reference and name in BOUNDS
     if reference and name in AXIS:
         return True

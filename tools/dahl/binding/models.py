@@ -35,6 +35,8 @@ class Model:
     has_plan: bool
     key: str
     meaning: str
+    low: float  # of the key if it is a number, else 0
+    high: float
 
     @property
     def has_directions(self) -> bool:
@@ -45,6 +47,11 @@ class Model:
         """Return whether it can be made of this many sigma0 and Fc."""
         wanted = (self.sigma0s or Fcs, self.Fcs or Fcs)
         return Fcs > 0 and (sigma0s, Fcs) == wanted
+
+    @property
+    def has_own_number(self) -> bool:
+        """Whether its own key is a number, between `low` and `high`."""
+        return self.high > 0
 
 
 _TABLE = {row[0]: Model(*row) for row in MODELS}

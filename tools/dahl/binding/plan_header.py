@@ -147,8 +147,8 @@ def bounds(
     Fc_low and above the others, with the units of torque and angle.
     """
     prefix = f"DAHL_PLAN_{name.upper()}"
-    low, long = _float(_rounded(Fc_low, 0.0)), _float(_rounded(length_long, np.inf))
-    high = _float(_rounded(sigma0_high, np.inf))
+    low, long = _float(rounded(Fc_low, 0.0)), _float(rounded(length_long, np.inf))
+    high = _float(rounded(sigma0_high, np.inf))
     return (
         "\n/* Bounds for dahl_compensator.h, from the 95 % intervals. The length is that which the"
         " encoder\n * sees, with the twist of a shaft. */\n"
@@ -194,7 +194,7 @@ def commission(name: str, params: Any, load: Sequence[float], travel: float) -> 
     return "\n".join(lines) + "\n"
 
 
-def _rounded(value: float, towards: float) -> float:
+def rounded(value: float, towards: float) -> float:
     """Return the nearest float, or the next one if it is on the wrong side of the value."""
     near = np.float32(value)
     above = float(near) - value  # in double: a float32 compares with a number in float32

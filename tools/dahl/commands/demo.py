@@ -27,8 +27,9 @@ from dahl.version import __version__
 
 if TYPE_CHECKING:
     from dahl.report.traces import Trace
-    from dahl.sim.loop import Setup
-    from dahl.sim.scene import Recorded, Scene
+    from dahl.sim.recorded_run import Setup
+    from dahl.sim.replay import Recorded
+    from dahl.sim.scene import Scene
 
 HELP = "replay a log over the bus, record, compare, draw"
 EXAMPLE = """examples:
@@ -198,14 +199,14 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
     """Return scene, log and recording, checked before any program starts."""
     from dahl.io import data
     from dahl.report import run_files, simulated
-    from dahl.sim import scene
+    from dahl.sim import replay, scene
 
     if args.log:
         run_files.set_aside(args.output, "own.ini", "own.csv")
         chosen, unit = scene.write_own(_own(args), args.output / "own.ini")
         console.print(f"angle   column '{args.angle}' in {unit} (else: --angle-unit)")
         table = args.output / chosen.log
-        return chosen, table, scene.read_log(chosen, table)
+        return chosen, table, replay.read_recorded(chosen, table)
     if given := _given(args):
         raise InputError(f"only with a LOG of your own: {', '.join(map(_option, given))}")
     others = simulated.SCENES
@@ -214,7 +215,7 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
         return chosen, None, None
     log = data.find_log(chosen.log, chosen.path.parent)
     _refuse_overwriting(log, args.output)
-    return chosen, log, scene.read_log(chosen, log)
+    return chosen, log, replay.read_recorded(chosen, log)
 
 
 def _own(args: argparse.Namespace) -> Any:
@@ -275,13 +276,13 @@ def _play(
 ) -> tuple[dict[str, Any], Trace]:
     """Run and record. Return the counts of dahl-loop and the trace, read back from run.log."""
     from dahl.report import traces
-    from dahl.sim import loop
+    from dahl.sim import recorded_run
 
     setup = _setup(args, scene, log, console)
     _forget_earlier_run(args.output, scene, log)
     numbers = _run_with_progress(setup, _expected(args, scene, recorded), console)
     if setup.trace and scene.compensates and not numbers["interrupted"]:
-        loop.run_uncompensated(setup, args.output / traces.UNCOMPENSATED)
+        recorded_run.run_uncompensated(setup, args.output / traces.UNCOMPENSATED)
     source = args.log or log  # a user's own log is replayed by a copy of its columns
     numbers |= {"bus": setup.bus, "log": str(source.resolve()) if source else None}
     now = datetime.now().astimezone().isoformat(sep=" ", timespec="seconds")
@@ -295,11 +296,11 @@ def _run_with_progress(setup: Setup, ticks: int | None, console: Any) -> dict[st
     """Run dahl-loop with a progress bar. Return its counts; `ticks` is None if unknown."""
     from dahl.interrupt import Stop
     from dahl.report.terminal import Bar
-    from dahl.sim import loop
+    from dahl.sim import recorded_run
 
     with Stop() as stop, Bar(console) as progress:
         task = progress.add_task("ticks", total=ticks)
-        numbers = loop.run(
+        numbers = recorded_run.run(
             setup,
             stop,
             lambda frames: progress.update(task, completed=min(frames // 2, ticks or frames)),
@@ -334,7 +335,7 @@ def _forget_earlier_run(folder: Path, scene: Scene, log: Path | None) -> None:
 def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: Any) -> Setup:
     """Choose and print bus, node and clock before any program starts."""
     from dahl.can import bus
-    from dahl.sim import loop
+    from dahl.sim import recorded_run
 
     paths.loop_program()  # raises if it is not built
     alone = bool({"faults", "rotor"} & set(scene.parts)) and not (args.bus or args.target)
@@ -343,7 +344,7 @@ def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: An
         why = "virtual time, so that faults and rotor are the same on every machine"
     console.print(f"scene   {scene.title} ({scene.path.name})" + (f", log {log}" if log else ""))
     console.print(f"bus     {chosen.split(':')[0]}: {why}")
-    setup = loop.Setup(scene, chosen, args.output, log, args.seconds, args.seed)
+    setup = recorded_run.Setup(scene, chosen, args.output, log, args.seconds, args.seed)
     setup.alone, setup.trace = alone, alone and "rotor" in scene.parts
     if args.target:
         _use_target(args, scene, setup, console)

@@ -174,21 +174,17 @@ def _write_csv(path: Path, wanted: Wanted, motion: Motion) -> Path:
 
 
 def _write_scene(path: Path, name: str, wanted: Wanted, motion: Motion) -> Path:
-    lines = [
-        f"; written by dahl excite: sigma0 expected within {100 * motion.within['sigma0']:.2g} %",
-        "[scene]",
-        f"title = {name}: a motion for identification",
-        "[friction]",
-        f"sigma0 = {wanted.sigma0!r}",
-        f"Fc = {wanted.Fc!r}",
-        f"theta_per_count = {wanted.theta_per_count!r}",
-        "[motion]",
-        "kind = log",
-        f"file = {path.with_suffix('.csv').name}",
-        "angle = counts",
-        "counts_per_unit = 1",
-        "[status]",
-        "period_ms = 100",
-    ]
-    files.write_atomic(path, "\n".join(lines) + "\n")
+    from dahl.sim import scene_writer
+
+    file = path.with_suffix(".csv").name
+    numbers = ("sigma0", "Fc", "theta_per_count")
+    sections = {
+        "scene": {"title": f"{name}: a motion for identification"},
+        "friction": {key: getattr(wanted, key) for key in numbers},
+        "motion": {"kind": "log", "file": file, "angle": "counts", "counts_per_unit": 1},
+        **scene_writer.STATUS,
+    }
+    expected = f"sigma0 expected within {100 * motion.within['sigma0']:.2g} %"
+    text = scene_writer.text_of(sections, f"written by dahl excite: {expected}")
+    files.write_atomic(path, text)
     return path

@@ -73,7 +73,7 @@ def _contents(args: argparse.Namespace) -> Fmu:
 
     model = models.table()[args.model]
     sigma0, fc = model_arguments.read_numbers(args, model)
-    breakaway = model_arguments.read_breakaway(args, model)
+    own = model_arguments.read_own(args, model)
     kinds = _kinds(args, model)
     _check_elements(args, model, sigma0, fc, kinds)
     if args.fixed_stiffness and model.name != "loaded":
@@ -85,21 +85,22 @@ def _contents(args: argparse.Namespace) -> Fmu:
         )
     if theta is None:
         theta = fmu.default_theta_per_count(model, sigma0, fc)
-    own = kinds if breakaway is None else breakaway
-    models.make(model, sigma0, fc, theta, own)  # raises dahl.Error if a value is out of range
+    models.make(model, sigma0, fc, theta, kinds or own)  # raises dahl.Error out of range
     model_arguments.note_units(sigma0, fc, theta)
     name = plan_header.identifier(args.name or args.output.stem)
     if name[0].isdigit():
         raise InputError(f"--name {name}: a letter or _ was expected at its start")
-    return fmu.Fmu(name, model, sigma0, fc, theta, breakaway, kinds, args.fixed_stiffness, args.fmi)
+    return fmu.Fmu(name, model, sigma0, fc, theta, own, kinds, args.fixed_stiffness, args.fmi)
 
 
 def _kinds(args: argparse.Namespace, model: Model) -> list[str]:
     """Return the kind of each element, none for models other than parallel."""
+    from dahl.binding import models
+
     if (args.kinds is not None) != (model.key == "kinds"):
         raise InputError(
-            f"--kinds K,K is required by --model {model_arguments.model_with('kinds')} and refused"
-            " by the others"
+            f"--kinds K,K is required by --model {models.with_key('kinds').name} and refused by"
+            " the others"
         )
     kinds = args.kinds.split(",") if args.kinds is not None else []
     for kind in kinds:

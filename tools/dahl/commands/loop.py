@@ -23,7 +23,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from dahl import paths
-from dahl.errors import Error, InputError, RunError
+from dahl.errors import InputError, RunError
 
 if TYPE_CHECKING:
     from dahl.sim.run_file import RunFile
@@ -82,41 +82,40 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from dahl.commands.model_arguments import note_units_of
     from dahl.io import data
     from dahl.sim import scene as scenes
     from dahl.sim.run_file import RunFile
 
     if args.with_parent:
         _end_with_parent(args.with_parent)
-    program = paths.loop_program()
+    paths.loop_program()  # raises if it is not built
     scene = scenes.read(scenes.find(args.scene), args.set)
     log = args.log_file
     if scene.log and not log and args.role != "node":
         log = data.find_log(scene.log, args.data or scene.path.parent)
     _check_outputs(args, scene, log)
-    _note_units(scene)
+    note_units_of(scene)
     run_file = RunFile(scene, log, args.role or "both")
-    code = _run_program([str(program), *_options(args, run_file)], run_file)
+    code = _run_program(run_file, *_options(args))
     if args.summary and code != 2:
         _write_summary(args, run_file)
     return code
 
 
-def _options(args: argparse.Namespace, run_file: RunFile) -> Iterator[str]:
-    yield run_file.path
+def _options(args: argparse.Namespace) -> Iterator[str]:
     for name in PASSED:
         value = getattr(args, name[2:].replace("-", "_"))
         if value is not None:
             yield from (name, value)
     yield from (name for name in FLAGS if getattr(args, name[2:].replace("-", "_")))
-    yield from ("--counters", run_file.counters, "--with-parent", str(os.getpid()))
 
 
-def _run_program(command: list[str], run_file: RunFile) -> int:
+def _run_program(run_file: RunFile, *options: str) -> int:
     """Run dahl-loop, pass signals to it and its messages to stderr. Return its exit code."""
-    process = subprocess.Popen(
-        command, stderr=subprocess.PIPE, text=True, errors="replace", pass_fds=run_file.fds
-    )
+    from dahl.sim import program
+
+    process = program.start(run_file, *options, stderr=subprocess.PIPE, errors="replace")
     with _forward_signals(process):
         assert process.stderr is not None
         for line in process.stderr:
@@ -176,14 +175,6 @@ def _is_same_file(path: Path, other: Path) -> bool:
     if path.exists() and other.exists():
         return path.is_file() and path.samefile(other)
     return path.resolve() == other.resolve()
-
-
-def _note_units(scene: Scene) -> None:
-    from dahl.commands.model_arguments import note_units
-
-    sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
-    with contextlib.suppress(Error):  # of numbers that the library refuses, with their place
-        note_units(sigma0, torques, scene.theta_per_count)
 
 
 def _write_summary(args: argparse.Namespace, run_file: RunFile) -> None:

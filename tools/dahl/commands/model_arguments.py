@@ -4,15 +4,17 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 from collections.abc import Iterable, Sequence
 
 from dahl.commands.arguments import comma_hint
-from dahl.errors import InputError
+from dahl.errors import Error, InputError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from dahl.binding.models import Model
+    from dahl.sim.scene import Scene
 
 
 def add_model(parser: argparse.ArgumentParser, names: Iterable[str]) -> None:
@@ -30,12 +32,8 @@ def add_model(parser: argparse.ArgumentParser, names: Iterable[str]) -> None:
         help="Coulomb torque, N m; of slip one per element: Y,Y; if each direction has its own:"
         " forward,backward",
     )
-    parser.add_argument(
-        "--breakaway",
-        metavar="B",
-        help=f"of {model_with('breakaway')}: torque up to which nothing creeps, a fraction of Fc"
-        " between 0 and 1",
-    )
+    for model in _with_own_number():
+        parser.add_argument(f"--{model.key}", metavar="B", help=f"of {model.name}: {model.meaning}")
 
 
 def add_encoder(parser: argparse.ArgumentParser, required: bool, help_theta: str) -> None:
@@ -44,11 +42,11 @@ def add_encoder(parser: argparse.ArgumentParser, required: bool, help_theta: str
     encoder.add_argument("--theta-per-count", metavar="T", help=help_theta)
 
 
-def model_with(key: str) -> str:
-    """Return the name of the only model with this key."""
+def _with_own_number() -> list[Model]:
+    """Return the models with a number as their own key, which is an option here."""
     from dahl.binding import models
 
-    return models.with_key(key).name
+    return [model for model in models.table().values() if model.has_own_number]
 
 
 def read_numbers(args: argparse.Namespace, model: Model) -> tuple[list[float], list[float]]:
@@ -76,15 +74,17 @@ def wrong_counts(
     )
 
 
-def read_breakaway(args: argparse.Namespace, model: Model) -> float | None:
-    if (args.breakaway is not None) != (model.key == "breakaway"):
-        raise InputError(
-            f"--breakaway B, 0 < B < 1, is required by --model {model_with('breakaway')} and"
-            " refused by the others"
-        )
-    if args.breakaway is None:
-        return None
-    return _number("--breakaway", args.breakaway, "0 < breakaway < 1")
+def read_own(args: argparse.Namespace, model: Model) -> float | None:
+    """Return the number of the model's own key, None if it has none."""
+    found = None
+    for owner in _with_own_number():
+        text = getattr(args, owner.key)
+        option, limit = f"--{owner.key}", f"{owner.low:g} <= {owner.key} <= {owner.high:g}"
+        if (text is not None) != (model == owner):
+            words = f"is required by --model {owner.name} and refused by the others"
+            raise InputError(f"{option} B, {limit}, {words}")
+        found = found if text is None else _number(option, text, limit)
+    return found
 
 
 def read_theta_per_count(args: argparse.Namespace) -> float | None:
@@ -112,6 +112,13 @@ def note_units(sigma0: Iterable[float], fc: Iterable[float], theta_per_count: fl
     remarks = (implausible(*one, theta_per_count) for one in elements)
     if remark := next(filter(None, remarks), ""):
         print(f"note: {remark}", file=sys.stderr)
+
+
+def note_units_of(scene: Scene) -> None:
+    """Do note_units() for a scene. Numbers that the library refuses get an error later."""
+    sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
+    with contextlib.suppress(Error):
+        note_units(sigma0, torques, scene.theta_per_count)
 
 
 def _numbers(option: str, text: str, limit: str) -> list[float]:

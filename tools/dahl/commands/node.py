@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 from dahl.can.bus import keywords, named, tuned_for, words
 from dahl.commands.arguments import number, seconds, whole
 from dahl.commands.bus_arguments import add_bus_arguments
-from dahl.commands.model_arguments import note_units
+from dahl.commands.model_arguments import note_units_of
 from dahl.errors import Error, InputError, RunError
 from dahl.facts import BOARDS
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     import can
 
     from dahl.interrupt import Stop
-    from dahl.sim.loop import Program
+    from dahl.sim.recorded_run import Program
     from dahl.sim.scene import Scene
 
 HELP = "run a node on any bus, or on a served one"
@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> None:
     _check(args)
     with tempfile.TemporaryDirectory(prefix="dahl-node-") as folder, Stop(is_its_end=True) as stop:
         scene = _scene(args, Path(folder))
-        _note_units(scene)
+        note_units_of(scene)
         args.node = scene.node if args.node is None else args.node
         begin = time.monotonic()
         served = _run_on_target if args.target else _run_served
@@ -124,21 +124,15 @@ def _check_bus(args: argparse.Namespace) -> None:
 
 
 def _scene(args: argparse.Namespace, folder: Path) -> Scene:
-    from dahl.sim import scene
+    from dahl.sim import scene, scene_writer
 
     if args.sigma0 is None:
         return scene.read(scene.find(args.scene or SCENE))
-    lines = f"sigma0 = {args.sigma0}\nFc = {args.fc}\ntheta_per_count = {args.theta_per_count}\n"
+    friction = {"sigma0": args.sigma0, "Fc": args.fc, "theta_per_count": args.theta_per_count}
+    sections = {"scene": {"title": "parameters of your own"}, "friction": friction}
     path = folder / "own.ini"
-    head = "[scene]\ntitle = parameters of your own\n[status]\nperiod_ms = 100\n"
-    path.write_text(f"{head}[friction]\n{lines}", encoding="ascii")
+    path.write_text(scene_writer.text_of(sections | scene_writer.STATUS), encoding="ascii")
     return scene.read(path)
-
-
-def _note_units(scene: Scene) -> None:
-    sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
-    with contextlib.suppress(Error):  # of numbers that the node refuses, with their line
-        note_units(sigma0, torques, scene.theta_per_count)
 
 
 def _print_access(
@@ -281,7 +275,7 @@ def _start_hub(
     args: argparse.Namespace, scene: Path, folder: Path, number: int
 ) -> Iterator[tuple[Program, int]]:
     """Start the node of dahl-loop as the server of a bus. Return it and its port."""
-    from dahl.sim.loop import Program, Setup
+    from dahl.sim.recorded_run import Program, Setup
     from dahl.sim.scene import read
 
     setup = Setup(read(scene, [f"friction.node={number}"]), "socketcand", folder)

@@ -73,7 +73,7 @@ def _plan(args: argparse.Namespace) -> AnyPlan:
     model = models.table()[args.model]
     sigma0, fc = model_arguments.read_numbers(args, model)
     theta = cast(float, model_arguments.read_theta_per_count(args))
-    own = model_arguments.read_breakaway(args, model)
+    own = model_arguments.read_own(args, model)
     plan = cast("AnyPlan", models.make(model, sigma0, fc, theta, own))
     model_arguments.note_units(sigma0, fc, theta)
     return plan

@@ -18,7 +18,8 @@ from dahl.errors import Error, InputError, RunError, meant
 
 if TYPE_CHECKING:
     from dahl.report.traces import Trace
-    from dahl.sim.scene import Recorded, Scene
+    from dahl.sim.replay import Recorded
+    from dahl.sim.scene import Scene
 
 HELP = "draw a recorded run"
 EXAMPLE = """examples:
@@ -140,7 +141,7 @@ def _scene_of(known: dict[str, Any], folder: Path) -> Path | None:
 def _recorded(played: Scene, log: str | None) -> Recorded | None:
     """Return the measurement: from the log of the run, else from that of the scene."""
     from dahl.io import data
-    from dahl.sim import scene
+    from dahl.sim import replay
 
     if not played.log:
         return None
@@ -150,4 +151,4 @@ def _recorded(played: Scene, log: str | None) -> Recorded | None:
         if log is None:
             raise
         path = Path(log)
-    return scene.read_log(played, path)
+    return replay.read_recorded(played, path)

@@ -27,6 +27,7 @@ from dahl.identify.samples import KNOTS, NO_CLOCK_STEP, SETTLE_LENGTHS, rates_of
 from dahl.identify.select import best_of
 from dahl.io import encoder_grid
 from dahl.io.files import write_atomic
+from dahl.sim import scene_writer
 
 if TYPE_CHECKING:
     from dahl.io.log import Log
@@ -258,35 +259,35 @@ def _scene(model: RunnableModel, name: str, angle: str, force: str) -> str:
     moved = np.cumsum(np.abs(log.moves[:MAX_REPLAYED_ROWS]))
     settled = int(np.searchsorted(moved, SETTLE_LENGTHS / friction.a))
     words = f"written by dahl identify: {result.verdict}. {model.about}"
-    lines = [
-        *(f"; {line}" for line in textwrap.wrap(words, COMMENT_WIDTH)),
-        "[scene]",
-        f"title = {name}, identified",
-        "[friction]",
-        f"model = {friction.model}",
-        f"sigma0 = {sigma0} ; {log.slope_unit}",
-        f"Fc = {Fc} ; {log.unit}",
-        *([f"kinds = {kinds}"] if friction.is_mixed else []),
-        f"theta_per_count = {count!r} ; {log.angle_unit}",
-        *(["[load]", "full = 1", "column = load"] if friction.load else []),
-        "[motion]",
-        "kind = log",
-        f"file = {name}.csv",
-        f"angle = {angle}",
-        f"counts_per_unit = {1 / count!r}",
-        "[status]",
-        "period_ms = 100",
-        "[measured]",
-        f"torque = {force}",
-        "torque_scale = 1",
-        f"offset = {offset + spring * from_centre!r}",
-        f"spring = {spring!r}",
-        f"settle = {settled if settled < len(moved) // 2 else 0}",  # until the start is forgotten
-        f"angle_scale = {1 / size!r}",
-        f"label_angle = {'position' if log.linear else 'angle'} from the start [{unit}]",
-        f"label_torque = friction [{log.unit}]",
-    ]
-    return "\n".join(lines) + "\n"
+    sections: scene_writer.Sections = {
+        "scene": {"title": f"{name}, identified"},
+        "friction": {
+            "model": friction.model,
+            "sigma0": f"{sigma0} ; {log.slope_unit}",
+            "Fc": f"{Fc} ; {log.unit}",
+            "kinds": kinds if friction.is_mixed else None,
+            "theta_per_count": f"{count!r} ; {log.angle_unit}",
+        },
+        **({"load": {"full": 1, "column": "load"}} if friction.load else {}),
+        "motion": {
+            "kind": "log",
+            "file": f"{name}.csv",
+            "angle": angle,
+            "counts_per_unit": 1 / count,
+        },
+        **scene_writer.STATUS,
+        "measured": {
+            "torque": force,
+            "torque_scale": 1,
+            "offset": offset + spring * from_centre,
+            "spring": spring,
+            "settle": settled if settled < len(moved) // 2 else 0,  # until the start is forgotten
+            "angle_scale": 1 / size,
+            "label_angle": f"{'position' if log.linear else 'angle'} from the start [{unit}]",
+            "label_torque": f"friction [{log.unit}]",
+        },
+    }
+    return scene_writer.text_of(sections, *textwrap.wrap(words, COMMENT_WIDTH))
 
 
 def write_csv(path: Path, columns: Sequence[np.ndarray], names: str, forms: str) -> None:

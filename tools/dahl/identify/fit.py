@@ -11,7 +11,7 @@ cycle gives the score on that cycle when it is left out, the jackknife, and ever
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -72,15 +72,14 @@ class Fit:
     coefficients: np.ndarray  # of all columns of Fitter.columns()
     left_out: np.ndarray  # (cycles, k) the coefficients without each cycle
     cost: np.ndarray  # (cycles,) squared residuals of each cycle when it is left out
+    slopes: np.ndarray = field(init=False)  # N m/rad (N/m), sigma0 of each element
+
+    def __post_init__(self) -> None:
+        self.slopes = slopes_of(self.p, self.taken_at, self.coefficients)
 
     @property
     def total(self) -> float:
         return float(self.cost.sum())
-
-    @property
-    def slopes(self) -> np.ndarray:
-        """sigma0 of each element, N m/rad (N/m)."""
-        return slopes_of(self.p, self.taken_at, self.coefficients)
 
     @property
     def value(self) -> np.ndarray:

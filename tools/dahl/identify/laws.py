@@ -37,13 +37,11 @@ Parts = list[dict[str, float | str]]
 
 
 class Fitted(Protocol):
-    """What a law reads of a fit (fit.py)."""
+    """The numbers of a fit (fit.py) that a law reads. It calls no method of it."""
 
     p: np.ndarray
     limits: np.ndarray  # N m (N), Fc of each element
-
-    @property
-    def slopes(self) -> np.ndarray: ...
+    slopes: np.ndarray  # N m/rad (N/m), sigma0 of each element
 
 
 class Law:

@@ -107,6 +107,7 @@ def _claims(result: Result) -> dict[str, Any]:
         "ci95": {name: [_finite(p.low), _finite(p.high)] for name, p in parameters.items()},
         **dict.fromkeys(BOUNDS),
         **dict(zip(BOUNDS, result.compensator_bounds or (), strict=False)),
+        "against_bounds": result.against_bounds,
         "uncertainty": {name: parameters[name].uncertainty for name in NAMES},
         "identifiable": dict(zip(NAMES, result.claimed, strict=True)),
         "verdict": result.verdict,

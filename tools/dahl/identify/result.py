@@ -474,7 +474,8 @@ def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
     twice = [h.lag is not NONE and not h.law.is_one_element for h in plausible]
     is_unusual = all(twice) and not law.turns_as_dahl
     best = result.plausible.best.hypothesis
-    has_play = best.lag is PLAY and not best.law.is_one_element and not law.turns_as_dahl
+    is_dahl = law.is_one_element or law.turns_as_dahl
+    has_play = best.lag is PLAY and not best.law.is_one_element and not is_dahl
     if law.peaks_after_rest:
         text = "the torque has a peak after each rest: its form changes the slope there"
         yield (True, False), "peak after a rest", text

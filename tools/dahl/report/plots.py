@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 from dahl.facts import PERIOD_US
 from dahl.io import files, readers
 from dahl.report import traces
-from dahl.sim.scene import Recorded, Scene
+from dahl.sim.replay import Recorded
+from dahl.sim.scene import Scene
 
 MEASURED, COMPUTED, MARK, MISSING = "#7c8b9c", "#d1495b", "#e9a23b", "#3d7ea6"
 STYLE: Any = {  # rcParams of matplotlib; rc_context() refuses a dict[str, object]

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import can
 
 Begin = Callable[[int, str], Callable[[], None]]  # steps, their unit -> a call after each step
+OURS = ("dahl", "dahl + observer")  # laws of the library in the scene compensation
 COLUMNS = ("without", "with")  # assist, of park-steer; compensation, of commission
 ROWS = {
     "width_Nm": "width of the hysteresis loop [N m]",
@@ -59,21 +60,33 @@ def _play_compensation(seed: int, begin: Begin) -> Played:
     from dahl.report.compensation import draw
     from dahl.sim import compensation
 
-    comparison = compensation.compare(seed, begin(compensation.count_runs(), "runs"))
+    comparison = compensation.compare(seed, begin(compensation.count_steps(), "steps"))
     return Played(comparison.numbers, lambda path: draw(path, comparison))
 
 
 def _compensation_table(numbers: dict[str, Any]) -> Table:
-    """Return the ratios of all laws but "none"; a lower one is better."""
+    """Return the ratios of the library and the best other law. The summary has those of all laws,
+    and so has the picture.
+    """
     axes = {axis: numbers[axis] for axis in ("position", "hand")}
-    laws = tuple(law for law in next(iter(axes["position"].values())) if law != "none")
+    ours = tuple(law for law in next(iter(axes["position"].values())) if law in OURS)
     rows = [
-        (axis, case, *(f"{values[law]['ratio']:.3f}" for law in laws))
+        (axis, case, *_ratios(values, ours))
         for axis, cases in axes.items()
         for case, values in cases.items()
     ]
     title = "error over that without compensation (less is better)"
-    return Table(title, ("axis", "case", *laws), rows, names=2)
+    return Table(title, ("axis", "case", *ours, "best other law", "its ratio"), rows, names=2)
+
+
+def _ratios(values: dict[str, Any], ours: tuple[str, ...]) -> list[str]:
+    """Return the cells of a case. A law that needs a reference has none on the axis of the hand."""
+    ratios = {law: float(numbers["ratio"]) for law, numbers in values.items()}
+    others = {law: ratio for law, ratio in ratios.items() if law not in ("none", *OURS)}
+    best = min(others, key=others.__getitem__, default="")
+    shown = [ratios.get(law) for law in ours] + [others.get(best)]
+    cells = ["" if ratio is None else f"{ratio:.3f}" for ratio in shown]
+    return [*cells[:-1], best, cells[-1]]
 
 
 def _play_park_steer(_: int, begin: Begin) -> Played:

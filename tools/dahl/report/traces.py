@@ -14,12 +14,14 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from dahl import paths
+from dahl.binding import models
 from dahl.can import codec
 from dahl.can.counters import Sequence
 from dahl.can.missing import Missing
 from dahl.errors import InputError, RunError
 from dahl.sim import reference
-from dahl.sim.scene import Measured, Recorded, Scene
+from dahl.sim.replay import Recorded
+from dahl.sim.scene import Measured, Scene
 
 if TYPE_CHECKING:
     import can
@@ -300,9 +302,14 @@ def summary(
         "compared_from_row": scene.measured.settle,
         "model": scene.model,
         "elements": [{"sigma0": sigma0, "Fc": torque} for sigma0, torque in scene.elements],
-        **({"kinds": list(scene.kinds)} if scene.kinds else {}),
-        **({"breakaway": scene.breakaway} if scene.breakaway else {}),
+        **_own_key(scene),
         "parameters": {name: getattr(scene, name) for name in ("sigma0", "Fc", "theta_per_count")},
         "units": scene.measured.units,
         "scene_file": str(scene.path.resolve()),
     }
+
+
+def _own_key(scene: Scene) -> dict[str, Any]:
+    """Return the model's own key with its value, {} if it has none."""
+    own = list(scene.own) if isinstance(scene.own, tuple) else scene.own
+    return {models.table()[scene.model].key: own} if own else {}

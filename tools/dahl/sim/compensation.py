@@ -1,248 +1,128 @@
 # SPDX-License-Identifier: MIT
 """Compare laws of friction compensation on two simulated axes: one with a position loop, one that
-a hand leads along a path. Shaft and controller are those of dahl-loop (host_sim/rotor.h,
-controller.h); encoder and drive are simulated here.
+a hand leads along a path. Each law has one knob at most, and tune() sets it by the same procedure.
 """
 
 from __future__ import annotations
 
-import math
-import random
+import os
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cache
 
-import numpy as np
+from dahl.sim.compensation_axis import FC, Case, Run, learn, run
 
-from dahl.binding.compensator import Compensator
-from dahl.binding.friction import Friction, Plan
-from dahl.binding.library import c
-from dahl.facts import PERIOD_US
-
-FC, SIGMA0 = 0.5, 100.0  # N m, N m/rad: true friction, a presliding length of 5 mrad
-INERTIA = 0.002  # kg m2
-KP, KD = 30.0, 0.4  # N m/rad, N m s/rad
-KI = 300.0  # N m/(rad s), of PID
-CASCADE_KP, CASCADE_KI = 50.0, 8.0  # 1/s of the angle, N m/rad of the speed
-GAINS = {  # of controller_t
-    "PD": {"kp": KP, "kd": KD},
-    "PID": {"kp": KP, "kd": KD, "ki": KI},
-    "cascade": {
-        "kp": CASCADE_KP * KD,
-        "kd": KD,
-        "ki": CASCADE_KP * CASCADE_KI,
-        "ki_speed": CASCADE_KI,
-    },
-}
-PERIOD_S = PERIOD_US / 1e6
-MOTION_S, HOLD_S, SETTLE_S = 4.5, 1.5, 0.5  # s; the reference stops at a peak of its sine
-FIRST_S = 1.0  # s, left out of each RMS
-SINE_HZ = 0.5
-TANH_SPEED, DEAD_BAND = 0.02, 0.1  # rad/s
-SPEED_FILTER_HZ = 40.0  # low-pass of the measured speed, which the usual laws need
-PULL_HZ = 0.3
-GAIN_MEASURED = 0.9
-LIMIT, SLEW = 1.0, 50.0  # N m, N m/s
-
-
-@dataclass(frozen=True)
-class Case:
-    """Encoder, delay of the drive, and the friction that the laws assume over the true one."""
-
-    name: str
-    bits: int
-    noise: int = 0  # counts
-    delay: int = 1  # ticks
-    Fc: float = 1.0
-    sigma0: float = 1.0
-    amplitude: float = 0.3  # rad, of the reference or of the hand
-    loop: Literal["PD", "PID", "cascade"] = "PD"
-
-    @property
-    def theta_per_count(self) -> float:
-        """rad."""
-        return math.ldexp(2 * math.pi, -self.bits)
-
+TUNING_SEED, LEARNING_SEED = 10**6, 2 * 10**6  # apart from the seed of the comparison
+TUNING_FC = (0.7, 1.0, 1.3)  # assumed over true
+TUNING_HOLD_S = 10.0
+NOISE_SHARE, NOISE_FLOOR = 1.1, 0.02 * FC  # bound of the noise: of that without a law, and N m
+OTHER_MOTION = 0.2  # share of the third harmonic in the motion of `learned elsewhere`
 
 POSITION_CASES = (
-    Case("17 bits", 17),
+    Case("17 bits"),
+    Case("14 bits, noise 2", 14, noise=2),
     Case("14 bits, noise 2, delay 3", 14, noise=2, delay=3),
-    Case("17 bits, integral", 17, loop="PID"),
-    Case("17 bits, cascade", 17, loop="cascade"),
-    Case("Fc 30 % low", 17, Fc=0.7),
-    Case("Fc 30 % high", 17, Fc=1.3),
-    Case("sigma0 / 3", 17, sigma0=1 / 3),
-    Case("sigma0 x 3", 17, sigma0=3),
-    Case("10 mrad to and fro", 17, noise=1, delay=2, amplitude=0.005),
+    Case("17 bits, integral", loop="PID"),
+    Case("17 bits, cascade", loop="cascade"),
+    Case("14 bits, noise 2, cascade", 14, noise=2, loop="cascade"),
+    Case("Fc 10 % low", Fc=0.9),
+    Case("Fc 10 % high", Fc=1.1),
+    Case("Fc 30 % low", Fc=0.7),
+    Case("Fc 30 % high", Fc=1.3),
+    Case("Fc 30 % low, cascade", Fc=0.7, loop="cascade"),
+    Case("Fc 30 % high, cascade", Fc=1.3, loop="cascade"),
+    Case("Fc fell by 30 %", fallen_to=0.7),
+    Case("sigma0 / 3", sigma0=1 / 3),
+    Case("sigma0 x 3", sigma0=3),
+    Case("LuGre with Stribeck", friction="LUGRE"),
+    Case("Maxwell slip", friction="MAXWELL"),
+    Case("10 mrad to and fro", amplitude=0.005),
 )
+_HAND = Case("", loop="hand", second=0.2)
 HAND_CASES = (
-    Case("17 bits, noise 1", 17, noise=1),
-    Case("14 bits, noise 2, delay 3", 14, noise=2, delay=3),
-    Case("12 bits, noise 1", 12, noise=1),
-    Case("Fc 30 % low, sigma0 / 4", 14, noise=1, Fc=0.7, sigma0=0.25),
-    Case("5 mrad to and fro", 14, noise=2, amplitude=0.0025),
+    replace(_HAND, name="17 bits, noise 1"),
+    replace(_HAND, name="14 bits, noise 2, delay 3", bits=14, noise=2, delay=3),
+    replace(_HAND, name="12 bits, noise 1", bits=12),
+    replace(_HAND, name="Fc 30 % low, sigma0 / 4", bits=14, Fc=0.7, sigma0=0.25),
+    replace(_HAND, name="LuGre with Stribeck", friction="LUGRE"),
+    replace(_HAND, name="Maxwell slip, sigma0 / 3", friction="MAXWELL", sigma0=1 / 3),
+    replace(_HAND, name="5 mrad to and fro", bits=14, noise=2, amplitude=0.0025),
 )
+CASES = {"position": POSITION_CASES, "hand": HAND_CASES}
 SHOWN_POSITION, SHOWN_HAND = POSITION_CASES[-1], HAND_CASES[-1]  # cases of the picture
 
 
-@dataclass
-class Run:
-    """Traces of one law in one case, and the numbers drawn from them."""
+@dataclass(frozen=True)
+class Law:
+    """A law of compensation."""
 
-    error: list[float] = field(default_factory=list)  # rad of tracking, or N m of the hand
-    motor: list[float] = field(default_factory=list)  # N m
-    added: list[float] = field(default_factory=list)  # N m, of the law alone
-
-    def rms(self, seconds: float) -> float:
-        """RMS of the error up to this time."""
-        part = np.array(self.error[_ticks(FIRST_S) : _ticks(seconds)])
-        return float(np.sqrt(np.mean(part**2)))
-
-    def sign_changes(self, since: float) -> float:
-        """Sign changes of the added torque in a second, from this time on."""
-        signs = np.sign(self.added[_ticks(since) :])
-        signs = signs[signs != 0]
-        return float(np.sum(signs[1:] != signs[:-1])) / (len(self.added) * PERIOD_S - since)
+    kind: str  # in law_t
+    knobs: tuple[float, ...] = (0.0,)  # that tune() tries
+    needs_reference: bool = False
 
 
-def _ticks(seconds: float) -> int:
-    return round(seconds / PERIOD_S)
+CORNERS = (3.0, 5.0, 8.0, 11.0, 15.9)  # Hz; the rule of stability of the observers ends there
+ONE_OR_TWO_POLES = (*CORNERS, *(-corner for corner in CORNERS))  # rivals.c
+LEARNED = Law("LEARNED", (5.0, 10.0, 20.0, 40.0, 60.0), needs_reference=True)  # Hz
+ELSEWHERE = "learned elsewhere"
+LAWS = {
+    "none": Law("NONE"),
+    "sign": Law("SIGN"),
+    "tanh": Law("TANH", (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)),  # rad/s
+    "dead band": Law("DEAD_BAND", (0.05, 0.1, 0.2, 0.3, 0.4, 0.8)),  # rad/s
+    "reversal rule": Law("REVERSAL", (0.01, 0.02, 0.03, 0.04, 0.05, 0.07), True),  # s
+    "learned": LEARNED,
+    ELSEWHERE: LEARNED,
+    "LuGre observer": Law("LUGRE", (5.0, 10.0, 20.0, 40.0, 80.0, 150.0, 300.0)),  # Hz
+    "disturbance observer": Law("DISTURBANCE", ONE_OR_TWO_POLES, needs_reference=True),
+    "dahl": Law("DAHL"),
+    "dahl + observer": Law("DAHL_OBSERVER", CORNERS, needs_reference=True),
+}
 
 
-class Law(Protocol):
-    """A law of compensation: returns the torque in N m, once in each tick."""
-
-    def torque(self, dcounts: int, reference_move: int, reference_speed: float) -> float:
-        """Read the counts of encoder and reference, and the speed of the reference in rad/s."""
-
-
-class SpeedLaw:
-    """A usual law: Fc times a function of the speed."""
-
-    def __init__(self, case: Case, shape: Callable[[float], float], by_reference: bool) -> None:
-        self._Fc, self._shape, self._by_reference = case.Fc * FC, shape, by_reference
-        self._per_count = case.theta_per_count / PERIOD_S
-        self._share = 1 - math.exp(-2 * math.pi * SPEED_FILTER_HZ * PERIOD_S)
-        self._speed = 0.0
-
-    def torque(self, dcounts: int, reference_move: int, reference_speed: float) -> float:
-        """Use the reference, or the measured speed behind a low-pass."""
-        self._speed += (dcounts * self._per_count - self._speed) * self._share
-        return self._Fc * self._shape(reference_speed if self._by_reference else self._speed)
-
-
-class DahlLaw:
-    """dahl.Compensator with either law."""
-
-    def __init__(self, case: Case, is_reference: bool) -> None:
-        Fc, sigma0 = case.Fc * FC, case.sigma0 * SIGMA0  # noqa: N806
-        plan = Plan(sigma0, Fc, case.theta_per_count)
-        self._element, self._measured = Friction(plan), Friction(plan)
-        self._is_reference = is_reference
-        self._compensator = Compensator(
-            plan.sigma0,
-            plan.Fc,
-            plan.theta_per_count,
-            Fc_low=plan.Fc,
-            length_long=0.999 * plan.Fc / plan.sigma0,  # a bound in float, just met
-            sigma0_high=SIGMA0,
-            inertia=INERTIA,
-            delay=case.delay * PERIOD_S,
-            reference=is_reference,
-            gain=1.0 if is_reference else GAIN_MEASURED,
-            pull=PULL_HZ if is_reference and case.noise else 0.0,
-            noise=case.noise,
-            play=max(1, 2 * case.noise),
-            limit=LIMIT,
-            slew=SLEW,
-            period=PERIOD_S,
-        )
-
-    def torque(self, dcounts: int, reference_move: int, reference_speed: float) -> float:
-        """Step the element by the reference, or by the measured counts behind the play."""
-        move = self._compensator.move(dcounts)
-        if not self._is_reference:
-            return self._compensator.torque(self._element.step_counts_q30(move))
-        self._measured.step_counts_q30(move)
-        self._compensator.draw(self._element, self._measured)
-        return self._compensator.torque(self._element.step_counts_q30(reference_move))
-
-
-def laws(case: Case, is_position: bool) -> dict[str, Law]:
-    """Return new laws by name; "none" is first. A dead band always uses the measured speed."""
+def laws_of(axis: str) -> dict[str, Law]:
+    """Return the laws of an axis by name; "none" is first."""
     return {
-        "none": SpeedLaw(case, lambda v: 0.0, is_position),
-        "sign": SpeedLaw(case, lambda v: float(np.sign(v)), is_position),
-        "tanh": SpeedLaw(case, lambda v: math.tanh(v / TANH_SPEED), is_position),
-        "dead band": SpeedLaw(case, lambda v: math.copysign(abs(v) > DEAD_BAND, v), False),
-        "dahl": DahlLaw(case, is_position),
+        name: law for name, law in LAWS.items() if axis == "position" or not law.needs_reference
     }
 
 
-class Encoder:
-    """Counts of an angle. Noise within +-noise counts is added before the rounding."""
-
-    def __init__(self, case: Case, seed: int) -> None:
-        self._case, self._random = case, random.Random(seed)
-        self.counts = 0
-
-    def move(self, theta: float) -> int:
-        """Return the counts since the last reading."""
-        noise = self._case.noise * self._random.uniform(-1, 1)
-        before, self.counts = self.counts, math.floor(theta / self._case.theta_per_count + noise)
-        return self.counts - before
+def setting_of(case: Case) -> Case:
+    """Return what laws are tuned to: loop, encoder and delay of a case. The true friction is
+    Dahl's, and the motion is that of the case `17 bits`, or of a hand.
+    """
+    usual = Case("", hold_s=TUNING_HOLD_S, second=case.second)
+    return replace(usual, bits=case.bits, noise=case.noise, delay=case.delay, loop=case.loop)
 
 
-def reference(amplitude: float, t: float) -> tuple[float, float, float]:
-    """Return angle, speed and acceleration at a time in s: a sine, then a hold at its peak."""
-    w = 2 * math.pi * SINE_HZ
-    angle, speed = amplitude * math.sin(w * min(t, MOTION_S)), amplitude * w * math.cos(w * t)
-    return (angle, speed, -w * w * angle) if t < MOTION_S else (angle, 0.0, 0.0)
+@cache
+def tune(setting: Case, law: Law) -> float:
+    """Return the knob with the least mean RMS error for an Fc that is 30 % low, right and 30 %
+    high, among those within the bound of noise at rest. If none is, return the one with the least
+    noise.
+    """
+    if len(law.knobs) == 1:
+        return law.knobs[0]
+    bound = NOISE_SHARE * run(setting, "NONE", 0.0, TUNING_SEED).noise + NOISE_FLOOR
+    found = []
+    for knob in law.knobs:
+        runs = [run_law(replace(setting, Fc=Fc), law, knob, TUNING_SEED) for Fc in TUNING_FC]
+        loudest = max(one.noise for one in runs)
+        found.append((max(bound, loudest), sum(one.rms for one in runs), knob))
+    return min(found)[2]
 
 
-def track(case: Case, law: Law, seed: int) -> Run:
-    """Run the axis with a position loop. The loop reads the angle by the encoder and the speed
-    without an error."""
-    run, encoder = Run(), Encoder(case, seed)
-    shaft, controller = c.new("rotor_t *"), c.new("controller_t *", GAINS[case.loop])
-    c.dahl_rotor_open(shaft, INERTIA, 0.0, SIGMA0, FC)
-    commands = [0.0] * (case.delay + 1)  # the last acts in this tick
-    reference_counts = 0
-    for tick in range(_ticks(MOTION_S + HOLD_S)):
-        target, target_speed, acceleration = reference(case.amplitude, tick * PERIOD_S)
-        before, reference_counts = reference_counts, math.floor(target / case.theta_per_count)
-        added = law.torque(encoder.move(shaft.theta), reference_counts - before, target_speed)
-        error = target - encoder.counts * case.theta_per_count
-        change = (target_speed - shaft.omega) * PERIOD_S
-        feedback = c.dahl_controller_torque(controller, error, change)
-        commands = [feedback + INERTIA * acceleration + added, *commands[:-1]]
-        c.dahl_rotor_advance(shaft, commands[-1])
-        run.error.append(reference(case.amplitude, (tick + 1) * PERIOD_S)[0] - shaft.theta)
-        run.motor.append(commands[-1])
-        run.added.append(added)
-    return run
+def run_law(case: Case, law: Law, knob: float, seed: int, is_elsewhere: bool = False) -> Run:
+    """Run a law. One that learns has learned with other noise; is_elsewhere: another motion."""
+    if law is not LEARNED:
+        return run(case, law.kind, knob, seed)
+    lesson = replace(case, name="", Fc=1.0, sigma0=1.0, hold_s=0.0, fallen_to=1.0)
+    lesson = replace(lesson, second=OTHER_MOTION) if is_elsewhere else lesson
+    return run(case, law.kind, knob, seed, _learn(lesson, knob, LEARNING_SEED + seed))
 
 
-def lead(case: Case, law: Law, seed: int) -> Run:
-    """Run the axis that a hand leads; the error is the torque of the hand."""
-    run, bearing, encoder = Run(), Friction(Plan(SIGMA0, FC)), Encoder(case, seed)
-    commands = [0.0] * (case.delay + 1)
-    theta = 0.0
-    for tick in range(_ticks(MOTION_S + HOLD_S)):
-        s = 2 * math.pi * SINE_HZ * tick * PERIOD_S
-        before, theta = theta, case.amplitude * (math.sin(s) + 0.2 * math.sin(3.4 * s))
-        added = law.torque(encoder.move(before), 0, 0.0)
-        commands = [added, *commands[:-1]]
-        run.error.append(bearing.step(theta - before) - commands[-1])
-        run.motor.append(commands[-1])
-        run.added.append(added)
-    return run
-
-
-AXES = {  # cases; how to run them; s, up to which the error counts
-    "position": (POSITION_CASES, track, MOTION_S),
-    "hand": (HAND_CASES, lead, MOTION_S + HOLD_S),
-}
+_learn = cache(learn)
 
 
 Numbers = dict[str, dict[str, dict[str, dict[str, float]]]]  # by axis, case, law and name
@@ -257,34 +137,65 @@ class Comparison:
     hand: dict[str, Run]
 
 
-def count_runs() -> int:
-    """Return the number of runs of compare()."""
-    return sum(len(laws(case, True)) for cases, *_ in AXES.values() for case in cases)
+def count_steps() -> int:
+    """Return how often compare() calls progress()."""
+    return len(_tunings()) + sum(len(laws_of(axis)) * len(cases) for axis, cases in CASES.items())
 
 
 def compare(seed: int = 1, progress: Callable[[], None] = lambda: None) -> Comparison:
-    """Run each law in each case. `ratio` is the RMS error over that without compensation, and
-    `sign_changes_per_s` counts those of the added torque while the reference holds.
-    Each run calls progress() at its end.
+    """Tune each law, then run it in each case. Call progress() after each step. The numbers of a
+    law:
+
+    rms     RMS of the tracking error in rad, or of the torque of the hand in N m, in the motion
+    ratio   rms over that without a law
+    hold    largest of these errors in the last 15 s of a hold of 30 s
+    noise   standard deviation of the motor torque in N m, in the same time
+    knob    the tuned value; 0 if the law has none
+    sign_changes_per_s  of the added torque in the hold; only with a position loop
     """
-    numbers: Numbers = {axis: {} for axis in AXES}
-    shown = {}
-    for axis, (cases, simulate, seconds) in AXES.items():
-        for case in cases:
-            runs = {}
-            for name, law in laws(case, axis == "position").items():
-                runs[name] = simulate(case, law, seed)
+    numbers: Numbers = {axis: {} for axis in CASES}
+    shown: dict[str, dict[str, Run]] = {}
+    jobs = [(axis, case, seed) for axis, cases in CASES.items() for case in cases]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # a run releases the lock of Python
+        for _ in pool.map(tune, *zip(*_tunings(), strict=True)):  # before a case needs it
+            progress()
+        for (axis, case, _), (found, runs) in zip(jobs, pool.map(_run_case, jobs), strict=True):
+            numbers[axis][case.name] = found
+            for _ in found:
                 progress()
-            numbers[axis][case.name] = {
-                law: _numbers(run, runs["none"], seconds) for law, run in runs.items()
-            }
             shown[axis] = runs  # of the last case
     return Comparison(numbers, **shown)
 
 
-def _numbers(run: Run, without: Run, seconds: float) -> dict[str, float]:
-    rms = run.rms(seconds)
-    found = {"rms": rms, "ratio": rms / without.rms(seconds)}
-    if seconds == MOTION_S:  # the reference then holds
-        found["sign_changes_per_s"] = run.sign_changes(MOTION_S + SETTLE_S)
+def _tunings() -> list[tuple[Case, Law]]:
+    """Return each setting with each of its laws once."""
+    pairs = [
+        (setting_of(case), law)
+        for axis, cases in CASES.items()
+        for case in cases
+        for law in laws_of(axis).values()
+    ]
+    return list(dict.fromkeys(pairs))
+
+
+def _run_case(job: tuple[str, Case, int]) -> tuple[dict[str, dict[str, float]], dict[str, Run]]:
+    """Return numbers and runs of all laws. The runs are kept for the cases of the picture only."""
+    axis, case, seed = job
+    knobs = {name: tune(setting_of(case), law) for name, law in laws_of(axis).items()}
+    runs = {
+        name: run_law(case, LAWS[name], knob, seed, name == ELSEWHERE)
+        for name, knob in knobs.items()
+    }
+    found = {
+        name: _numbers(axis, one, runs["none"]) | {"knob": knobs[name]}
+        for name, one in runs.items()
+    }
+    return found, runs if case in (SHOWN_POSITION, SHOWN_HAND) else {}
+
+
+def _numbers(axis: str, trace: Run, without: Run) -> dict[str, float]:
+    found = {"rms": trace.rms, "ratio": trace.rms / without.rms}
+    found |= {"hold": trace.hold, "noise": trace.noise}
+    if axis == "position":  # a hand does not hold the counts of the encoder still
+        found["sign_changes_per_s"] = trace.sign_changes_per_s
     return found

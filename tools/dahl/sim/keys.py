@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Sections and keys of scenes and run files: the table of host_sim/keys.csv.
+"""Sections and keys of scenes and run files: the table of host_sim/keys.csv, and the numbers that
+one friction model has as its own key (DAHL_MODELS). tools/generators/run_keys.py lists its columns.
 
 A scene is for people, and only this package reads it. A run file is what dahl-loop reads: one line
 `section.key = value` for each key, without the keys that only a scene has.
@@ -7,7 +8,11 @@ A scene is for people, and only this package reads it. A run file is what dahl-l
 
 from __future__ import annotations
 
+import csv
 from dataclasses import dataclass
+
+from dahl import paths
+from dahl.binding import models
 
 
 @dataclass(frozen=True)
@@ -29,99 +34,25 @@ class Key:
         return f"[{self.section}] {self.name}"
 
 
-# --- from host_sim/keys.csv by run_keys.py: begin
-# fmt: off
-SECTIONS = {
-    "scene": "",
-    "friction": "",
-    "load": "friction",
-    "motion": "",
-    "rotor": "friction",
-    "motor": "rotor",
-    "control": "rotor motion",
-    "hand": "rotor",
-    "faults": "",
-    "status": "",
-    "measured": "",
-}
+def _key(row: dict[str, str]) -> Key:
+    is_text = row["type"] in ("TEXT", "LIST")
+    default: float | str = row["default"] if is_text else float(row["default"])
+    low, high = (float(row[name] or 0) for name in ("low", "high"))
+    section, name, kind, need = (row[name] for name in ("section", "key", "type", "need"))
+    return Key(section, name, kind, need, low, high, default, row["in"] == "scene", row["of"])
 
-_ROWS = (
-    Key("scene", "title", "TEXT", "OPTIONAL", 0, 0, "", True),
-    Key("friction", "model", "TEXT", "OPTIONAL", 0, 0, "dahl"),
-    Key("friction", "kinds", "TEXT", "OWN", 0, 0),
-    Key("friction", "sigma0", "LIST", "REQUIRED", 5.421010862427522e-20, 1.8446742974197924e+19),
-    Key("friction", "Fc", "LIST", "REQUIRED", 5.421010862427522e-20, 1.8446742974197924e+19),
-    Key("friction", "breakaway", "NUMBER", "OWN", 1e-37, 0.9999999403953552, 0),
-    Key("friction", "theta_per_count", "NUMBER", "REQUIRED", 1e-37, 1e37, 0),
-    Key("friction", "node", "WHOLE", "OPTIONAL", 0, 15, 0),
-    Key("friction", "timeout_ms", "NUMBER", "OPTIONAL", 1, 60000, 100),
-    Key("friction", "gain", "NUMBER", "OPTIONAL", 0, 1, 1),
-    Key("friction", "limit", "NUMBER", "OPTIONAL", 0, 1, 1),
-    Key("friction", "ramp_ms", "NUMBER", "OPTIONAL", 0, 60000, 0),
-    Key("friction", "max_step", "WHOLE", "OPTIONAL", 1, 2147483647, 0),
-    Key("load", "full", "NUMBER", "REQUIRED", 1e-9, 1e12, 0),
-    Key("load", "rest", "NUMBER", "OPTIONAL", 0, 1, 0),
-    Key("load", "rotor_limit", "NUMBER", "OPTIONAL", 1, 2, 1),
-    Key("load", "column", "TEXT", "OPTIONAL", 0, 0, "", True),
-    Key("motion", "kind", "TEXT", "REQUIRED", 0, 0),
-    Key("motion", "start_count", "WHOLE", "OPTIONAL", -2147483647, 2147483647, 0),
-    Key("motion", "theta1", "WHOLE", "REQUIRED", -2147483647, 2147483647, 0, False, "segments"),
-    Key("motion", "theta2", "WHOLE", "REQUIRED", -2147483647, 2147483647, 0, False, "segments"),
-    Key("motion", "theta3", "WHOLE", "REQUIRED", -2147483647, 2147483647, 0, False, "segments"),
-    Key("motion", "speed", "NUMBER", "REQUIRED", 1e-9, 1e12, 0, False, "segments"),
-    Key("motion", "hold_s", "NUMBER", "OPTIONAL", 0, 3600, 0, False, "segments steering"),
-    Key("motion", "amplitude", "NUMBER", "REQUIRED", 0, 1e9, 0, False, "steering"),
-    Key("motion", "sweep_s", "NUMBER", "REQUIRED", 0.001, 3600, 0, False, "steering"),
-    Key("motion", "tremor", "NUMBER", "REQUIRED", 0, 1e9, 0, False, "steering"),
-    Key("motion", "tremor_s", "NUMBER", "REQUIRED", 0, 3600, 0, False, "steering"),
-    Key("motion", "seconds", "NUMBER", "REQUIRED", 0.001, 1e9, 0, False, "steering"),
-    Key("motion", "file", "TEXT", "REQUIRED", 0, 0, "", False, "log"),
-    Key("motion", "angle", "TEXT", "REQUIRED", 0, 0, "", True, "log"),
-    Key("motion", "time", "TEXT", "OPTIONAL", 0, 0, "", True, "log"),
-    Key("motion", "counts_per_unit", "NUMBER", "REQUIRED", -1e15, 1e15, 0, True, "log"),
-    Key("rotor", "inertia", "NUMBER", "REQUIRED", 1e-9, 1e6, 0),
-    Key("rotor", "viscous", "NUMBER", "OPTIONAL", 0, 1e6, 0),
-    Key("rotor", "sigma0", "NUMBER", "REQUIRED", 1e-9, 1e12, 0),
-    Key("rotor", "Fc", "NUMBER", "REQUIRED", 1e-9, 1e12, 0),
-    Key("motor", "bias", "NUMBER", "OPTIONAL", -1e12, 1e12, 0),
-    Key("motor", "amplitude", "NUMBER", "OPTIONAL", 0, 1e12, 0),
-    Key("motor", "frequency", "NUMBER", "OPTIONAL", 0, 100, 0),
-    Key("motor", "seconds", "NUMBER", "REQUIRED", 0.001, 1e9, 0),
-    Key("control", "kp", "NUMBER", "REQUIRED", 0, 1e12, 0),
-    Key("control", "kd", "NUMBER", "REQUIRED", 0, 1e12, 0),
-    Key("control", "torque_limit", "NUMBER", "REQUIRED", 0, 1e12, 0),
-    Key("hand", "stiffness", "NUMBER", "REQUIRED", 0, 1e12, 0),
-    Key("hand", "damping", "NUMBER", "OPTIONAL", 0, 1e6, 0),
-    Key("hand", "amplitude", "NUMBER", "REQUIRED", 0, 1e9, 0),
-    Key("hand", "frequency", "NUMBER", "REQUIRED", 0, 100, 0),
-    Key("hand", "start", "NUMBER", "OPTIONAL", 0, 1e9, 0),
-    Key("faults", "drop", "NUMBER", "OPTIONAL", 0, 1, 0, False, "lost"),
-    Key("faults", "duplicate", "NUMBER", "OPTIONAL", 0, 1, 0, False, "repeated"),
-    Key("faults", "reorder", "NUMBER", "OPTIONAL", 0, 1, 0, False, "lost wrong_sequence"),
-    Key("faults", "delay", "NUMBER", "OPTIONAL", 0, 1, 0, False, "lost wrong_sequence"),
-    Key("faults", "corrupt", "NUMBER", "OPTIONAL", 0, 1, 0, False, "lost crc"),
-    Key("faults", "length", "NUMBER", "OPTIONAL", 0, 1, 0, False, "lost format"),
-    Key("faults", "id", "NUMBER", "OPTIONAL", 0, 1, 0, False, "lost ignored"),
-    Key("faults", "extended", "NUMBER", "OPTIONAL", 0, 1, 0, False, "lost format"),
-    Key("faults", "invalid", "NUMBER", "OPTIONAL", 0, 1, 0, False, "invalid"),
-    Key("faults", "glitch", "NUMBER", "OPTIONAL", 0, 1, 0, False, "jump"),
-    Key("faults", "babble", "NUMBER", "OPTIONAL", 0, 1, 0, False, "ignored"),
-    Key("faults", "silence", "NUMBER", "OPTIONAL", 0, 1, 0, False, "stale rearm"),
-    Key("faults", "bus_off", "NUMBER", "OPTIONAL", 0, 1, 0, False, "bus_off rearm"),
-    Key("faults", "restart", "NUMBER", "OPTIONAL", 0, 1, 0, False, "resets"),
-    Key("status", "period_ms", "NUMBER", "REQUIRED", 1, 60000, 0),
-    Key("measured", "torque", "TEXT", "OPTIONAL", 0, 0, "", True),
-    Key("measured", "torque_scale", "NUMBER", "OPTIONAL", -1e300, 1e300, 1, True),
-    Key("measured", "offset", "NUMBER", "OPTIONAL", -1e300, 1e300, 0, True),
-    Key("measured", "spring", "NUMBER", "OPTIONAL", -1e300, 1e300, 0, True),
-    Key("measured", "settle", "WHOLE", "OPTIONAL", 0, 2147483647, 0, True),
-    Key("measured", "label_angle", "TEXT", "OPTIONAL", 0, 0, "angle from the start [rad]", True),
-    Key("measured", "label_torque", "TEXT", "OPTIONAL", 0, 0, "friction torque [N m]", True),
-    Key("measured", "angle_scale", "NUMBER", "OPTIONAL", -1e300, 1e300, 1, True),
-)
-# fmt: on
-# --- from host_sim/keys.csv: end
 
+def _read() -> tuple[dict[str, str], list[Key]]:
+    """Return the sections, with those that each needs, and all keys."""
+    with paths.KEYS.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    owners = [model for model in models.table().values() if model.has_own_number]
+    own = [Key("friction", one.key, "NUMBER", "OWN", one.low, one.high, 0.0) for one in owners]
+    sections = {row["section"]: row["of"] for row in rows if not row["key"]}
+    return sections, [_key(row) for row in rows if row["key"]] + own
+
+
+SECTIONS, _ROWS = _read()
 KEYS = {(key.section, key.name): key for key in _ROWS}
 
 

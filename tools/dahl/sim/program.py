@@ -1,13 +1,29 @@
 # SPDX-License-Identifier: MIT
-"""The command `dahl-loop` of an installed package: replace this process by the compiled program."""
+"""Start dahl-loop: as a child of this process for a run file, or in place of this process as the
+command `dahl-loop` of an installed package.
+"""
 
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
+from typing import TYPE_CHECKING, Any
 
 from dahl import paths
 from dahl.errors import RunError
+
+if TYPE_CHECKING:
+    from dahl.sim.run_file import RunFile
+
+
+def start(run: RunFile, *options: object, **how: Any) -> subprocess.Popen[Any]:
+    """Start dahl-loop, which writes its counters into the run file and ends with this process.
+    `how` are arguments of subprocess.Popen.
+    """
+    words = [paths.loop_program(), run.path, "--counters", run.counters]
+    words += ["--with-parent", os.getpid(), *options]
+    return subprocess.Popen([str(word) for word in words], pass_fds=run.fds, **how)
 
 
 def main() -> str:

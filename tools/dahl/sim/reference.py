@@ -161,11 +161,11 @@ EXACT: dict[str, Callable[[Scene, Moves, Iterable[Fraction]], list[mpmath.mpf]]]
     "dahl": lambda scene, moves, _: exact_ratios(moves, _travel(scene)),
     "slip": lambda scene, moves, _: exact_slip_ratios(moves, scene.elements, scene.theta_per_count),
     "parallel": lambda scene, moves, _: exact_parallel_ratios(
-        moves, scene.elements, scene.kinds, scene.theta_per_count
+        moves, scene.elements, scene.own, scene.theta_per_count
     ),
     "loaded": lambda scene, moves, loads: exact_loaded_ratios(moves, loads, _travel(scene)),
     "elastoplastic": lambda scene, moves, _: exact_elastoplastic_ratios(
-        moves, _travel(scene), scene.breakaway
+        moves, _travel(scene), scene.own
     ),
     "asymmetric": lambda scene, moves, _: exact_asymmetric_ratios(
         moves, scene.elements, scene.theta_per_count

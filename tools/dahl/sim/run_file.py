@@ -14,17 +14,14 @@ import weakref
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from dahl.errors import InputError
 from dahl.facts import PERIOD_US
-from dahl.io import data, readers
+from dahl.io import data
+from dahl.sim import replay
 from dahl.sim.keys import KEYS
 from dahl.sim.scene import Scene, element
 from dahl.sim.scene_reader import Name, Value
 
 OF_NODE = ("friction", "load", "status")  # sections of a run without an encoder
-MAX_TRAVEL = 2**31 - 1  # counts from the first row
 LINE = re.compile(r":(\d+): ")
 
 
@@ -42,7 +39,7 @@ class RunFile:
         if role == "node":
             values = {name: value for name, value in values.items() if name[0] in OF_NODE}
         elif scene.log:
-            counts = counts_of(scene, log or data.find_log(scene.log, scene.path.parent))
+            counts = replay.counts_of(scene, log or data.find_log(scene.log, scene.path.parent))
             values |= {("motion", "kind"): "counts", ("motion", "file"): self._in_memory(counts)}
         if "faults" in scene.parts and role != "node":
             values.setdefault(("faults", "drop"), 0.0)  # so that the section is there
@@ -91,35 +88,6 @@ def _text(value: Value) -> str:
     if isinstance(value, str):
         return " ".join(value.split())  # a value of a scene may have several lines
     return repr(value).removesuffix(".0")
-
-
-def counts_of(scene: Scene, log: Path) -> str:
-    """Return the file of counts of a log: a count, and x if the scene has a load, for each row."""
-    wanted = {
-        "angle": scene.file.text("motion", "angle"),
-        "time": scene.file.text("motion", "time"),
-        "load": scene.file.text("load", "column"),
-    }
-    names, table = readers.read_columns(log, {role: name for role, name in wanted.items() if name})
-    with np.errstate(all="ignore"):  # a number that overflows is too far as well
-        angle = table["angle"] * scene.file.number("motion", "counts_per_unit")
-        travel = angle - angle[0]
-    far = np.flatnonzero(~(np.abs(travel) < MAX_TRAVEL))
-    if len(far):
-        words = f"{travel[far[0]]:.9g} counts from the first row, more than 2^31"
-        raise InputError(f"{log}: column '{names['angle']}': row {far[0] + 1} is {words}")
-    counts = _nearest(travel).tolist()
-    if "load" not in table:
-        return "".join(f"{count}\n" for count in counts)
-    loads = table["load"].tolist()
-    return "".join(f"{count} {x!r}\n" for count, x in zip(counts, loads, strict=True))
-
-
-def _nearest(values: np.ndarray) -> np.ndarray:
-    """Round to the nearest integer, halves away from zero."""
-    whole: np.ndarray = np.trunc(values)
-    whole += np.sign(values) * (np.abs(values - whole) >= 0.5)
-    return whole.astype(np.int64)
 
 
 # --- results --------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from dahl import paths
 from dahl.binding import models
 from dahl.errors import InputError
 from dahl.io import files, readers, units
-from dahl.sim import keys
+from dahl.sim import keys, scene_writer
 from dahl.sim.scene_reader import Contents, SceneFile
 
 SHOWN_UNITS = ("deg", "rad", "mm")  # of angles in the picture of a user's own log
@@ -65,8 +65,7 @@ class Scene:
     seconds: float = 0.0  # length of the motion; 0 if the scene does not give it
     measured: Measured = field(default_factory=Measured)
     parts: tuple[str, ...] = ()  # sections in the file
-    kinds: tuple[str, ...] = ()  # dahl or slip for each element
-    breakaway: float = 0.0  # fraction of Fc
+    own: Any = None  # of the model's own key: a number, or the words of `kinds`
     compensates: bool = False  # gain, limit or ramp_ms is set: a part of the torque is answered
     friction: dict[str, float] = field(default_factory=dict)  # NODE_KEYS in the file
     status_ms: float = 0.0  # period of Status; 0: only after an event
@@ -110,10 +109,9 @@ def element(scene: Scene) -> models.AnyModel:
         raise InputError(f"{scene.path}: has no [friction]")
     model = models.table()[scene.model]
     sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
-    own = getattr(scene, model.key) if model.key else None
     try:
         return models.make(
-            model, sigma0[: model.sigma0s or None], torques, scene.theta_per_count, own
+            model, sigma0[: model.sigma0s or None], torques, scene.theta_per_count, scene.own
         )
     except InputError as error:
         raise InputError(f"{scene.file.place('friction')}: [friction] {error}") from None
@@ -150,8 +148,9 @@ def read(path: Path, sets: Sequence[str] = ()) -> Scene:
     if scene.has_directions:
         sigma0 = sigma0 * len(torques)
     scene.elements = tuple(zip(sigma0, torques, strict=False))
-    scene.kinds = tuple(file.text("friction", "kinds").split())
-    scene.breakaway = file.number("friction", "breakaway")
+    if key := models.table()[scene.model].key:
+        own = file.get("friction", key)
+        scene.own = tuple(own.split()) if isinstance(own, str) else own
     scene.theta_per_count = file.number("friction", "theta_per_count")
     scene.seconds = max(file.number(section, "seconds") for section in ("motion", "motor"))
     scene.measured = _measured(file)
@@ -168,44 +167,6 @@ def read(path: Path, sets: Sequence[str] = ()) -> Scene:
 def _measured(file: Contents) -> Measured:
     found: dict[str, Any] = {name: file.get("measured", name) for name in keys.names("measured")}
     return Measured(**found | {"settle": int(found["settle"])})
-
-
-@dataclass
-class Recorded:
-    """The columns of a log that are compared with the model; arrays of shape (rows,)."""
-
-    torque: np.ndarray | None  # N m (N); None if it was not measured
-    time: np.ndarray | None  # s; None if the log has no time
-    rows: int
-
-
-def read_log(scene: Scene, log: Path) -> Recorded:
-    """Read torque and time of the scene's log, and check its angle. Raises dahl.Error."""
-    wanted = {
-        "angle": scene.file.text("motion", "angle"),
-        "torque": scene.measured.torque,
-        "time": scene.file.text("motion", "time"),
-    }
-    _, table = readers.read_columns(log, {role: name for role, name in wanted.items() if name})
-    _check_unwrapped(scene, log, table["angle"])
-    torque = table.get("torque")
-    measured = None if torque is None else torque * scene.measured.torque_scale
-    return Recorded(measured, table.get("time"), len(table["angle"]))
-
-
-def _check_unwrapped(scene: Scene, log: Path, angle: np.ndarray) -> None:
-    """Raise dahl.Error for an angle that wraps: dahl-loop would turn the shaft back in one tick."""
-    per_unit = scene.theta_per_count * scene.file.number("motion", "counts_per_unit")
-    if scene.measured.unit == "N" or not per_unit > 0:
-        return
-    turn = 2 * math.pi / per_unit
-    jumps = np.abs(np.diff(angle)) > turn / 2
-    if jumps.any():
-        row = int(np.argmax(jumps))
-        raise InputError(
-            f"{log}: the angle goes from {angle[row]:g} to {angle[row + 1]:g} in one row, more than"
-            " half a turn: does it start anew at each turn? Unwrap it, as numpy.unwrap does"
-        )
 
 
 @dataclass
@@ -279,31 +240,27 @@ def _scene_of(own: OwnLog, table: str, unit: str, size: float, count: float) -> 
     """Return the scene of a user's own log; unit of the angle and encoder count in rad (m)."""
     is_linear = unit in units.LENGTHS
     shown = unit if unit in SHOWN_UNITS else "m" if is_linear else "rad"
-    lines = [
-        "; written by dahl demo",
-        "[scene]",
-        f"title = {own.log.name}",
-        "[friction]",
-        f"sigma0 = {own.sigma0!r}",
-        f"Fc = {own.fc!r}",
-        f"theta_per_count = {count!r}",
-        "[motion]",
-        "kind = log",
-        f"file = {table}",
-        f"angle = {own.angle}",
-        f"counts_per_unit = {size / count!r}",
-        *([f"time = {own.time}"] if own.time else []),
-        "[status]",
-        "period_ms = 100",
-        "[measured]",
-        *([f"torque = {own.torque}"] if own.torque else []),
-        f"offset = {own.offset!r}",
-        f"spring = {own.spring!r}",
-        f"label_angle = {own.angle} from the start [{shown}]",
-        f"label_torque = friction [{'N' if is_linear else 'N m'}]",
-        f"angle_scale = {1 / units.ANGLES[shown]!r}",
-    ]
-    return "\n".join(lines) + "\n"
+    sections: scene_writer.Sections = {
+        "scene": {"title": own.log.name},
+        "friction": {"sigma0": own.sigma0, "Fc": own.fc, "theta_per_count": count},
+        "motion": {
+            "kind": "log",
+            "file": table,
+            "angle": own.angle,
+            "counts_per_unit": size / count,
+            "time": own.time,
+        },
+        **scene_writer.STATUS,
+        "measured": {
+            "torque": own.torque,
+            "offset": own.offset,
+            "spring": own.spring,
+            "label_angle": f"{own.angle} from the start [{shown}]",
+            "label_torque": f"friction [{'N' if is_linear else 'N m'}]",
+            "angle_scale": 1 / units.ANGLES[shown],
+        },
+    }
+    return scene_writer.text_of(sections, "written by dahl demo")
 
 
 def _check_names(own: OwnLog) -> None:

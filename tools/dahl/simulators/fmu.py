@@ -10,6 +10,7 @@ An FMU therefore needs no compiler when it is written, and reads no file when it
 from __future__ import annotations
 
 import hashlib
+import math
 import platform
 import re
 import struct
@@ -31,7 +32,7 @@ from dahl.io import files
 from dahl.version import __version__
 
 # Value references of port/fmu/variables.h.
-ANGLE, LOAD, TORQUE, RATIO, THETA, BREAKAWAY, SIGMA0 = range(7)
+ANGLE, LOAD, TORQUE, RATIO, THETA, OWN, SIGMA0 = range(7)
 FC = SIGMA0 + SLIP_MAX
 TIME = FC + SLIP_MAX
 VALUES = TIME + 1
@@ -40,7 +41,6 @@ MARK = b"dahl fmu start\0\0"
 BLOCK = struct.Struct(f"={len(MARK)}s40s16s4I{VALUES * '16s3d'}")  # fmu_start_t
 ANGLE_MAX = 1e30  # rad
 TIME_MAX = 1e30  # s
-BREAKAWAY_MIN = 2.0**-149  # least float above 0, as of dahl.ElastoPlastic
 TORQUE_LIMITS = parameters.TORQUE_MIN, parameters.TORQUE_MAX  # of sigma0 and Fc
 OUTPUT_LIMITS = -SLIP_MAX * parameters.TORQUE_MAX, SLIP_MAX * parameters.TORQUE_MAX
 FINE_TRAVEL = 2.0**-20  # of one count, as in port/simulators/friction.c; changes F by 1e-6 of Fc
@@ -78,7 +78,7 @@ class Fmu:
     sigma0: Sequence[float]  # N m/rad
     Fc: Sequence[float]  # N m
     theta_per_count: float = 0.0  # rad; 0: moves by angle
-    breakaway: float | None = None
+    own: float | None = None  # value of the model's own key, if that is a number
     kinds: Sequence[str] = ()  # of the model parallel: dahl or slip for each element
     fixed_stiffness: bool = False  # of the model loaded
     fmi: int = 2  # one of VERSIONS
@@ -110,10 +110,10 @@ class Fmu:
         variables = {}
         if not self.fixed_stiffness:
             variables[THETA] = self._theta_per_count()
-        if self.breakaway is not None:
-            text = "fraction of Fc up to which nothing creeps"
-            limits = BREAKAWAY_MIN, 1.0
-            variables[BREAKAWAY] = _parameter("breakaway", "", text, self.breakaway, *limits)
+        if self.own is not None:
+            model = self.model
+            limits = model.low, math.nextafter(model.high, math.inf)
+            variables[OWN] = _parameter(model.key, "", model.meaning, self.own, *limits)
         names = _names("sigma0", len(self.sigma0))
         for k, (name, value) in enumerate(zip(names, self.sigma0, strict=True)):
             text = "stiffness at rest"

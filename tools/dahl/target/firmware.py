@@ -18,10 +18,12 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from dahl import paths
 from dahl.errors import InputError, RunError
 from dahl.facts import BOARDS
+from dahl.sim import scene_writer
 
 QEMU_START_TIMEOUT_S = 20.0  # generous: a loaded machine may start QEMU slowly
 ERROR_LINE = re.compile(r"^fatal: |\berror: ", re.IGNORECASE)  # of git, cmake or a compiler
@@ -146,22 +148,18 @@ class Firmware:
         raise RunError(f"QEMU did not start: {printed[-1] if printed else 'it printed no message'}")
 
 
-HUB = """; The bus of a run with firmware: this node only serves the bus.
-[scene]
-title = a bus for the firmware
-[friction]
-sigma0 = 1
-Fc = 1
-theta_per_count = 1e-3
-node = {number}
-"""
 STALL_TIMEOUT_US = 10_000_000  # the clock of QEMU advances while a busy host delays frames
 
 
 def write_hub_scene(folder: Path, number: int = 0) -> Path:
     """Return a scene whose node only serves the bus; `number` is that of the firmware."""
     path = folder / "hub.ini"
-    path.write_text(HUB.format(number=15 if number != 15 else 14), encoding="ascii")
+    other = 15 if number != 15 else 14
+    friction: dict[str, Any] = {"sigma0": 1, "Fc": 1, "theta_per_count": 1e-3, "node": other}
+    text = scene_writer.text_of(
+        {"scene": {"title": "a bus for the firmware"}, "friction": friction}
+    )
+    path.write_text(text, encoding="ascii")
     return path
 
 

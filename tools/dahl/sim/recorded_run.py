@@ -8,7 +8,6 @@ recorded frames.
 from __future__ import annotations
 
 import dataclasses
-import os
 import re
 import signal
 import subprocess
@@ -19,13 +18,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from dahl import paths
 from dahl.can.bus import VCAN, Reception, open_bus
 from dahl.errors import Error, RunError, Timeout
 from dahl.interrupt import Stop
 from dahl.io import files
 from dahl.io.candump import candump_line
-from dahl.sim import scene
+from dahl.sim import program, scene
 from dahl.sim.run_file import RunFile
 from dahl.sim.scene import Scene
 
@@ -49,9 +47,8 @@ class Setup:
     seconds: float | None = None
     seed: int | None = None
     node_scene: Scene | None = None  # of the node that serves the bus, if another node answers
-    attach: Callable[[int], AbstractContextManager[object]] | None = (
-        None  # starts that other node on a port
-    )
+    # starts that other node on a port
+    attach: Callable[[int], AbstractContextManager[object]] | None = None
     alone: bool = False  # one process in virtual time, with the same result on each machine
     trace: bool = False  # write angle, velocity and torques of a rotor to folder/trace.csv
     lockstep: bool = False  # each count waits for the previous answer
@@ -68,17 +65,9 @@ class Program:
         self._facts = (bus, 1 if setup.seed is None else setup.seed, setup.alone)
         self._run = RunFile(setup.scene, setup.log, role)
         self.errors = (setup.folder / f"{role}.err").open("w", encoding="utf-8")
-        command = [paths.loop_program(), self._run.path, "--role", role, "--bus", bus]
-        command += ["--counters", self._run.counters, "--with-parent", os.getpid()]
-        command += [*_options(setup, role), *extra]
-        self.process = subprocess.Popen(
-            [str(word) for word in command],
-            stdin=subprocess.DEVNULL,
-            stdout=self.errors,
-            stderr=self.errors,
-            start_new_session=True,
-            pass_fds=self._run.fds,
-        )
+        options = ["--role", role, "--bus", bus, *_options(setup, role), *extra]
+        streams = {"stdin": subprocess.DEVNULL, "stdout": self.errors, "stderr": self.errors}
+        self.process = program.start(self._run, *options, **streams, start_new_session=True)
 
     def has_ended(self) -> bool:
         return self.process.poll() is not None
@@ -135,10 +124,7 @@ class Program:
         """Return the TCP port that the program serves."""
         until = time.monotonic() + PROGRAM_TIMEOUT_S
         while time.monotonic() < until and not self.has_ended():
-            served = SERVED.search(
-                Path(self.errors.name).read_text(encoding="utf-8", errors="replace")
-            )
-            if served:
+            if served := SERVED.search(self.output()):
                 return int(served[1])
             time.sleep(0.02)
         self.end()
@@ -172,19 +158,27 @@ def _bus_names(bus: str, node: Program) -> tuple[str, dict[str, Any]]:
     }
 
 
+def _start_server(setup: Setup) -> Program:
+    """Start the program with the node, which serves the bus. If it runs alone, it waits for the
+    recorder.
+    """
+    if setup.alone:
+        trace = ["--trace", str(setup.folder / "trace.csv")] * setup.trace
+        return Program(setup, "both", "socketcand:0", "--virtual", "--wait-clients", "1", *trace)
+    until_idle = ["--until-idle"] * setup.bus.startswith("socketcand")
+    bus = "socketcand:0" if setup.bus == "socketcand" else setup.bus
+    served = dataclasses.replace(setup, scene=setup.node_scene or setup.scene)
+    return Program(served, "node", bus, "--lockstep", *until_idle)
+
+
 def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, Any]:
-    """Run the scene, record it in folder/run.log, return the numbers of both programs; `stop` ends
+    """Run the scene, record it in folder/run.log, return the numbers of all programs; `stop` ends
     it early, in order.
 
     progress is called about ten times a second with the number of frames recorded so far.
     """
-    if setup.alone:
-        return _run_alone(setup, stop, progress)
-    serves = setup.bus.startswith("socketcand")
-    node_bus = "socketcand:0" if setup.bus == "socketcand" else setup.bus
-    served = dataclasses.replace(setup, scene=setup.node_scene or setup.scene)
-    node = Program(served, "node", node_bus, "--lockstep", *["--until-idle"] * serves)
-    encoder = None
+    node = _start_server(setup)
+    encoder = node if setup.alone else None
     try:
         encoder_bus, here = _bus_names(setup.bus, node)
         with (
@@ -192,17 +186,17 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
             _open_log(setup.folder) as log,
             setup.attach(here["port"]) if setup.attach else nullcontext(),
         ):
-            encoder = Program(setup, "encoder", encoder_bus)
+            encoder = encoder or Program(setup, "encoder", encoder_bus)
             _record(bus, log, encoder, node, stop, progress)
     except RunError:
         if encoder is None or not (encoder.wait() or _has_dropped(node, encoder)):
             raise  # else its end closes the bus, and what was recorded is reported
     finally:
-        programs = [program for program in (node, encoder) if program]
-        for program in reversed(programs):
-            program.end()
-        for program in programs:  # their own words are better than that the bus has gone
-            program.check()
+        started = [one for one in (node, encoder) if one]
+        for one in reversed(started):
+            one.end()
+        for one in started:  # their own words are better than that the bus has gone
+            one.check()
     return {
         **node.numbers(),
         **encoder.numbers(),
@@ -212,31 +206,10 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
     }
 
 
-def _run_alone(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, Any]:
-    """Do run() with one process that waits for the recorder."""
-    extra = ["--virtual", "--wait-clients", "1"]
-    extra += ["--trace", str(setup.folder / "trace.csv")] if setup.trace else []
-    program = Program(setup, "both", "socketcand:0", *extra)
-    try:
-        with (
-            open_bus(PROGRAM_TIMEOUT_S, **_bus_names("socketcand:0", program)[1]) as bus,
-            _open_log(setup.folder) as log,
-        ):
-            _record(bus, log, program, program, stop, progress)
-    except RunError:
-        if not (program.wait() or _has_dropped(program)):
-            raise  # else its end closes the bus: that is no failure
-    finally:
-        program.end()
-        program.check()
-    dropped = _has_dropped(program)
-    return {**program.numbers(), "interrupted": stop.asked, "recorder_dropped": dropped}
-
-
 def _has_dropped(server: Program, *clients: Program) -> bool:
     """End the programs. Return whether the server closed the connection of a slow recorder."""
-    for program in (*clients, server):
-        program.end()
+    for one in (*clients, server):
+        one.end()
     return bool(server.numbers().get("bus_counts", {}).get("dropped"))
 
 
@@ -250,18 +223,12 @@ def _open_log(folder: Path) -> Iterator[IO[str]]:
 def run_uncompensated(setup: Setup, trace: Path) -> None:
     """Run the scene again with gain 0, in virtual time and without a bus; leave its trace."""
     run = RunFile(scene.read(setup.scene.path, ["friction.gain=0"]), setup.log)
-    command = [paths.loop_program(), run.path, "--virtual", "--trace", trace]
-    command += _options(setup, "both")
-    done = subprocess.run(
-        list(map(str, command)),
-        capture_output=True,
-        text=True,
-        check=False,
-        errors="replace",
-        pass_fds=run.fds,
-    )
-    if done.returncode:
-        last = done.stderr.strip().splitlines()[-1:] or [f"code {done.returncode}"]
+    options = ["--virtual", "--trace", trace, *_options(setup, "both")]
+    streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "errors": "replace"}
+    with program.start(run, *options, **streams) as process:
+        _, said = process.communicate()
+    if process.returncode:
+        last = said.strip().splitlines()[-1:] or [f"code {process.returncode}"]
         raise RunError(f"dahl-loop without compensation: {last[0].removeprefix('error: ')}")
 
 
