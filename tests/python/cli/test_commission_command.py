@@ -109,6 +109,11 @@ def write(path: str, names: str, *columns: np.ndarray) -> None:
     np.savetxt(path, np.column_stack(columns), delimiter=",", header=names, comments="")
 
 
+def slow(angle: np.ndarray) -> np.ndarray:
+    """Return the angle behind a mean over 0.3 s."""
+    return np.convolve(angle, np.ones(300) / 300)[: len(angle)]
+
+
 @pytest.fixture
 def recording(dahl) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     done = dahl("commission", "--table", "sweeps.csv")
@@ -125,7 +130,7 @@ def test_a_recording_shows_friction_and_load_but_no_bounds(dahl, recording) -> N
     assert done.returncode == 0, done.stderr
     numbers = json.loads(done.stdout)
     sweeps = numbers["sweeps"]
-    assert sweeps["Fc"] == pytest.approx(FC, rel=0.02)
+    assert sweeps["Fc"]["least"] <= FC <= sweeps["Fc"]["most"] < 1.03 * FC
     assert sweeps["load"] == pytest.approx(GRAVITY * np.cos(sweeps["angle"]), abs=0.02)
     assert sweeps["viscous"]["least"] <= VISCOUS <= sweeps["viscous"]["most"]
     assert numbers["recorded_inertia"] == pytest.approx(INERTIA, rel=0.05)
@@ -140,7 +145,8 @@ def test_a_recording_shows_friction_and_load_but_no_bounds(dahl, recording) -> N
     [
         ("time_s,angle_deg,torque", lambda t, a, T: (t, np.degrees(a), T), "--torque-unit"),
         ("time_s,angle_deg,torque_Nm", lambda t, a, T: (t, a, T), "its unit"),
-        ("time_s,angle_rad,torque_Nm", lambda t, a, T: (t, -a, T), "its sign"),
+        ("time_s,angle_rad,torque_Nm", lambda t, a, T: (t, slow(a), T), "follows"),
+        ("time_s,angle_rad,torque_Nm", lambda t, a, T: (t, -a, T), "sign"),
         ("time_s,angle_rad,torque_Nm", lambda t, a, T: (t, a, -T), "negate"),
         ("time_s,angle_rad,torque_Nm", lambda t, a, T: (t[:5000], a[:5000], T[:5000]), "take"),
         ("angle_rad,torque_Nm", lambda t, a, T: (a, T), "needs times"),

@@ -11,7 +11,7 @@ import can
 import numpy as np
 import pytest
 from dahl.report import commission_plot, compensation, park_steer
-from dahl.sim import axis
+from dahl.sim import axis as simulation
 from dahl.sim import park_steer as steering
 from dahl.sim.compensation import LAWS, SHOWN_HAND, SHOWN_POSITION, laws_of
 from dahl.sim.compensation_axis import PERIOD_S
@@ -148,8 +148,8 @@ def test_the_demo_of_park_steer_prints_the_numbers_of_its_summary(tmp_path, monk
 
 
 @pytest.fixture(scope="module")
-def commissioned() -> axis.Commissioned:
-    return axis.commission(axis.simulated(), axis.Shaft())
+def commissioned() -> simulation.Commissioned:
+    return simulation.commission(simulation.simulated(), simulation.Shaft())
 
 
 def curves(panel: Axes) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -157,20 +157,22 @@ def curves(panel: Axes) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 
 def test_a_commissioning_has_its_motion_friction_turn_kicks_and_tracking(
-    commissioned: axis.Commissioned, tmp_path
+    commissioned: simulation.Commissioned, tmp_path
 ) -> None:
-    tracking = tuple(axis.track(commissioned.axis, is_on) for is_on in (False, True))
+    tracking = tuple(simulation.track(commissioned.axis, is_on) for is_on in (False, True))
     with drawing() as drawn:
         commission_plot.draw(tmp_path / "all.png", commissioned, tracking)
     motion, by_angle, by_speed, turn, kicks, errors = drawn[0].axes
-    assert [*curves(motion)] == list(axis.STAGES)
+    assert [*curves(motion)] == list(simulation.STAGES)
     found = curves(by_angle)
-    assert found["friction"][1] == pytest.approx(axis.FC, rel=0.05)
-    assert found["load"][1] == pytest.approx(axis.GRAVITY * np.cos(found["load"][0]), abs=0.02)
+    assert found["friction"][1] == pytest.approx(simulation.FC, rel=0.05)
+    assert found["load"][1] == pytest.approx(
+        simulation.GRAVITY * np.cos(found["load"][0]), abs=0.02
+    )
     speed, friction = curves(by_speed)["measured"]
-    assert friction == pytest.approx(axis.FC + axis.VISCOUS * speed, rel=0.03)
+    assert friction == pytest.approx(simulation.FC + simulation.VISCOUS * speed, rel=0.03)
     travel, torque = curves(turn)["measured"]  # a ramp to the breakaway
-    assert travel[-1] > 50 and max(torque) == pytest.approx(axis.FC, rel=0.1)  # mrad
+    assert travel[-1] > 50 and max(torque) == pytest.approx(simulation.FC, rel=0.1)  # mrad
     assert len(kicks.lines) == 8  # both ways, 4 at the largest gain
     ends = [line.get_ydata()[-1] for line in kicks.lines]
     assert [end > 0 for end in ends] == [True, False] * 4
@@ -180,13 +182,13 @@ def test_a_commissioning_has_its_motion_friction_turn_kicks_and_tracking(
 def test_a_refused_axis_has_the_panels_of_its_data(tmp_path) -> None:
     """The load of this one falls after the sweeps, or at once."""
     for until, panels in ((11.0, 3), (0.3, 1)):
-        shaft, ticks = axis.Shaft(), []
+        shaft, ticks = simulation.Shaft(), []
 
         def fall(_: object, shaft=shaft, ticks=ticks, until=until) -> None:
             ticks.append(0)
-            shaft.hand = 3 * axis.FC * (len(ticks) > until / axis.PERIOD_S)
+            shaft.hand = 3 * simulation.FC * (len(ticks) > until / simulation.PERIOD_S)
 
-        refused = axis.commission(axis.simulated(), shaft, watch=fall)
+        refused = simulation.commission(simulation.simulated(), shaft, watch=fall)
         assert refused.axis.refusal_code
         with drawing(rendered=False) as drawn:
             commission_plot.draw(tmp_path / "part.png", refused)

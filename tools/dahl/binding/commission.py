@@ -215,7 +215,7 @@ class Commission(HasParameters, Copied):
 
     @property
     def sweeps(self) -> dict[str, Any]:
-        """Return what the sweeps alone measured: Fc (N m), viscous as Range, `friction` and `load`
+        """Return what the sweeps alone measured: Fc and viscous as Range, `friction` and `load`
         (N m) at `angle` (rad), and `friction_at_speed` in pairs of rad/s and N m. Raises
         dahl.RunError before the end of the sweeps.
         """
@@ -224,9 +224,13 @@ class Commission(HasParameters, Copied):
             raise RunError(f"the sweeps have not ended: {self.refusal or self.stage}")
         friction, viscous = np.array(list(state.table.friction)), state.result.viscous
         levels = zip(SWEEP_SPEEDS, state.table.level, strict=True)
+        best, error = (
+            state.result.Fc.best,
+            (viscous.most - viscous.best) * float(np.mean(SWEEP_SPEEDS)),
+        )
         bins = len(friction)
         return {
-            "Fc": state.result.Fc.best,
+            "Fc": Range(best - error, best, best + error),
             "viscous": Range(viscous.least, viscous.best, viscous.most),
             "angle": self.travel * ((2 * np.arange(bins) + 1) / bins - 1),
             "friction": friction,

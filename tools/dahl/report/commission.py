@@ -155,7 +155,7 @@ class Report:
             yield "axis", "elastic" if result["elastic"] else "rigid"
             yield "duration", f"{result['seconds']:.1f} s"
         elif axis.has_sweeps:
-            yield "Fc", f"{axis.sweeps['Fc']:.4g} N m"
+            yield "Fc", f"{_shown(axis.sweeps['Fc'])} N m"
             yield "viscous", f"{_shown(axis.sweeps['viscous'])} N m s/rad"
             load = axis.sweeps["load"]
             yield "load", f"{load.min():.4g} to {load.max():.4g} N m over the travel"

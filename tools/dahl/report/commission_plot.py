@@ -77,7 +77,7 @@ def _draw_speed(axes: Axes, axis: Commission) -> None:
     axes.plot(speed, level, "o", color=COMPUTED, label="measured")
     line = np.array([0.0, speed.max()])
     viscous = found["viscous"]
-    axes.plot(line, found["Fc"] + viscous.best * line, color=MEASURED, label="Fc and viscous")
+    axes.plot(line, found["Fc"].best + viscous.best * line, color=MEASURED, label="Fc and viscous")
     axes.set(xlabel="speed [rad/s]", ylabel="friction [N m]", ylim=(0, 1.2 * level.max()))
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
 
