@@ -13,7 +13,9 @@ from typing import Any
 from dahl.binding import models
 from dahl.binding.library import DECLARATIONS
 
-NOT_MEASURED = re.compile(r"dahl_(float|batch|throughput|can|frames|rotor|controller)_?")
+NOT_MEASURED = re.compile(
+    r"dahl_(float|batch|throughput|can|frames|rotor|controller|compare|rival|true_friction)_?"
+)
 CALLED_BY_CALLS = {"dahl_encoder_rare_move", "dahl_part_move", "dahl_slip_part_move"}
 INLINE = re.compile(r"dahl_node_use_\w+")  # inline calls of dahl_node_use()
 
