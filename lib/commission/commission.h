@@ -39,7 +39,7 @@ static inline uint32_t dahl_ticks(const dahl_commission_t *axis, float seconds)
     return (uint32_t)(seconds / axis->config.period + 0.5f);
 }
 
-/** Return the square root by Newton's steps; . */
+/** Return the square root by Newton's steps; 0 if x is not positive. */
 float dahl_root(float x);
 /** Write cosine and sine of an angle below 1. */
 void dahl_small_turn(float angle, float turn[2]);

@@ -91,19 +91,19 @@ typedef enum {
 
 /** Stage. */
 typedef enum {
-    DAHL_COMMISSION_REST = 0,
-    DAHL_COMMISSION_SWEEPS = 1,
-    DAHL_COMMISSION_CYCLE = 2,
-    DAHL_COMMISSION_BREAKAWAY = 3,
-    DAHL_COMMISSION_INERTIA = 4,
-    DAHL_COMMISSION_KICK = 5,
-    DAHL_COMMISSION_DONE = 6,    /**< the result is valid */
-    DAHL_COMMISSION_REFUSED = 7, /**< `refusal` says why */
+    DAHL_COMMISSION_REST = 0,      /**< noise of the encoder */
+    DAHL_COMMISSION_SWEEPS = 1,    /**< friction and load by angle */
+    DAHL_COMMISSION_CYCLE = 2,     /**< presliding stiffness */
+    DAHL_COMMISSION_BREAKAWAY = 3, /**< breakaway torque */
+    DAHL_COMMISSION_INERTIA = 4,   /**< inertia and delay */
+    DAHL_COMMISSION_KICK = 5,      /**< gain and length_long */
+    DAHL_COMMISSION_DONE = 6,      /**< the result is valid */
+    DAHL_COMMISSION_REFUSED = 7,   /**< `refusal` says why */
 } dahl_commission_stage_t;
 
 /** Why it stopped. Except 0, the codes differ from those of the other headers. */
 typedef enum {
-    DAHL_COMMISSION_OK = 0,
+    DAHL_COMMISSION_OK = 0,            /**< not refused */
     DAHL_COMMISSION_PARAM = -41,       /**< a value of the configuration is out of range */
     DAHL_COMMISSION_ABORTED = -42,     /**< dahl_commission_abort() */
     DAHL_COMMISSION_ANGLE = -43,       /**< the angle left angle_limit: is the load held? */
@@ -137,8 +137,8 @@ typedef struct {
 /** Command of one tick. */
 typedef struct {
     float angle;        /**< [rad] from the first angle: TRACK */
-    float speed;        /**< [rad/s]: TRACK */
-    float acceleration; /**< [rad/s2]: TRACK */
+    float speed;        /**< [rad/s] speed of the reference: TRACK */
+    float acceleration; /**< [rad/s2] acceleration of the reference: TRACK */
     float torque;       /**< [N m]: TORQUE, 0 in OFF */
     float torque_limit; /**< [N m] limit of the whole torque of this tick */
     uint8_t mode;       /**< dahl_commission_mode_t */
@@ -148,7 +148,9 @@ typedef struct {
 
 /** Estimate with its interval. */
 typedef struct {
-    float least, best, most;
+    float least; /**< lower end */
+    float best;  /**< estimate */
+    float most;  /**< upper end */
 } dahl_commission_range_t;
 
 /** Result; valid if the stage is DONE. */
@@ -169,75 +171,136 @@ typedef struct {
     float breakaway;                 /**< [1] breakaway torque over Fc, as measured */
     float gain;                      /**< [1] largest gain that came to rest after all kicks */
     float seconds;                   /**< [s] duration */
-    uint16_t noise, play;            /**< [count] */
+    uint16_t noise;                  /**< [count] noise of the encoder at rest */
+    uint16_t play;                   /**< [count] play of the compensator that covers the noise */
     uint8_t elastic;                 /**< 1: the inertia differs between the sines, or the kicks had
                                           to lengthen length_long. A stiff shaft may not be seen. */
 } dahl_commission_result_t;
 
 /** State of one axis: at most 1 kB. Read `result`; the other fields are private. */
 typedef struct {
-    dahl_commission_config_t config;
-    dahl_commission_command_t command;
-    dahl_commission_result_t result;
-    int32_t counts;              /**< [count] since the start */
-    float theta, speed, torque;  /**< [rad], [rad/s] low-pass, [N m] of the last tick */
-    uint32_t ticks, stage_ticks, step_ticks;
-    uint8_t step, pass, tries, is_held, is_soft;
+    dahl_commission_config_t config;   /**< copy of the configuration */
+    dahl_commission_command_t command; /**< last command */
+    dahl_commission_result_t result;   /**< result; valid if the stage is DONE */
+    int32_t counts;                    /**< [count] since the start */
+    float theta;                       /**< [rad] angle from the first */
+    float speed;                       /**< [rad/s] speed after a low-pass */
+    float torque;                      /**< [N m] torque of the last tick */
+    uint32_t ticks;                    /**< [tick] since the start */
+    uint32_t stage_ticks;              /**< [tick] since the start of the stage */
+    uint32_t step_ticks;               /**< [tick] since the start of the step */
+    uint8_t step;                      /**< step of the stage */
+    uint8_t pass;                      /**< ramps of the stage BREAKAWAY that have ended */
+    uint8_t tries;                     /**< cycles that broke away */
+    uint8_t is_held;                   /**< 1: the load moves the axis at rest, the loop holds it */
+    uint8_t is_soft;                   /**< 1: the loop is too soft for the friction */
     struct {
-        float start, end, want_speed, want_acceleration, speed, acceleration;
-        uint32_t ramp_ticks, cruise_ticks, tick;
-        uint8_t is_push;
-    } stroke;                    /**< accelerate, cruise, brake; with a soft loop push before */
+        float start;             /* [rad] angle at the start of a push */
+        float end;               /* [rad] last angle */
+        float want_speed;        /* [rad/s] wanted speed */
+        float want_acceleration; /* [rad/s2] wanted acceleration */
+        float speed;             /* [rad/s] speed for whole ticks */
+        float acceleration;      /* [rad/s2] acceleration for whole ticks */
+        uint32_t ramp_ticks;     /* [tick] of the acceleration, and of the braking */
+        uint32_t cruise_ticks;   /* [tick] at constant speed */
+        uint32_t tick;           /* [tick] since the start of the stroke */
+        uint8_t is_push;         /* 1: a torque pushes the axis, without the loop */
+    } stroke; /**< accelerate, cruise, brake; with a soft loop push before */
     struct {
-        float angle, torque;     /**< reference and torque of the last count */
-        uint32_t frozen_ticks, saturated_ticks;
-        uint32_t count_ticks; /**< friction needs up to this to turn the axis by some counts */
-    } watch;
+        float angle;              /* [rad] reference at the last count */
+        float torque;             /* [N m] torque at the last count */
+        uint32_t frozen_ticks;    /* [tick] without a count */
+        uint32_t saturated_ticks; /* [tick] with the torque at its limit */
+        uint32_t count_ticks;     /* [tick] friction needs up to this for some counts */
+    } watch; /**< watch on the encoder and the torque */
     struct {
-        float friction[DAHL_COMMISSION_BINS];
-        float level[DAHL_COMMISSION_SPEEDS], noise[DAHL_COMMISSION_SPEEDS];
-        float least, most, scatter; /**< of the friction */
-    } table;                     /**< [N m] friction by angle and by speed */
-    float cycle_torque, cycle_travel, break_torque[2], middle_Fc;
+        float friction[DAHL_COMMISSION_BINS]; /* [N m] friction by angle, at the slowest speed */
+        float level[DAHL_COMMISSION_SPEEDS];  /* [N m] friction by speed */
+        float noise[DAHL_COMMISSION_SPEEDS];  /* [N m] error of each level */
+        float least;                          /* [N m] least friction of a bin */
+        float most;                           /* [N m] largest friction of a bin */
+        float scatter;                        /* [N m] scatter of the bins between two passes */
+    } table;               /**< friction by angle and by speed */
+    float cycle_torque;    /**< [N m] amplitude of the torque of the cycle */
+    float cycle_travel;    /**< [rad] travel of the cycle, from end to end */
+    float break_torque[2]; /**< [N m] breakaway torque of both directions */
+    float middle_Fc;       /**< [N m] friction in the middle of the travel */
     union {
         struct {
-            float mean, low, high;
-            int32_t last[2];
-            uint16_t flicker[64], jerk[64];
-        } rest;
+            float mean;           /* [count] slow mean of the counts */
+            float low;            /* [count] least of the window, from the mean */
+            float high;           /* [count] largest of the window, from the mean */
+            int32_t last[2];      /* [count] counts of the last two ticks */
+            uint16_t flicker[64]; /* windows by their range in counts */
+            uint16_t jerk[64];    /* ticks by the second difference of the counts */
+        } rest; /* REST */
         struct {
-            float sum[4][DAHL_COMMISSION_BINS];
-            uint16_t samples[4][DAHL_COMMISSION_BINS];
-            float friction, reference, change, square; /* sums over the bins of this speed */
-            uint8_t speed, stroke, bins, bin;
-        } sweeps;
+            float sum[4][DAHL_COMMISSION_BINS];        /* [N m] torque by stroke and bin */
+            uint16_t samples[4][DAHL_COMMISSION_BINS]; /* samples by stroke and bin */
+            float friction;  /* [N m] friction: sum over the bins of this speed */
+            float reference; /* [N m] friction of the slowest speed: sum over the same bins */
+            float change;    /* [N m] second pass minus first: sum over the bins */
+            float square;    /* [N2 m2] square of the change: sum over the bins */
+            uint8_t speed;   /* index of the speed */
+            uint8_t stroke;  /* stroke of this speed */
+            uint8_t bins;    /* bins in the sums */
+            uint8_t bin;     /* next bin to evaluate */
+        } sweeps; /* SWEEPS */
         struct {
-            float sum[16], start, from, rotor[2], turn[2];
-            uint16_t samples[16];
-        } cycle;
+            float sum[16];        /* [rad] angle from `start` by phase */
+            float start;          /* [rad] angle at the start */
+            float rotor[2];       /* cosine and sine of the phase */
+            float turn[2];        /* turn of the phase in a tick */
+            uint16_t samples[16]; /* samples by phase */
+        } cycle; /* CYCLE */
         struct {
-            float start, peak, change;
-            uint8_t evaluated;
-        } breakaway;
+            float start;       /* [rad] angle at the start of the ramp */
+            float peak;        /* [N m] largest torque of the ramp */
+            float change;      /* [N m] largest correction of a bin near an end */
+            uint8_t evaluated; /* steps of the evaluation that have ended */
+        } breakaway; /* BREAKAWAY */
         struct {
-            dahl_commission_command_t base; /* without the sines */
-            float sine[DAHL_COMMISSION_SINES][2], turn[DAHL_COMMISSION_SINES][2];
-            float torque[2][DAHL_COMMISSION_SINES][2], speed[2][DAHL_COMMISSION_SINES][2];
-            float window[2], window_turn[2], mean_speed;
-            float inertia[DAHL_COMMISSION_SINES], error[DAHL_COMMISSION_SINES];
-            float phase[DAHL_COMMISSION_SINES], shaft, gap;
-            uint8_t stroke, set, evaluated;
-        } inertia;
+            dahl_commission_command_t base;          /* motion without the sines */
+            float sine[DAHL_COMMISSION_SINES][2];    /* cosine and sine of each phase */
+            float turn[DAHL_COMMISSION_SINES][2];    /* turn of each phase in a tick */
+            /* [N m] demodulated torque, by half of the strokes, sine and part */
+            float torque[2][DAHL_COMMISSION_SINES][2];
+            /* [rad/s] demodulated speed, likewise */
+            float speed[2][DAHL_COMMISSION_SINES][2];
+            float window[2];                         /* phase of the Hann window */
+            float window_turn[2];                    /* turn of this phase in a tick */
+            float mean_speed;                        /* [rad/s] speed of the strokes */
+            float inertia[DAHL_COMMISSION_SINES];    /* [kg m2] inertia at each sine */
+            float error[DAHL_COMMISSION_SINES];      /* [kg m2] difference of the halves */
+            float phase[DAHL_COMMISSION_SINES];      /* [rad] phase of torque over speed */
+            float shaft;       /* [rad2/s2] square of the resonance that is tried; 0: none yet */
+            float gap;         /* [kg m2] misfit of the best shaft */
+            uint8_t stroke;    /* strokes that have started */
+            uint8_t set;       /* set of frequencies */
+            uint8_t evaluated; /* sines that are evaluated */
+        } inertia; /* INERTIA */
         struct {
-            dahl_compensator_params_t params;
-            dahl_plan_t friction;
-            dahl_state_t bristle;
-            dahl_compensator_plan_t plan;
-            dahl_compensator_t compensator;
-            float start, push, speed, low, high, first, still, ranges[2];
-            uint8_t kick, gain, fails, creeps, phase, windows;
-        } kick;
-    } work;                      /**< of the present stage */
+            dahl_compensator_params_t params; /* parameters with the gain that is tried */
+            dahl_plan_t friction;             /* plan of the element */
+            dahl_state_t bristle;             /* state of the element */
+            dahl_compensator_plan_t plan;     /* plan of the compensator */
+            dahl_compensator_t compensator;   /* state of the compensator */
+            float start;     /* [rad] angle at the start of a push */
+            float push;      /* [N m] torque of the push */
+            float speed;     /* [rad/s] speed that ends the push */
+            float low;       /* [rad] least angle of the window */
+            float high;      /* [rad] largest angle of the window */
+            float first;     /* [rad] first angle of the window */
+            float still;     /* [rad] range of an axis at rest */
+            float ranges[2]; /* [rad] ranges of the last two windows, newest first */
+            uint8_t kick;    /* index of the push */
+            uint8_t gain;    /* index of the gain */
+            uint8_t fails;   /* times that the axis swung */
+            uint8_t creeps;  /* times that the axis crept */
+            uint8_t phase;   /* prepare, fade in, push or settle */
+            uint8_t windows; /* windows since the push */
+        } kick; /* KICK */
+    } work; /**< of the present stage */
 } dahl_commission_t;
 
 /**
