@@ -36,7 +36,7 @@
 enum { SINES = DAHL_COMMISSION_SINES, SETS = 2 };
 
 static const float periods[SETS][SINES] = {{4, 7, 11}, {3, 5, 7}}; /* in a window: 16, 28, 44 Hz; 12, 20, 28 Hz */
-static const float shares[SINES] = {0.2f, 0.12f, 0.12f};           /* speed of the sines over the mean speed */
+static const float sine_shares[SINES] = {0.2f, 0.12f, 0.12f};           /* speed of the sines over the mean speed */
 
 /** Return the frequency of a sine in rad/s. */
 static float frequency_of(const dahl_commission_t *axis, int k)
@@ -89,7 +89,7 @@ static float envelope(const dahl_commission_t *axis)
 static void add_sines(dahl_commission_t *axis)
 {
     for (int k = 0; k < SINES; k++) {
-        const float speed = shares[k] * envelope(axis) * axis->work.inertia.mean_speed;
+        const float speed = sine_shares[k] * envelope(axis) * axis->work.inertia.mean_speed;
         float *sine = axis->work.inertia.sine[k];
         const float frequency = frequency_of(axis, k);
         dahl_rotate(sine, axis->work.inertia.turn[k]);
@@ -146,7 +146,7 @@ static int find_ratio(const dahl_commission_t *axis, const float torque[2], cons
  * is negative if the load swings against the rotor. Return 0 if the sine did not move the axis, or if its phase is too large. */
 static int find_inertia(dahl_commission_t *axis, int k, float guess, float *phase)
 {
-    const float w = frequency_of(axis, k), least = MIN_SHARE * shares[k] * (SINE_STROKES - 1) / 4;
+    const float w = frequency_of(axis, k), least = MIN_SHARE * sine_shares[k] * (SINE_STROKES - 1) / 4;
     float half[2][2], all[2], turn[2], torque[2], speed[2];
     for (int part = 0; part < 2; part++) {
         torque[part] = axis->work.inertia.torque[0][k][part] + axis->work.inertia.torque[1][k][part];
@@ -173,7 +173,7 @@ static int find_inertia(dahl_commission_t *axis, int k, float guess, float *phas
 /** Return the error of the inertia at a sine. */
 static float error_of(const dahl_commission_t *axis, int k)
 {
-    const float amplitude = shares[k] * axis->work.inertia.mean_speed / frequency_of(axis, k);
+    const float amplitude = sine_shares[k] * axis->work.inertia.mean_speed / frequency_of(axis, k);
     const float counts = (float)(axis->result.noise + 1) * axis->config.theta_per_count / amplitude;
     const float *inertia = axis->work.inertia.inertia;
     return (INERTIA_ERROR + COUNT_ERROR * counts) * dahl_larger(inertia[0], dahl_absolute(inertia[k]))

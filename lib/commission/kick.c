@@ -133,7 +133,7 @@ static window_t check_window(dahl_commission_t *axis)
     return classify(axis, range, drift, before);
 }
 
-static void fail(dahl_commission_t *axis)
+static void fail_kick(dahl_commission_t *axis)
 {
     axis->result.elastic = 1;
     axis->work.kick.kick = 0;
@@ -192,7 +192,7 @@ static void settle_tick(dahl_commission_t *axis)
         lower_gain(axis);
     } else if (excursion > MAX_EXCURSION || (window == SWINGS && windows >= SWING_WINDOWS)
                || windows >= MAX_WINDOWS) {
-        fail(axis);
+        fail_kick(axis);
     }
 }
 

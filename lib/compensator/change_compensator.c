@@ -74,7 +74,8 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
     compensator->play_position = convert_position(compensator->play_position, from->play, to->play);
 }
 
-static int32_t convert_residual(int32_t x, dahl_real_t before, dahl_real_t after)
+/** Out of line: the loop over all ticks would otherwise become a memset() for a change to 0. */
+static DAHL_OUT_OF_LINE int32_t convert_residual(int32_t x, dahl_real_t before, dahl_real_t after)
 {
     return dahl_limit(convert_torque(x, before, after), CHANGED_RESIDUAL_MAX_Q24);
 }
