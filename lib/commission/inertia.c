@@ -36,7 +36,7 @@
 enum { SINES = DAHL_COMMISSION_SINES, SETS = 2 };
 
 static const float periods[SETS][SINES] = {{4, 7, 11}, {3, 5, 7}}; /* in a window: 16, 28, 44 Hz; 12, 20, 28 Hz */
-static const float sine_shares[SINES] = {0.2f, 0.12f, 0.12f};           /* speed of the sines over the mean speed */
+static const float sine_shares[SINES] = {0.2f, 0.12f, 0.12f};      /* speed of the sines over the mean speed */
 
 /** Return the frequency of a sine in rad/s. */
 static float frequency_of(const dahl_commission_t *axis, int k)
