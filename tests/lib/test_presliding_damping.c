@@ -113,7 +113,8 @@ static void test_prepare_refuses_and_scales(void)
     } cases[] = {
         {0.0f, 1e-3f, DAHL_ERR_PARAM},     {NAN, 1e-3f, DAHL_ERR_PARAM},    {1.0f, INFINITY, DAHL_ERR_PARAM},
         {-1.0f, 1e-3f, DAHL_ERR_PARAM},    {1.0f, 0.0f, DAHL_ERR_PARAM},    {1e-30f, 1e-3f, DAHL_ERR_RANGE},
-        {16400.0f, 1e-3f, DAHL_ERR_RANGE}, {1e-6f, 1.0f, DAHL_ERR_RANGE},   {1.9f, 1e-3f, DAHL_OK},
+        {16400.0f, 1e-3f, DAHL_ERR_RANGE}, {1e-6f, 1.0f, DAHL_ERR_RANGE},   {1e30f, 1e-3f, DAHL_ERR_RANGE},
+        {1e15f, 1e-6f, DAHL_ERR_RANGE},    {1.9f, 1e-3f, DAHL_OK},
     };
     dahl_damping_plan_t plan = {-1};
     TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, dahl_damping_prepare(&plan, &wrong, 1.9f, 1e-3f));

@@ -451,6 +451,8 @@ static void test_prepare_names_the_reason(void)
     dahl_compensator_params_t slow = params_of(&c);
     slow.slew = 5e-5f; /* in a tick 2^-23 Fc is 6e-5 N m/s */
     TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_RANGE, dahl_residual_prepare(&plan, &slow, &good));
+    slow.slew = 1e-6f;
+    TEST_ASSERT_EQUAL_INT(DAHL_COMPENSATOR_RANGE, dahl_residual_prepare(&plan, &slow, &good));
 }
 
 /* The code changes at the bound: exactly for the resonance, to the safe side by at most 2^-29 for the speed gain. */

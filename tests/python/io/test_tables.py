@@ -143,7 +143,7 @@ FORMS = st.fixed_dictionaries(
         "decimal": st.sampled_from(".,"),
         "encoding": st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "cp1252"]),
         "end": st.sampled_from(["\n", "\r\n", "\r"]),
-        "preamble": st.lists(st.sampled_from(PREAMBLE), max_size=3),
+        "preamble": st.lists(st.sampled_from(PREAMBLE), max_size=3, unique=True),
         "names": st.sampled_from(NAMES),
         "mark": st.sampled_from(["", "# ", "% "]),  # before the names
         "after": st.sampled_from(["", "", "\n", "\n  \n", "\n{mark}end, of it\n"]),
