@@ -3,7 +3,7 @@
 
 #define TWO_PI 6.2831853f
 #define SPEED_FILTER_HZ 150.0f
-#define RISE_S 0.5f /* the compensator fades in, so that a hand on the emergency stop is in time */
+#define RISE_S 0.5f /* the compensator fades in slowly enough for a hand on the emergency stop */
 
 dahl_commission_refusal_t axis_start(axis_t *axis, const dahl_commission_config_t *config, float loop_hz)
 {

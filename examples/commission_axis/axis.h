@@ -27,8 +27,8 @@ typedef struct {
  * 0.035 / period. */
 dahl_commission_refusal_t axis_start(axis_t *axis, const dahl_commission_config_t *config, float loop_hz);
 
-/* Once a tick, after the encoder is read: return the torque in N m. is_good: 0 for a bad reading. After the commissioning it is
- * the torque that cancels friction and load; add that of your own loop to it. After a refusal it is 0. */
+/* Return the torque in N m. Call it once in a tick, after the encoder is read. is_good: 0 for a bad reading. After the
+ * commissioning, the torque cancels friction and load: add that of your own loop. After a refusal it is 0. */
 float axis_tick(axis_t *axis, int32_t dcounts, int is_good);
 
 #ifdef __cplusplus

@@ -22,7 +22,7 @@ typedef struct {
     float measured;    /* rad of the joint */
 } geared_joint_t;
 
-/* Where the joint must be, at this tick: rad, rad/s, rad/s2, N m of gravity. All at the joint. */
+/* Reference of a tick, at the joint: rad, rad/s, rad/s2, N m of gravity. */
 typedef struct {
     float angle, speed, acceleration, gravity;
 } geared_joint_reference_t;

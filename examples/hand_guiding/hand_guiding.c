@@ -15,7 +15,7 @@
 #define FC_LOW 0.9f         /* N m, from dahl identify, warm, with the lightest tool */
 #define LENGTH_LONG 0.006f  /* rad, from dahl identify */
 #define SIGMA0_HIGH 220.0f  /* N m/rad, from dahl identify */
-#define INERTIA 0.04f       /* kg m2: what turns with the encoder, without a tool */
+#define INERTIA 0.04f       /* kg m2: all that turns with the encoder, without a tool */
 #define RAD_PER_COUNT (6.2831853f / 65536)
 
 static dahl_compensator_params_t params = {
@@ -38,7 +38,7 @@ int hand_guiding_init(const hand_guiding_payload_t *payload, int32_t count)
         return DAHL_COMPENSATOR_GAIN; /* friction does not hold the arm */
     }
     params.load = payload->load;
-    params.gain = 0.9f * (FC_LOW - payload->load) / FC_LOW; /* 0.95 is the limit; the rest is for a tap */
+    params.gain = 0.9f * (FC_LOW - payload->load) / FC_LOW; /* the limit is 0.95; the margin allows a tap */
     weight = payload->weight;
     last_count = count;
     bristle = (dahl_state_t){0};
@@ -47,7 +47,7 @@ int hand_guiding_init(const hand_guiding_payload_t *payload, int32_t count)
     return code != DAHL_OK ? code : dahl_compensator_prepare(&plan, &params);
 }
 
-/* The weight is carried also while the encoder is bad: at the last good angle. Only the compensation fades out. */
+/* While the encoder is bad, carry the weight at the last good angle. Only the compensation fades out. */
 float hand_guiding_tick(int32_t count, int is_good)
 {
     int32_t dcounts = is_good ? count - last_count : 0;

@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-/* What hangs on the joint. Stop the guiding and call the init again if it changes. */
+/* Payload of the joint. If it changes, stop the guiding and call the init again. */
 typedef struct {
     float weight; /* N m of the arm and its tool when the arm is horizontal; cancelled */
     float load;   /* N m: the largest torque that this leaves in any pose: errors of the weight, cables, springs */

@@ -2,7 +2,7 @@
 """A drive with a simulated axis on a bus, to try `dahl commission` without hardware.
 
 It has the frames of an ODrive or a moteus (dahl.can.drives), 65536 counts in a turn, 0.002 kg m2,
-and a friction of 0.5 N m. Without a torque for 50 ms the motor is off, as by a watchdog.
+and a friction of 0.5 N m. If no torque comes for 50 ms, the motor is off, as by a watchdog.
 
     ip link add dev vcan0 type vcan && ip link set vcan0 up    # as root
     simulated_drive.py odrive vcan0 &
@@ -22,7 +22,7 @@ WATCHDOG_S = 0.05
 
 
 class SimulatedDrive:
-    """sign: -1 for a motor that turns against its encoder."""
+    """Frames of a drive, and its axis. sign: -1 for a motor that turns against its encoder."""
 
     def __init__(self, kind: str, node: int, sign: int = 1) -> None:
         self.kind, self._node, self._sign = kind, node, sign
@@ -48,7 +48,7 @@ class SimulatedDrive:
 
 
 def serve(bus: can.BusABC, drive: SimulatedDrive) -> None:
-    """An ODrive sends its angle each millisecond, a moteus answers each command."""
+    """Send the angle: as an ODrive each millisecond, as a moteus after each command."""
     torque, last, next_tick = 0.0, time.monotonic(), time.monotonic()
     while True:
         wait = 1.0 if drive.kind == "moteus" else max(0.0, next_tick - time.monotonic())

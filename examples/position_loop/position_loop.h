@@ -13,7 +13,7 @@ typedef struct {
     float drive_limit;   /* N m */
 } position_loop_params_t;
 
-/* Where the shaft must be, at this tick. */
+/* Reference of a tick. */
 typedef struct {
     int32_t dcounts;    /* counts since the last tick */
     float speed;        /* rad/s */

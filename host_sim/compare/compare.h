@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * compare: run one law of friction compensation on a simulated axis: with a position loop, or led by a hand along a path.
- * Python calls it (tools/dahl/sim/compensation.py), so it is in libdahl.so and has its prefix.
+ * tools/dahl/sim/compensation_axis.py calls it, so it is in libdahl.so and has its prefix.
  *
  * Motion: amplitude (sin s + second sin(3 s)), s = 2 pi frequency t, up to motion_ticks; then it holds its last angle.
  * Encoder: floor(angle/theta_per_count + noise u), u uniform within -1 and 1. The loop takes angle and speed from it.

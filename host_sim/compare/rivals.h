@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * rivals: usual laws of friction compensation, as a reference for a comparison. They are written to be read, in double precision,
- * with one knob each, which a scan sets (tools/dahl/sim/tuning.py).
+ * rivals: usual laws of friction compensation, to compare with. They are written to be read, in double precision. Each has one
+ * knob, which tune() of tools/dahl/sim/compensation.py sets.
  */
 #ifndef RIVALS_H
 #define RIVALS_H

@@ -1,24 +1,25 @@
 /* SPDX-License-Identifier: MIT */
-/** Stage 4: a torque ramp until the axis slides, in both directions, without the loop. With the stiffness of the cycle, the
- * breakaway torque is the presliding length. */
+/** Stage 4: a torque ramp in each direction until the axis slides, without the loop.
+ *
+ * The breakaway torque over the stiffness of the cycle is the presliding length. */
 #include "commission.h"
 
-#define RATE 0.5f            /* Fc/s: a faster ramp hides the breakaway of a slow Stribeck curve */
-#define FAST_RATE 8.0f       /* Fc/s below FAST_SHARE */
-#define FAST_SHARE 0.8f      /* of Fc */
-#define RELAX_S 0.1f         /* the bristles relax before the ramp */
+#define RAMP_RATE 0.5f            /* Fc/s: a faster ramp hides the breakaway of a slow Stribeck curve */
+#define FAST_RAMP_RATE 8.0f       /* Fc/s below FAST_SHARE */
+#define FAST_SHARE 0.8f           /* of Fc */
+#define RELAX_S 0.1f              /* the bristles relax before the ramp */
 #define SLIDING_RAD 0.06f
-#define SLIDING_SPEED 0.5f   /* rad/s */
+#define SLIDING_SPEED 0.5f        /* rad/s */
 #define WRONG_WAY_RAD 0.05f
-#define MAX_BREAKAWAY 1.9f   /* of the largest Fc */
-#define UNSEEN_BREAKAWAY 1.36f /* breakaway over that of a ramp: slow Stribeck */
-#define STEEPER 1.32f        /* steepest stiffness over that of the cycle: slip elements */
-#define HIDDEN_LOAD 0.6f     /* rad: mean of a load over its slope, that unequal friction may cancel */
-#define LEAST_SHARE 0.985f   /* of the least friction of a bin: the ripple within it */
-#define TURN_LENGTHS 6.0f    /* slip elements reach Fc at this multiple of the presliding length after a turn */
+#define MAX_RAMP_TORQUE 1.9f      /* of the largest friction of a bin */
+#define BREAKAWAY_OVER_RAMP 1.36f /* largest breakaway torque over that of the ramp: a slow Stribeck curve */
+#define STEEPEST_OVER_CYCLE 1.32f /* largest stiffness over that of the cycle: slip elements */
+#define HIDDEN_LOAD_RAD 0.6f      /* mean of a load over its slope, if unequal friction cancels the load */
+#define RIPPLE_SHARE 0.985f       /* friction at the ripple within a bin, over that of the bin */
+#define TURN_LENGTHS 6.0f         /* presliding lengths after a turn, in which slip elements grow to Fc */
 #define MIN_CYCLE_COUNTS 1.5f
 
-/** Return atanh(ratio)/ratio within 0.5 %: the mean slope of a Dahl loop up to `ratio` of Fc is 1/this of sigma0. */
+/** Return atanh(ratio)/ratio within 0.5 %: sigma0 over the mean slope of a Dahl loop up to `ratio` of Fc. */
 static float loop_slope(float ratio)
 {
     const float x = dahl_smaller(0.85f, ratio), square = x * x;
@@ -33,7 +34,7 @@ static float stiffness(const dahl_commission_t *axis, float travel, float breaka
 }
 
 /** Return the largest part of the load that may be unequal friction: its mean and its slope over the angle. Cogging cancels
- * in both. */
+ * in both of them. */
 static float unequal_friction(const dahl_commission_t *axis)
 {
     float mean = 0, slope = 0, weight = 0;
@@ -43,12 +44,12 @@ static float unequal_friction(const dahl_commission_t *axis)
         slope += axis->result.load[bin] * x;
         weight += x * x;
     }
-    float most = dahl_absolute(mean) + HIDDEN_LOAD * dahl_absolute(slope / weight) / axis->config.travel;
+    float most = dahl_absolute(mean) + HIDDEN_LOAD_RAD * dahl_absolute(slope / weight) / axis->config.travel;
     return dahl_smaller(most, UNEQUAL_SHARE * axis->result.Fc.best);
 }
 
-/** Correct a bin near an end, where the friction has not yet grown to Fc after the turn: it is between that of the bin and that
- * of the next bin `inner`. The torque of the stroke that arrives at the end stays. Return the change. */
+/** Correct a bin near an end and return the change. There, friction has not yet grown to Fc after the turn. The true value is
+ * between that of the bin and that of the next bin, `inner`. The stroke that arrives at the end keeps its torque. */
 static float correct_bin(dahl_commission_t *axis, int bin, int inner)
 {
     float *friction = axis->table.friction, more = dahl_larger(0, (friction[inner] - friction[bin]) / 2);
@@ -66,7 +67,7 @@ static float least_friction(const dahl_commission_t *axis)
     return least;
 }
 
-/** Correct the ends over TURN_LENGTHS of the presliding. Return the largest change. */
+/** Correct the bins within TURN_LENGTHS of both ends. Return the largest change. */
 static float correct_ends(dahl_commission_t *axis)
 {
     const float least = least_friction(axis), width = 2 * axis->config.travel / BINS;
@@ -89,8 +90,8 @@ static void find_friction(dahl_commission_t *axis)
     dahl_commission_result_t *result = &axis->result;
     const float change = axis->work.breakaway.change;
     float unequal = unequal_friction(axis), viscous = 0.6f * result->viscous.best;
-    result->Fc.least = LEAST_SHARE * (axis->table.least - viscous) - unequal - axis->table.scatter;
-    result->Fc.most = result->breakaway * UNSEEN_BREAKAWAY * (axis->table.most + unequal);
+    result->Fc.least = RIPPLE_SHARE * (axis->table.least - viscous) - unequal - axis->table.scatter;
+    result->Fc.most = result->breakaway * BREAKAWAY_OVER_RAMP * (axis->table.most + unequal);
     result->load_error = unequal + axis->table.scatter + change + 0.03f * result->Fc.best;
     for (int bin = 0; bin < BINS; bin++) {
         result->load_most = dahl_larger(result->load_most, dahl_absolute(result->load[bin]) + result->load_error);
@@ -100,12 +101,12 @@ static void find_friction(dahl_commission_t *axis)
 static void find_length(dahl_commission_t *axis)
 {
     dahl_commission_result_t *result = &axis->result;
-    const float breakaway = result->breakaway, unseen = breakaway * UNSEEN_BREAKAWAY;
+    const float breakaway = result->breakaway, highest = breakaway * BREAKAWAY_OVER_RAMP;
     const float rounding = (float)(result->noise != 0 ? 2 : 1) * axis->config.theta_per_count;
     const float travel = axis->cycle_travel, least_travel = dahl_larger(travel - rounding, travel / 3);
     result->sigma0.best = stiffness(axis, travel, breakaway);
-    result->sigma0.least = stiffness(axis, travel + rounding, unseen);
-    result->sigma0.most = STEEPER * stiffness(axis, least_travel, 1);
+    result->sigma0.least = stiffness(axis, travel + rounding, highest);
+    result->sigma0.most = STEEPEST_OVER_CYCLE * stiffness(axis, least_travel, 1);
     result->length.best = breakaway * result->Fc.best / result->sigma0.best;
     result->length.least = result->Fc.least / result->sigma0.most;
     result->length.most = result->Fc.most / result->sigma0.least;
@@ -127,7 +128,7 @@ static void finish_breakaway(dahl_commission_t *axis)
     dahl_enter(axis, DAHL_COMMISSION_INERTIA);
 }
 
-/** The way back has started: evaluate one step in each tick. */
+/** Evaluate one step in each tick, while the axis returns to the middle. */
 static void evaluate_breakaway(dahl_commission_t *axis)
 {
     (void)dahl_stroke_tick(axis);
@@ -143,11 +144,11 @@ static void evaluate_breakaway(dahl_commission_t *axis)
     }
 }
 
-/** Raise the torque. Return the torque over the load in the direction of the ramp. */
+/** Raise the torque. Return the torque less the load, in the direction of the ramp. */
 static float raise_torque(dahl_commission_t *axis, float direction)
 {
     float over_load = direction * (axis->command.torque - dahl_commission_load(axis, 0));
-    float rate = (over_load < FAST_SHARE * axis->middle_Fc ? FAST_RATE : RATE) * axis->middle_Fc;
+    float rate = (over_load < FAST_SHARE * axis->middle_Fc ? FAST_RAMP_RATE : RAMP_RATE) * axis->middle_Fc;
     axis->command.torque += direction * rate * axis->config.period;
     return over_load;
 }
@@ -165,7 +166,7 @@ static void ramp_tick(dahl_commission_t *axis)
         }
     } else if (moved < -WRONG_WAY_RAD) {
         dahl_refuse(axis, DAHL_COMMISSION_DISTURBED);
-    } else if (torque > MAX_BREAKAWAY * axis->table.most) {
+    } else if (torque > MAX_RAMP_TORQUE * axis->table.most) {
         dahl_refuse(axis, DAHL_COMMISSION_COARSE);
     }
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/** Start, tick and end of a commissioning. */
+/** Start, run and end a commissioning. */
 #include "commission.h"
 
 #define SPEED_HZ 40.0f /* of the speed that is limited */

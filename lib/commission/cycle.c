@@ -1,14 +1,16 @@
 /* SPDX-License-Identifier: MIT */
-/** Stage 3: a torque cycle below the friction, without the loop. The travel of the angle is the presliding stiffness, with
- * the shaft in series. The torque is exact, and the noise of the encoder does not shake the axis. */
+/** Stage 3: a torque cycle below the friction, without the loop.
+ *
+ * The torque over the travel of the angle is the presliding stiffness, with the shaft in series. The torque is exact, and the
+ * noise of the encoder does not shake the axis. */
 #include "commission.h"
 
 #define CYCLE_HZ 2.0f
 #define CYCLES 5u
-#define UNUSED_CYCLES 2u /* the bristles settle */
-#define PHASES 16u       /* bins of a cycle */
-#define SHARE 0.55f      /* torque of the cycle over Fc */
-#define WEAKER 0.75f     /* after a breakaway */
+#define SETTLING_CYCLES 2u /* not evaluated: the bristles settle */
+#define PHASES 16u         /* bins of a cycle */
+#define CYCLE_SHARE 0.55f  /* torque of the cycle over Fc */
+#define RETRY_SHARE 0.75f  /* of the torque, after a breakaway */
 #define MAX_TRIES 3
 #define BREAKAWAY_RAD 0.15f
 
@@ -17,7 +19,7 @@ static void start_cycle(dahl_commission_t *axis)
     const float *friction = &axis->table.friction[DAHL_COMMISSION_BINS / 2];
     axis->middle_Fc = dahl_smaller(friction[0], friction[-1]);
     if (!(axis->cycle_torque > 0)) {
-        axis->cycle_torque = SHARE * axis->middle_Fc;
+        axis->cycle_torque = CYCLE_SHARE * axis->middle_Fc;
     }
     for (uint32_t phase = 0; phase < PHASES; phase++) {
         axis->work.cycle.sum[phase] = 0;
@@ -45,7 +47,7 @@ static void finish_cycle(dahl_commission_t *axis)
 
 static void try_weaker(dahl_commission_t *axis)
 {
-    axis->cycle_torque *= WEAKER;
+    axis->cycle_torque *= RETRY_SHARE;
     if (++axis->tries > MAX_TRIES) {
         dahl_refuse(axis, DAHL_COMMISSION_COARSE);
         return;
@@ -70,7 +72,7 @@ void dahl_cycle_tick(dahl_commission_t *axis)
         try_weaker(axis);
         return;
     }
-    if (tick >= UNUSED_CYCLES * period) {
+    if (tick >= SETTLING_CYCLES * period) {
         uint32_t phase = tick % period * PHASES / period;
         axis->work.cycle.sum[phase] += moved;
         axis->work.cycle.samples[phase]++;

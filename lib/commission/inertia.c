@@ -1,42 +1,42 @@
 /* SPDX-License-Identifier: MIT */
-/** Stage 5: strokes at a constant speed with two sines on it; inertia, and the time from command to motion.
+/** Stage 5: inertia, and the delay from reading to torque, by strokes at a constant speed with three sines on it.
  *
- * The axis never reverses within a window, so friction only adds a constant. Torque and speed are demodulated at both
- * frequencies w under a Hann window, which a constant and the other sine do not pass. Their ratio is
+ * The axis never reverses within a window, so friction only adds a constant. Torque and speed are demodulated at
+ * each frequency w under a Hann window, which a constant and the other sines do not pass. Their ratio is
  *     torque/speed = (i w inertia + viscous) exp(i w delay).
  * Its phase over i is w delay - viscous/(w inertia): two frequencies separate delay and viscous friction. Noise of the
  * encoder averages out, because the phase of the sines is known.
  *
- * A shaft makes the inertia depend on the frequency: inertia(w) = rotor + load/(1 - w^2/a), where the load alone rings on the
- * shaft at w^2 = a. The lightest rotor of all a that explain the sines within their errors is a bound. A soft shaft gets
- * slower sines. */
+ * A shaft makes the inertia depend on the frequency: inertia(w) = rotor + load/(1 - w^2/a). The load alone rings on the shaft
+ * at w^2 = a. The bound is the lightest rotor of all a that explain the sines within their errors. If the shaft is too soft
+ * for the sines, they are repeated at lower frequencies. */
 #include "commission.h"
 
-#define SINE_STROKES 5             /* the first one is not sampled */
-#define MEAN_SPEED 2.0f       /* rad/s, less if the travel is short */
-#define SPEED_PER_TRAVEL 5.7f /* 1/s */
-#define SINE_ACCELERATION 60.0f    /* rad/s2 of a stroke */
+#define SINE_STROKES 5                 /* the first one is not sampled */
+#define MEAN_SPEED 2.0f                /* rad/s, less if the travel is short */
+#define SPEED_PER_TRAVEL 5.7f          /* 1/s */
+#define SINE_ACCELERATION 60.0f        /* rad/s2 of a stroke */
 #define SINE_SETTLE_S 0.04f
 #define AXIS_WINDOW_S 0.25f
-#define MIN_SHARE 0.1f        /* least speed of a sine over that of its reference */
-#define MAX_FACTOR 5.0f       /* of the inertia over that of the configuration */
-#define MAX_PHASE 1.2f        /* tangent over the guess */
-#define MAX_GUESS 1.3f
-#define INERTIA_ERROR 0.01f   /* of each sine, of the inertia */
-#define COUNT_ERROR 0.018f    /* more, for a noise of a count over the amplitude of the sine */
-#define SOFTEST 1.15f         /* the load rings at least at this multiple of the slowest sine */
-#define ROTOR_SHARE 0.93f     /* of the bound: damping of the shaft, and friction on its load */
-#define STIFFEST_HZ 160.0f    /* resonance of the stiffest shaft of an elastic axis */
-#define HIDDEN_HZ 110.0f      /* the same of an axis whose sines show no shaft */
-#define FINER 1.015f          /* from one stiffness to the next */
-#define LOUD 0.6f             /* speed over its limit: a resonance is near, so the sines stop */
-#define DELAY_ERROR 0.05f     /* ticks; the error of the fastest sine comes on top */
-#define ELASTIC_DELAY_ERROR 0.1f /* more of an elastic axis */
+#define MIN_SHARE 0.1f                 /* least speed of a sine over that of its reference */
+#define MAX_FACTOR 5.0f                /* of the inertia over that of the configuration */
+#define MAX_TANGENT 1.2f               /* of the phase less the guess */
+#define MAX_GUESS_RAD 1.3f
+#define INERTIA_ERROR 0.01f            /* of each sine, of the inertia */
+#define COUNT_ERROR 0.018f             /* more, for a noise of a count over the amplitude of the sine */
+#define SOFTEST_OVER_SINE 1.15f        /* the load rings at least at this multiple of the slowest sine */
+#define ROTOR_SHARE 0.93f              /* of the bound: damping of the shaft, and friction on its load */
+#define STIFFEST_HZ 160.0f             /* resonance of the stiffest shaft of an elastic axis */
+#define HIDDEN_HZ 110.0f               /* the same of an axis whose sines show no shaft */
+#define SHAFT_STEP 1.015f              /* from one w^2 of a shaft to the next */
+#define LOUD_SPEED_SHARE 0.6f          /* of the speed limit: beyond it a resonance is near, and the sines stop */
+#define DELAY_ERROR_TICKS 0.05f        /* the error of the fastest sine comes on top */
+#define ELASTIC_DELAY_ERROR_TICKS 0.1f /* more, of an elastic axis */
 
 enum { SINES = DAHL_COMMISSION_SINES, SETS = 2 };
 
 static const float periods[SETS][SINES] = {{4, 7, 11}, {3, 5, 7}}; /* in a window: 16, 28, 44 Hz; 12, 20, 28 Hz */
-static const float shares[SINES] = {0.2f, 0.12f, 0.12f};           /* speed of the sines over the mean speed */
+static const float sine_shares[SINES] = {0.2f, 0.12f, 0.12f};      /* speed of the sines over the mean speed */
 
 /** Return the frequency of a sine in rad/s. */
 static float frequency_of(const dahl_commission_t *axis, int k)
@@ -77,7 +77,7 @@ static void next_stroke(dahl_commission_t *axis)
     axis->work.inertia.window[1] = 0;
 }
 
-/** Return the share of the sines: it rises in the first stroke and falls in the last one. */
+/** Return the share of the sines, 0 to 1. It rises in the first stroke and falls in the last one. */
 static float envelope(const dahl_commission_t *axis)
 {
     float ticks = (float)(2 * axis->stroke.ramp_ticks + axis->stroke.cruise_ticks);
@@ -89,7 +89,7 @@ static float envelope(const dahl_commission_t *axis)
 static void add_sines(dahl_commission_t *axis)
 {
     for (int k = 0; k < SINES; k++) {
-        const float speed = shares[k] * envelope(axis) * axis->work.inertia.mean_speed;
+        const float speed = sine_shares[k] * envelope(axis) * axis->work.inertia.mean_speed;
         float *sine = axis->work.inertia.sine[k];
         const float frequency = frequency_of(axis, k);
         dahl_rotate(sine, axis->work.inertia.turn[k]);
@@ -99,7 +99,7 @@ static void add_sines(dahl_commission_t *axis)
     }
 }
 
-/** Demodulate one tick: the torque that is not load, and the speed over that of the base motion. */
+/** Demodulate one tick: the torque less the load, and the speed less that of the base motion. */
 static void add_to_sines(dahl_commission_t *axis, int32_t dcounts, float base_speed)
 {
     float speed = (float)dcounts * axis->config.theta_per_count / axis->config.period - base_speed;
@@ -146,7 +146,7 @@ static int find_ratio(const dahl_commission_t *axis, const float torque[2], cons
  * is negative if the load swings against the rotor. Return 0 if the sine did not move the axis, or if its phase is too large. */
 static int find_inertia(dahl_commission_t *axis, int k, float guess, float *phase)
 {
-    const float w = frequency_of(axis, k), least = MIN_SHARE * shares[k] * (SINE_STROKES - 1) / 4;
+    const float w = frequency_of(axis, k), least = MIN_SHARE * sine_shares[k] * (SINE_STROKES - 1) / 4;
     float half[2][2], all[2], turn[2], torque[2], speed[2];
     for (int part = 0; part < 2; part++) {
         torque[part] = axis->work.inertia.torque[0][k][part] + axis->work.inertia.torque[1][k][part];
@@ -167,20 +167,21 @@ static int find_inertia(dahl_commission_t *axis, int k, float guess, float *phas
     float difference = (half[1][0] - half[0][0]) * turn[0] + (half[1][1] - half[0][1]) * turn[1];
     axis->work.inertia.error[k] = dahl_absolute(difference) / (2 * w);
     *phase = guess + angle_of(across / along);
-    return dahl_absolute(across) < MAX_PHASE * dahl_absolute(along);
+    return dahl_absolute(across) < MAX_TANGENT * dahl_absolute(along);
 }
 
 /** Return the error of the inertia at a sine. */
 static float error_of(const dahl_commission_t *axis, int k)
 {
-    const float amplitude = shares[k] * axis->work.inertia.mean_speed / frequency_of(axis, k);
+    const float amplitude = sine_shares[k] * axis->work.inertia.mean_speed / frequency_of(axis, k);
     const float counts = (float)(axis->result.noise + 1) * axis->config.theta_per_count / amplitude;
     const float *inertia = axis->work.inertia.inertia;
     return (INERTIA_ERROR + COUNT_ERROR * counts) * dahl_larger(inertia[0], dahl_absolute(inertia[k]))
            + axis->work.inertia.error[k];
 }
 
-/** Return the delay of an elastic axis. Its shaft damps like more viscous friction at a faster sine, so one sine must do. */
+/** Return the delay of an elastic axis. The damping of its shaft looks like viscous friction that grows with the frequency, so
+ * the delay comes from one sine at a time. */
 static float elastic_delay(const dahl_commission_t *axis)
 {
     const float *inertia = axis->work.inertia.inertia;
@@ -199,11 +200,11 @@ static void find_delay(dahl_commission_t *axis)
     const float *inertia = axis->work.inertia.inertia, *phase = axis->work.inertia.phase;
     const float spread = dahl_absolute(inertia[2] - inertia[0]), fastest = error_of(axis, 2);
     float delay = (w2 * phase[2] - w0 * phase[0]) / (w2 * w2 - w0 * w0);
-    float error = DELAY_ERROR * period + fastest / (inertia[0] * w2);
+    float error = DELAY_ERROR_TICKS * period + fastest / (inertia[0] * w2);
     axis->result.elastic = spread > fastest + error_of(axis, 0) / 2 || axis->work.inertia.set != 0;
     if (axis->result.elastic) {
         delay = elastic_delay(axis);
-        error += ELASTIC_DELAY_ERROR * period;
+        error += ELASTIC_DELAY_ERROR_TICKS * period;
     }
     delay = dahl_larger(0.1f * period, delay);
     axis->result.delay = (dahl_commission_range_t){dahl_larger(0, delay - error), delay, delay + error};
@@ -212,7 +213,7 @@ static void find_delay(dahl_commission_t *axis)
 /** Take the viscous friction off the inertia, and start the search of the shaft. */
 static void start_search(dahl_commission_t *axis)
 {
-    float *inertia = axis->work.inertia.inertia, w = SOFTEST * frequency_of(axis, 0);
+    float *inertia = axis->work.inertia.inertia, w = SOFTEST_OVER_SINE * frequency_of(axis, 0);
     for (int k = 0; k < SINES; k++) {
         float turn[2];
         dahl_small_turn(dahl_axis_clamp(axis->work.inertia.phase[k] - frequency_of(axis, k) * axis->result.delay.best, 1), turn);
@@ -251,7 +252,7 @@ static void try_shaft(dahl_commission_t *axis, float a)
     }
 }
 
-/** A shaft is too soft for the sines. */
+/** Repeat the stage with slower sines, because a shaft is too soft. Refuse if there are none. */
 static void try_slower(dahl_commission_t *axis)
 {
     if (++axis->work.inertia.set == SETS) {
@@ -261,7 +262,7 @@ static void try_slower(dahl_commission_t *axis)
     dahl_return_to_middle(axis);
 }
 
-/** All strokes have ended: evaluate one sine in each tick, then the delay, then one shaft in each tick. */
+/** After the strokes, evaluate one sine in each tick, then the delay, then one shaft in each tick. */
 static void start_evaluation(dahl_commission_t *axis)
 {
     axis->work.inertia.evaluated = 0;
@@ -284,7 +285,7 @@ static void evaluate_sine(dahl_commission_t *axis)
         return;
     }
     if (k > 0) {
-        guess = dahl_smaller(MAX_GUESS, phase[0] * frequency_of(axis, k) / frequency_of(axis, 0));
+        guess = dahl_smaller(MAX_GUESS_RAD, phase[0] * frequency_of(axis, k) / frequency_of(axis, 0));
     }
     if (!find_inertia(axis, k, guess, &phase[k]) || !(axis->work.inertia.inertia[0] > 0)) {
         try_slower(axis);
@@ -297,7 +298,7 @@ static void search_tick(dahl_commission_t *axis)
     const float stiffest = AXIS_TWO_PI * (axis->result.elastic ? STIFFEST_HZ : HIDDEN_HZ);
     if (axis->work.inertia.shaft < stiffest * stiffest) {
         try_shaft(axis, axis->work.inertia.shaft);
-        axis->work.inertia.shaft *= FINER;
+        axis->work.inertia.shaft *= SHAFT_STEP;
         return;
     }
     float ratio = result->best / axis->config.inertia, error = error_of(axis, 1) + INERTIA_ERROR * result->best;
@@ -336,7 +337,7 @@ void dahl_inertia_tick(dahl_commission_t *axis, int32_t dcounts)
         shaft_tick(axis);
         return;
     }
-    if (dahl_absolute(axis->speed) > dahl_larger(LOUD * axis->config.speed_limit, 2 * MEAN_SPEED)) {
+    if (dahl_absolute(axis->speed) > dahl_larger(LOUD_SPEED_SHARE * axis->config.speed_limit, 2 * MEAN_SPEED)) {
         try_slower(axis);
         return;
     }

@@ -1,24 +1,25 @@
 /* SPDX-License-Identifier: MIT */
-/** Stage 6: the compensator runs on the bounds that were found, the load is fed forward, and short pushes move the axis. It
- * must come to rest after each. A swing lengthens length_long; after MAX_FAILS the last gain that passed is the result. If the
- * axis creeps, because the load differs from its table, the gain is lowered. */
+/** Stage 6: short pushes on an axis whose compensator runs on the bounds that were found, and whose load is fed forward.
+ *
+ * The axis must come to rest after each push. If it swings, length_long grows. After MAX_FAILS swings, the result is the last
+ * gain that passed. If the axis creeps, because the load differs from its table, the gain falls. */
 #include "commission.h"
 
 #define GAINS 3
 #define MAX_FAILS 5
-#define LONGER 1.6f
-#define FADE_S 0.1f          /* the compensator fades in */
-#define PUSH_S 0.05f         /* longest push */
+#define LENGTH_FACTOR 1.6f      /* of length_long after a swing */
+#define FADE_S 0.1f             /* the compensator fades in */
+#define PUSH_S 0.05f            /* longest push */
 #define PUSH_RAD 0.1f
-#define MAX_SPEED 2.5f       /* rad/s */
-#define WATCH_S 0.2f
+#define MAX_SPEED 2.5f          /* rad/s */
+#define WATCH_S 0.2f            /* of a window */
 #define CREEP_WINDOWS 6
 #define SWING_WINDOWS 10
 #define MAX_WINDOWS 20
-#define CREEP 0.003f         /* rad in a window that is rest */
-#define SETTLING 0.9f        /* range of a window over that two windows before */
-#define MAX_EXCURSION 0.25f  /* rad beyond the travel */
-#define STILL_SPEED 0.04f    /* rad/s of the ring on the bristles */
+#define CREEP_RAD 0.003f        /* less drift in a window is rest */
+#define SETTLING_SHARE 0.9f     /* range of a window over that of two windows before */
+#define MAX_EXCURSION_RAD 0.25f /* beyond the travel */
+#define STILL_SPEED 0.04f       /* rad/s of the ring on the bristles */
 
 enum { PREPARE_ELEMENT, PREPARE_COMPENSATOR, FADE_IN, PUSH, SETTLE };
 
@@ -43,7 +44,7 @@ static void write_params(dahl_commission_t *axis)
     axis->work.kick.compensator = (dahl_compensator_t){0};
 }
 
-/** Prepare the element, then the compensator: a tick each, because both are long. */
+/** Prepare the element in one tick and the compensator in the next, because both take long. */
 static void prepare_tick(dahl_commission_t *axis)
 {
     const dahl_compensator_params_t *params = &axis->work.kick.params;
@@ -62,8 +63,9 @@ static void prepare_tick(dahl_commission_t *axis)
     axis->step_ticks = 0;
 }
 
-/** Pushes go both ways, two of 1 Fc, then two of 2 Fc. They end at a speed that friction stops within half of the travel. */
-static void arm(dahl_commission_t *axis)
+/** Start a kick: two with a push of 1 Fc, one each way, then two of 2 Fc. A push ends at a speed from which the remaining
+ * friction stops the axis within half of the travel. */
+static void start_kick(dahl_commission_t *axis)
 {
     const dahl_commission_result_t *result = &axis->result;
     uint8_t kick = axis->work.kick.kick;
@@ -90,7 +92,7 @@ static float compensate(dahl_commission_t *axis, int32_t dcounts)
 }
 
 /** Return 1 while the push lasts. */
-static int pushes(const dahl_commission_t *axis)
+static int is_pushing(const dahl_commission_t *axis)
 {
     float direction = axis->work.kick.push < 0 ? -1.0f : 1.0f;
     return direction * axis->speed < axis->work.kick.speed
@@ -102,16 +104,16 @@ static void start_window(dahl_commission_t *axis)
     axis->work.kick.low = axis->work.kick.high = axis->work.kick.first = axis->theta;
 }
 
-/** What a window showed. */
+/** Motion of the axis in a window. */
 typedef enum { NOT_ENDED, RESTS, SETTLES, CREEPS, SWINGS } window_t;
 
 static window_t classify(const dahl_commission_t *axis, float range, float drift, float before)
 {
     const int swings = range - drift > axis->work.kick.still;
-    if (!swings && drift <= CREEP + axis->work.kick.still) {
+    if (!swings && drift <= CREEP_RAD + axis->work.kick.still) {
         return RESTS;
     }
-    if (range < SETTLING * before) {
+    if (range < SETTLING_SHARE * before) {
         return SETTLES;
     }
     return swings ? SWINGS : CREEPS;
@@ -133,12 +135,13 @@ static window_t check_window(dahl_commission_t *axis)
     return classify(axis, range, drift, before);
 }
 
-static void fail(dahl_commission_t *axis)
+/** Count a swing: repeat all kicks with a longer length_long, or end. */
+static void fail_kick(dahl_commission_t *axis)
 {
     axis->result.elastic = 1;
     axis->work.kick.kick = 0;
     if (++axis->work.kick.fails <= MAX_FAILS) {
-        axis->result.length.most *= LONGER;
+        axis->result.length.most *= LENGTH_FACTOR;
         dahl_return_to_middle(axis);
     } else if (axis->work.kick.gain == 0) {
         dahl_refuse(axis, DAHL_COMMISSION_SWINGS);
@@ -147,7 +150,7 @@ static void fail(dahl_commission_t *axis)
     }
 }
 
-/** Repeat the strong pushes with the gain below. */
+/** After a creep, repeat the strong pushes with the next lower gain. */
 static void lower_gain(dahl_commission_t *axis)
 {
     if (axis->work.kick.gain == 0) {
@@ -160,14 +163,15 @@ static void lower_gain(dahl_commission_t *axis)
     dahl_return_to_middle(axis);
 }
 
-/** Return the highest gain that is left. The load of an elastic axis can swing on a small rest of friction. */
+/** Return the index of the highest gain that is left. If little friction is left, the load of an elastic axis can swing. */
 static int highest_gain(const dahl_commission_t *axis)
 {
     const int elastic_highest = GAINS - 2, left = GAINS - 1 - axis->work.kick.creeps;
     return axis->result.elastic && left > elastic_highest ? elastic_highest : left;
 }
 
-static void pass(dahl_commission_t *axis)
+/** Count a kick after which the axis rests. After the last one, the gain has passed. */
+static void pass_kick(dahl_commission_t *axis)
 {
     const int highest = highest_gain(axis), last = axis->work.kick.gain >= highest ? 4 : 2;
     dahl_return_to_middle(axis);
@@ -187,12 +191,12 @@ static void settle_tick(dahl_commission_t *axis)
     window_t window = check_window(axis);
     const uint8_t windows = axis->work.kick.windows;
     if (window == RESTS) {
-        pass(axis);
+        pass_kick(axis);
     } else if (window == CREEPS && windows >= CREEP_WINDOWS) {
         lower_gain(axis);
-    } else if (excursion > MAX_EXCURSION || (window == SWINGS && windows >= SWING_WINDOWS)
+    } else if (excursion > MAX_EXCURSION_RAD || (window == SWINGS && windows >= SWING_WINDOWS)
                || windows >= MAX_WINDOWS) {
-        fail(axis);
+        fail_kick(axis);
     }
 }
 
@@ -206,7 +210,7 @@ static void next_phase(dahl_commission_t *axis)
 static void wait_tick(dahl_commission_t *axis)
 {
     if (dahl_wait_in_middle(axis, 0.05f)) {
-        arm(axis);
+        start_kick(axis);
     }
 }
 
@@ -220,7 +224,7 @@ static void fade_tick(dahl_commission_t *axis)
 static void kick_push_tick(dahl_commission_t *axis)
 {
     axis->command.torque += axis->work.kick.push;
-    if (!pushes(axis)) {
+    if (!is_pushing(axis)) {
         next_phase(axis);
     }
 }

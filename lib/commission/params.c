@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/** Parameters of the compensator from the result. */
+/** Write the parameters of the compensator from the result. */
 #include "commission.h"
 
 #define SLEW_PER_FC 100.0f   /* 1/s */

@@ -7,7 +7,6 @@
 #define FREE_RAD 0.01f     /* a push ends if the axis moved by this */
 #define STUCK_RAD 0.05f    /* tracking error */
 #define STUCK_SPEED 0.1f   /* rad/s */
-
 #define RETURN_SPEED 1.0f         /* rad/s */
 #define RETURN_ACCELERATION 20.0f /* rad/s2 */
 
@@ -22,7 +21,7 @@ void dahl_track_from_here(dahl_commission_t *axis)
     axis->watch.angle = axis->theta;
 }
 
-/** A soft loop would take long to break the axis away: push it without the loop. The loop then starts with that torque. */
+/** Push the axis without the loop, because a soft loop breaks it away late. The loop then starts with that torque. */
 static void start_push(dahl_commission_t *axis)
 {
     axis->command.mode = DAHL_COMMISSION_TORQUE;
@@ -32,7 +31,7 @@ static void start_push(dahl_commission_t *axis)
     axis->stroke.start = axis->theta;
 }
 
-/** Whole ticks, so that the stroke ends exactly: the speed gives way. A short stroke has no cruise. */
+/** Plan a stroke in whole ticks. It ends exactly, at a speed slightly below the wanted one. A short stroke has no cruise. */
 static void plan_stroke(dahl_commission_t *axis, float end, float speed, float acceleration)
 {
     const float period = axis->config.period;
@@ -65,7 +64,8 @@ void dahl_stroke_to(dahl_commission_t *axis, float end, float speed, float accel
     }
 }
 
-static void free_tick(dahl_commission_t *axis)
+/** Raise the torque of a push until the axis moves, then plan the stroke. */
+static void push_tick(dahl_commission_t *axis)
 {
     const float Fc = dahl_larger(axis->table.level[0], axis->result.Fc.best);
     const float rate = Fc > 0 ? PUSH_RATE * Fc : FIRST_RATE * axis->config.torque_limit;
@@ -81,7 +81,7 @@ static void free_tick(dahl_commission_t *axis)
 int dahl_stroke_tick(dahl_commission_t *axis)
 {
     if (axis->stroke.is_push) {
-        free_tick(axis);
+        push_tick(axis);
         return 0;
     }
     const float error = dahl_absolute(axis->command.angle - axis->theta);
@@ -117,7 +117,7 @@ void dahl_return_to_middle(dahl_commission_t *axis)
     axis->step_ticks = 0;
 }
 
-/** The integrator of a loop hunts on an axis that sticks, so the axis waits without the loop. */
+/** Wait without the loop, because the integrator of a loop hunts on an axis that sticks. */
 int dahl_wait_in_middle(dahl_commission_t *axis, float seconds)
 {
     if (axis->command.mode == DAHL_COMMISSION_TRACK || axis->stroke.is_push) {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /** Stage 1: the noise of the encoder at rest.
  *
- * Two measures, of which the smaller counts: the flicker about a slow mean (a creep is no noise), and the second
- * difference of the counts (the ringing of an axis on its bristles is no noise). */
+ * The noise is the smaller of two measures. A creep does not raise the first one, the flicker about a slow mean. The ringing of
+ * an axis on its bristles does not raise the second one, the second difference of the counts. */
 #include "commission.h"
 
 #define REST_S 0.5f

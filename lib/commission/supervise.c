@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/** Checks of each tick: limits, saturation, tracking, sign, frozen encoder, time. The first that fails refuses. */
+/** Check limits, saturation, tracking, sign, frozen encoder and time in each tick. The first check that fails refuses. */
 #include "commission.h"
 
 #define SATURATED_SHARE 0.98f  /* of the limit */
@@ -15,12 +15,12 @@
 #define FROZEN_PUSH_RAD 0.01f
 #define FROZEN_COUNTS 6.0f     /* of a coarse encoder, more */
 #define GUESSED_PUSH 120.0f    /* rad/s2 as a torque, before Fc is known */
-#define TRAVEL_RAD 0.35f       /* a longer travel takes longer */
+#define USUAL_TRAVEL_RAD 0.35f /* of the times; a longer travel takes longer */
 #define TORQUE_ROUNDING 1.001f
 
 static const float most_seconds[] = {3, 25, 12, 12, 20, 60}; /* by stage */
 
-/** Return the torque that moves the bristles by some counts. The ramp is slow, so it must not wait for FROZEN_SHARE. */
+/** Return the change of the torque that must bring a count. In a slow ramp, it is that of some counts, below FROZEN_SHARE. */
 static float frozen_torque(const dahl_commission_t *axis)
 {
     const float most = FROZEN_SHARE * axis->result.Fc.best, count = axis->config.theta_per_count;
@@ -30,7 +30,7 @@ static float frozen_torque(const dahl_commission_t *axis)
     return dahl_smaller(most, FROZEN_BRISTLE_COUNTS * count * 2 * axis->cycle_torque / axis->cycle_travel);
 }
 
-/** Torque mode, and OFF: the torque grows but no count comes. */
+/** Return 1 if the torque grows but no count comes, in the modes TORQUE and OFF. */
 static int is_frozen_in_torque(dahl_commission_t *axis, int32_t dcounts)
 {
     if (dcounts != 0 || axis->command.mode == DAHL_COMMISSION_OFF || !(axis->result.Fc.best > 0)) {
@@ -43,7 +43,7 @@ static int is_frozen_in_torque(dahl_commission_t *axis, int32_t dcounts)
     return ++axis->watch.frozen_ticks > dahl_ticks(axis, FROZEN_S) + axis->watch.count_ticks;
 }
 
-/** Loop: the reference moves, and the torque with it, but no count comes. */
+/** Return 1 if the reference moves, and the torque with it, but no count comes, in the mode TRACK. */
 static int is_frozen_in_loop(dahl_commission_t *axis, int32_t dcounts)
 {
     const float Fc = axis->result.Fc.best;
@@ -61,7 +61,7 @@ static int is_frozen_in_loop(dahl_commission_t *axis, int32_t dcounts)
            && moved > (is_pushed ? FROZEN_PUSH_RAD : FROZEN_RAD) + FROZEN_COUNTS * axis->config.theta_per_count;
 }
 
-/** The loop is too soft for the friction: start the sweeps again, with pushes. */
+/** Start the sweeps again, with pushes, because the loop is too soft for the friction. */
 static void become_soft(dahl_commission_t *axis)
 {
     axis->is_soft = 1;
@@ -70,7 +70,7 @@ static void become_soft(dahl_commission_t *axis)
     axis->stage_ticks = 1;
 }
 
-/** The first stroke moves the axis backward: the motor has the wrong sign. */
+/** Return 1 if the first stroke moves the axis backward: the motor has the wrong sign. */
 static int is_backward(const dahl_commission_t *axis)
 {
     const int is_first = axis->command.stage == DAHL_COMMISSION_SWEEPS && !(axis->table.level[0] > 0);
@@ -94,7 +94,7 @@ static dahl_commission_refusal_t check_loop(dahl_commission_t *axis, int32_t dco
     return is_frozen_in_loop(axis, dcounts) && !axis->is_soft ? DAHL_COMMISSION_ENCODER : DAHL_COMMISSION_OK;
 }
 
-/** Limits of angle, speed, torque and time. */
+/** Check the limits of angle, speed, torque and time. */
 static dahl_commission_refusal_t check_limits(dahl_commission_t *axis)
 {
     const dahl_commission_config_t *config = &axis->config;
@@ -113,7 +113,7 @@ static dahl_commission_refusal_t check_limits(dahl_commission_t *axis)
     if (axis->watch.saturated_ticks > dahl_ticks(axis, SATURATED_S)) {
         return DAHL_COMMISSION_SATURATED;
     }
-    const float longer = dahl_larger(1, config->travel / TRAVEL_RAD);
+    const float longer = dahl_larger(1, config->travel / USUAL_TRAVEL_RAD);
     int is_late = axis->stage_ticks > dahl_ticks(axis, longer * most_seconds[axis->command.stage]);
     return is_late ? DAHL_COMMISSION_TIMEOUT : DAHL_COMMISSION_OK;
 }

@@ -1,22 +1,22 @@
 /* SPDX-License-Identifier: MIT */
-/** Stage 2: to and fro at three speeds. The torque of each stroke is averaged in bins of angle.
+/** Stage 2: strokes to and fro at three speeds. The torque of each stroke is averaged in bins of angle.
  *
- * Half the difference of the directions is friction, half the sum is load. The slope of the friction over the speed is
- * viscous. Two passes per speed show if the friction repeats. */
+ * Half the difference of the directions is friction, half the sum is load. The slope of friction over speed is viscous
+ * friction. Two passes at each speed show if the friction repeats. */
 #include "commission.h"
 
 #define SPEEDS DAHL_COMMISSION_SPEEDS
 #define STROKES 4                /* at each speed: down, up, down, up */
 #define ACCELERATION 60.0f       /* rad/s2 */
-#define AXIS_SETTLE_S 0.04f           /* of a stroke before its first sample */
+#define AXIS_SETTLE_S 0.04f      /* of a stroke before its first sample */
 #define MIN_SAMPLES 4            /* of a bin */
-#define NARROW 0.035f            /* rad: a stroke settles within a bin of this */
+#define NARROW_BIN_RAD 0.035f    /* a stroke needs up to this to settle */
 #define MIN_BINS 4               /* of a speed */
 #define MAX_SHIFT 0.2f           /* of the friction between two passes, over Fc */
 #define MAX_SCATTER 0.25f        /* of the bins between two passes, over Fc */
 #define TORQUE_MARGIN 4.0f       /* of the limit over friction and load */
 #define LEVEL_ERROR 0.006f       /* of Fc: smallest error of a speed */
-#define COUNT_TIMES 4.0f         /* times of a first count that the watch on the encoder waits */
+#define COUNT_WAITS 4.0f         /* wait of the watch on the encoder, over the time of the first count */
 #define MAX_ACCELERATION 225.0f  /* rad/s2 that the limit must allow */
 
 static const float speeds[SPEEDS] = {0.6f, 1.2f, DAHL_COMMISSION_SPEED_MAX};
@@ -27,7 +27,7 @@ static int bin_of(const dahl_commission_t *axis, float angle)
     return x < 0 ? 0 : x >= BINS ? BINS - 1 : (int)x;
 }
 
-/** Straight lines between the middles of the bins. */
+/** Interpolate linearly between the middles of the bins. */
 float dahl_commission_load(const dahl_commission_t *axis, float angle)
 {
     const float *load = axis->result.load;
@@ -106,10 +106,10 @@ static int is_empty(const dahl_commission_t *axis, int bin)
     return !(dahl_absolute(axis->table.friction[bin]) > 0);
 }
 
-/** Return 1 if bins are empty that a stroke must reach: an end stop. */
+/** Return 1 if a bin that a stroke must reach is empty: an end stop. */
 static int has_gap(const dahl_commission_t *axis)
 {
-    const int is_narrow = axis->config.travel < NARROW * 0.5f * BINS, ends = is_narrow + 4 * axis->is_soft;
+    const int is_narrow = axis->config.travel < NARROW_BIN_RAD * 0.5f * BINS, ends = is_narrow + 4 * axis->is_soft;
     int gaps = 0;
     for (int bin = ends; bin < BINS - ends; bin++) {
         gaps += is_empty(axis, bin);
@@ -117,7 +117,7 @@ static int has_gap(const dahl_commission_t *axis)
     return gaps > 0;
 }
 
-/** An empty bin gets the values of its neighbour. */
+/** Fill an empty bin with the values of its neighbour. */
 static void fill_bin(dahl_commission_t *axis, int bin, int from)
 {
     if (is_empty(axis, bin)) {
@@ -136,7 +136,7 @@ static void fill_ends(dahl_commission_t *axis)
     }
 }
 
-/** The friction is known now, so the torque limit comes down. */
+/** Lower the torque limit, because the friction is known now. */
 static void lower_torque_limit(dahl_commission_t *axis)
 {
     float most = 0;
@@ -147,8 +147,8 @@ static void lower_torque_limit(dahl_commission_t *axis)
     axis->command.torque_limit = dahl_smaller(axis->config.torque_limit, most);
 }
 
-/** Compare the passes. Return 0 if the friction does not repeat. */
-static int repeats(dahl_commission_t *axis)
+/** Compare both passes. Return 0 if the friction does not repeat. */
+static int check_repeat(dahl_commission_t *axis)
 {
     const float bins = (float)axis->work.sweeps.bins, level = axis->table.level[axis->work.sweeps.speed];
     float shift = axis->work.sweeps.change / bins;
@@ -177,14 +177,14 @@ static int finish_speed(dahl_commission_t *axis)
     } else {
         axis->table.level[speed] = axis->table.level[0] + (axis->work.sweeps.friction - axis->work.sweeps.reference) / bins;
     }
-    if (!repeats(axis)) {
+    if (!check_repeat(axis)) {
         dahl_refuse(axis, DAHL_COMMISSION_VARIES);
         return 0;
     }
     return 1;
 }
 
-/** Friction over speed: a straight line. The interval of its slope has the scatter and the lack of fit. */
+/** Fit a straight line to friction over speed. The interval of its slope covers scatter and lack of fit. */
 static void fit_line(dahl_commission_t *axis)
 {
     float n = 0, v = 0, f = 0, vv = 0, vf = 0, error = 0, fastest = speeds[0];
@@ -209,14 +209,14 @@ static void fit_line(dahl_commission_t *axis)
     axis->result.viscous.most = dahl_larger(0, slope + error);
 }
 
-/** After a stop the bristles push the axis back: some counts take this time, so the watch on the encoder must wait. */
+/** Set the time that some counts take after a stop, while the bristles push the axis back: the watch on the encoder waits. */
 static void set_count_time(dahl_commission_t *axis)
 {
     float acceleration = axis->result.Fc.best / axis->config.inertia;
-    axis->watch.count_ticks = dahl_ticks(axis, COUNT_TIMES * dahl_root(2 * axis->config.theta_per_count / acceleration));
+    axis->watch.count_ticks = dahl_ticks(axis, COUNT_WAITS * dahl_root(2 * axis->config.theta_per_count / acceleration));
 }
 
-/** Strokes of one speed have ended: evaluate, then the next speed or the next stage. */
+/** After the strokes of one speed, evaluate it, then start the next speed or the next stage. */
 static void next_speed(dahl_commission_t *axis)
 {
     int is_reached = finish_speed(axis);
@@ -238,7 +238,7 @@ static void next_speed(dahl_commission_t *axis)
     dahl_return_to_middle(axis);
 }
 
-/** After the strokes of a speed: one bin in each tick. Return 1 at the end. */
+/** After the strokes of a speed, evaluate one bin in each tick. Return 1 at the end. */
 static int evaluate_tick(dahl_commission_t *axis)
 {
     if (axis->work.sweeps.bin < BINS) {

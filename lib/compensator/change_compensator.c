@@ -74,7 +74,8 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
     compensator->play_position = convert_position(compensator->play_position, from->play, to->play);
 }
 
-static int32_t convert_residual(int32_t x, dahl_real_t before, dahl_real_t after)
+/** Out of line: the loop over all ticks would otherwise become a memset() for a change to 0. */
+static DAHL_OUT_OF_LINE int32_t convert_residual(int32_t x, dahl_real_t before, dahl_real_t after)
 {
     return dahl_limit(convert_torque(x, before, after), CHANGED_RESIDUAL_MAX_Q24);
 }
@@ -85,7 +86,7 @@ static int64_t convert_low_pass(int64_t x_q56, dahl_real_t before, dahl_real_t a
     return convert_residual((int32_t)(x_q56 >> 32), before, after) * ((int64_t)1 << 32);
 }
 
-/** A move of the old period has no use in the new one. */
+/** Forget the last move, because it belongs to the old period. */
 void dahl_residual_change(const dahl_residual_plan_t *from, const dahl_residual_plan_t *to, dahl_residual_t *residual)
 {
     const dahl_real_t before = {from->Fc_mantissa, from->Fc_exponent}, after = {to->Fc_mantissa, to->Fc_exponent};

@@ -61,7 +61,7 @@ static DAHL_COLD uint32_t slew_step_q24(const dahl_compensator_params_t *params)
     return step_q24 > 0 ? step_q24 - 1 : 0;
 }
 
-/** More than Fc lets an integral of the loop and the observer work against each other. */
+/** Return 1 if the limit is above Fc and the loop has an integral: it and the observer would work against each other. */
 static int is_limit_above_bound(const dahl_compensator_params_t *params, const dahl_residual_params_t *residual)
 {
     return !residual->no_integral && dahl_bits_of(residual->limit) > dahl_bits_of(params->friction.Fc);
@@ -176,8 +176,8 @@ static inline int64_t add_saturated(int64_t low_pass_q56, int64_t change_q24)
     return (int64_t)((uint64_t)(uint32_t)torque_q24 << 32 | (uint32_t)low_pass_q56);
 }
 
-/** The first move after a start or a long fault sets the speed: its change is not known. After a short fault, the change
- * since the last move counts. Otherwise each fault would leave the noise of its last move in the sum. */
+/** Update both low-passes. The first move after a start or a long fault only sets the speed, because its change is unknown. After
+ * a short fault, the change since the last move counts: otherwise each fault would leave the noise of that move in the sum. */
 static inline void observe(const dahl_residual_plan_t *plan, dahl_residual_t *residual, int32_t dcounts)
 {
     const uint32_t before = residual->move, move = (uint32_t)dcounts ^ DAHL_TOP_BIT;
@@ -190,7 +190,7 @@ static inline void observe(const dahl_residual_plan_t *plan, dahl_residual_t *re
     residual->filtered_q56 = approach_q56(residual->filtered_q56, upper_word(raw_q56), plan->share_q32);
 }
 
-/** Fade, then slew, then limit, so that the limit also holds if the state is corrupt. */
+/** Fade, then slew, then limit. The limit comes last, so that it also holds if the state is corrupt. */
 int32_t dahl_residual_torque(const dahl_residual_plan_t *plan, dahl_residual_t *residual,
                              const dahl_compensator_t *compensator, int32_t dcounts)
 {

@@ -47,8 +47,8 @@
  *   #DAHL_COMMISSION_OFF. The axis then coasts until friction stops it, so leave a margin.
  * - The torque of the modes OFF and TORQUE is within the limit. In the mode TRACK the drive must
  *   limit the torque of its loop.
- * - A frozen encoder is found by its missing counts, not at once: an axis can coast beyond
- *   angle_limit meanwhile.
+ * - A frozen encoder is found by its missing counts, not at once. Until then, an axis can coast
+ *   beyond angle_limit.
  * - After a refusal, and at the end, the torque is 0. An axis whose load exceeds its friction falls
  *   then: use a brake.
  *
@@ -61,7 +61,7 @@
  * @par Properties
  * Floats, no heap, no global variable, no libm. Long evaluations take a tick for each bin, sine or
  * shaft. The longest tick prepares the compensator: docs/microcontroller.md has its cost by core.
- * An image of floats gives the same bounds on each core, not the same bits.
+ * Because of the floats, results may differ between cores in their last bits.
  */
 #ifndef DAHL_COMMISSION_H
 #define DAHL_COMMISSION_H
@@ -81,7 +81,7 @@ extern "C" {
 /** [rad/s] Fastest sweep. */
 #define DAHL_COMMISSION_SPEED_MAX 2.5f
 
-/** What the drive must do in this tick. */
+/** Mode of the drive in a tick. */
 typedef enum {
     DAHL_COMMISSION_OFF = 0,   /**< torque 0 */
     DAHL_COMMISSION_TRACK = 1, /**< position loop on angle, speed and acceleration. Load its
@@ -101,7 +101,7 @@ typedef enum {
     DAHL_COMMISSION_REFUSED = 7,   /**< `refusal` says why */
 } dahl_commission_stage_t;
 
-/** Why it stopped. Except 0, the codes differ from those of the other headers. */
+/** Reason of a refusal. Except 0, the codes differ from those of the other headers. */
 typedef enum {
     DAHL_COMMISSION_OK = 0,            /**< not refused */
     DAHL_COMMISSION_PARAM = -41,       /**< a value of the configuration is out of range */
@@ -317,7 +317,7 @@ DAHL_NODISCARD dahl_commission_refusal_t dahl_commission_start(
  * @param      axis    state
  * @param      dcounts [count] move since the last tick; 0 in the first tick
  * @param      torque  [N m] torque of the last tick, after all limits; 0 in the first tick
- * @param[out] command what to do in this tick
+ * @param[out] command command of this tick
  * @return stage. After DONE or REFUSED a call changes nothing, and the mode is OFF.
  */
 dahl_commission_stage_t dahl_commission_tick(dahl_commission_t *axis, int32_t dcounts, float torque,

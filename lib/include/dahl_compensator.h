@@ -324,7 +324,7 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
 /**
  * @name Residual observer
  * Optional, for the reference law only: add the torque that the friction model lacks. It follows an
- * Fc that is wrong or drifts, unequal directions, viscous friction and a constant load, and it
+ * Fc that is wrong or drifts, unequal directions, viscous friction and a constant load. It also
  * draws a shaft that rests to its target. A program that does not call it does not link it.
  * @verbatim
  *   each tick, after dahl_compensator_torque() has returned y:
@@ -346,11 +346,11 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
  *   speed gain of the loop at least 2 pi resonance/6 times the inertia: with slower loops, 12 of
  *   400 were unstable.
  *
- * The rules were tested on rigid axes and on axes with a resonance of 30 to 200 Hz, with loops that
- * are stable if the inertia is 0.6 to 1.7 times the expected one, and delays of 0 to 3 ticks. After
- * the reference has stopped, the end speed is at most 1.5 times that without the observer, plus
- * 0.02 rad/s or 2 counts times sqrt(sigma0/inertia). The noise must be shorter than the presliding
- * length, and the loop must be stiff: Fc/kp at most 0.1 rad, kp in N m/rad.
+ * The rules were tested on rigid axes and on axes with a resonance of 30 to 200 Hz, with delays of 0
+ * to 3 ticks. The loops were stable at 0.6 to 1.7 times the expected inertia. After the reference
+ * has stopped, the end speed is at most twice that without the observer, plus 0.02 rad/s or
+ * 2 counts times sqrt(sigma0/inertia). The noise must be shorter than the presliding length, and the
+ * loop must be stiff: Fc/kp at most 0.1 rad, kp in N m/rad.
  *
  * Rules of use:
  * - If the loop has no integral, set no_integral. The limit must then be at least gain Fc plus the

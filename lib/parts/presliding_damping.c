@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/** Presliding damping: the change of the torque of an element in a tick, times sigma1/(sigma0 period). */
+/** Presliding damping: add the change of the torque of an element in a tick, times sigma1/(sigma0 period). */
 #include "../arith/scale.h"
 #include "../model/check_params.h"
 #include "dahl_parts.h"
@@ -37,7 +37,7 @@ DAHL_COLD dahl_err_t dahl_damping_prepare(dahl_damping_plan_t *plan, const dahl_
     return (dahl_err_t)err;
 }
 
-/** The halves keep the change from -Fc to Fc within 32 bits. */
+/** Halve both torques, so that a change from -Fc to Fc fits 32 bits. */
 int32_t dahl_damping_apply(const dahl_damping_plan_t *plan, dahl_damping_t *damping, int32_t ratio_q30)
 {
     const int32_t half_change = (ratio_q30 >> 1) - (damping->ratio_q30 >> 1);

@@ -46,7 +46,7 @@ static inline float plain_loop(plain_axis_t *axis, const dahl_commission_command
 /* Apply a command for one tick. Return the counts moved. */
 static inline int32_t plain_axis_tick(plain_axis_t *axis, const dahl_commission_command_t *to)
 {
-    const float dt = PLAIN_PERIOD / PLAIN_SUBSTEPS;
+    const float dt = PLAIN_PERIOD / (float)PLAIN_SUBSTEPS;
     float command = to->mode == DAHL_COMMISSION_TRACK ? plain_loop(axis, to) : to->torque;
     axis->acting = axis->command;
     axis->command = command;

@@ -140,7 +140,7 @@ static inline double slip_torque(const axis_t *axis, motion_t *motion, double mo
     double sum = 0, x0 = 0, f0 = 0, last = axis->Fc / axis->sigma0 * 3, end = 1 - exp(-3.0);
     double knots[SLIPS], slopes[SLIPS + 1];
     for (int k = 0; k < SLIPS; k++) {
-        knots[k] = last * pow(15, (k + 1 - SLIPS) / (SLIPS - 1.0));
+        knots[k] = last * pow(15, (double)(k + 1 - SLIPS) / (SLIPS - 1));
         double force = axis->Fc * (1 - exp(-knots[k] * axis->sigma0 / axis->Fc)) / end;
         slopes[k] = (force - f0) / (knots[k] - x0);
         x0 = knots[k];

@@ -17,7 +17,7 @@
 #ifndef FLEXIBLE_AXES
 #define FLEXIBLE_AXES 12
 #endif
-#define LUCK 2 /* axes: few axes may have a worse share than many */
+#define LUCK 2 /* axes that may fail more than the share allows, because few were tested */
 #define LIMIT 10.0f
 #define MOST_RAD 1.5 /* twice angle_limit: a frozen encoder, a hand, a load without a brake */
 
@@ -79,7 +79,7 @@ static int rests(const axis_t *axis, const dahl_commission_t *state)
     return 1;
 }
 
-/* What line of the table below an axis passes. */
+/* Lines of the table below, which an axis passes or not. */
 enum { BOUNDS, FC_LOW, LENGTH, FC, INERTIA, INERTIA_RANGE, DELAY, SIGMA0, VISCOUS, LOAD, SECONDS, RESTS, LINES };
 static const struct {
     const char *name;

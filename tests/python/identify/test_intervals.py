@@ -13,6 +13,7 @@ import pytest
 from dahl.identify import Log, diagnose, estimate, select, simulate
 from dahl.identify.diagnose import Lack, lack_of_fit
 from dahl.identify.fit import Fit, Fitter, Hypothesis, parameters_of
+from dahl.identify.lags import NONE
 from dahl.identify.result import Intervals, _against_sigma0
 from dahl.identify.samples import samples_of
 from identify_tools import (
@@ -294,6 +295,8 @@ OBJECTIONS = [  # plausible fits, the chosen one first, and how many objections 
     ([("stribeck", "delay"), ("exponent", "delay")], 0),  # Dahl's law at a reversal
     ([("exponent", "delay"), ("dahl", "delay")], 0),
     ([("exponent", "delay"), ("exponent", "none")], 0),
+    ([("exponent", "none"), ("bouc-wen", "play")], 1),  # the last one is the best: with a play
+    ([("dahl", "none"), ("bouc-wen", "play")], 0),
     ([("bouc-wen", "none", 0.81)], 0),
     ([("dahl", "none"), ("bouc-wen", "none", 0.79)], 1),  # steepest at rest
     ([("breakaway", "none")], 1),
@@ -311,7 +314,7 @@ def test_laws_and_lags_that_leave_no_slope_at_rest(fits, wanted):
     seen = SimpleNamespace(
         intervals=i,
         hypothesis=fits[0].hypothesis,
-        plausible=SimpleNamespace(fits=fits),
+        plausible=SimpleNamespace(fits=fits, best=fits[-1]),
         samples=SimpleNamespace(has_rests=False),
     )
     found = list(_against_sigma0(seen, i))
@@ -319,7 +322,9 @@ def test_laws_and_lags_that_leave_no_slope_at_rest(fits, wanted):
     for against, reason, _ in found:
         assert against == (
             True,
-            reason == "law and lag" and fits[0].hypothesis.law.name != "breakaway",
+            reason == "law and lag"
+            and fits[0].hypothesis.law.name != "breakaway"
+            and all(fit.hypothesis.lag is not NONE for fit in fits),
         )
     seen.intervals = replace(i)  # presliding is hidden
     assert len(list(_against_sigma0(seen, i))) == wanted + 1

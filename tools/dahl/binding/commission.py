@@ -71,7 +71,7 @@ class Range(NamedTuple):
 
 
 class Command(NamedTuple):
-    """What the drive must do in one tick."""
+    """Command to the drive for one tick."""
 
     mode: str  # "off"; "track": position loop on the next three; "torque": no loop
     angle: float  # rad from the first angle
@@ -160,7 +160,7 @@ class Commission(HasParameters, Copied):
         return "; ".join(REASONS.get(self.refusal_code, ()))
 
     def tick(self, dcounts: int, torque: float) -> Command:
-        """Return what the drive must do now. dcounts and torque (N m) are those of the last tick: 0
+        """Return the command of this tick. dcounts and torque (N m) are those of the last tick: 0
         and 0 in the first one. Raises TypeError or dahl.Error for another dcounts or torque.
         """
         moved, acted = checks.counts(dcounts), checks.real("torque", torque)
@@ -210,24 +210,22 @@ class Commission(HasParameters, Copied):
 
     @property
     def has_sweeps(self) -> bool:
-        """Return whether the sweeps have ended, also if a later stage was refused."""
+        """Whether the sweeps have ended, also if a later stage was refused."""
         return bool(self._state.result.Fc.best > 0)
 
     @property
     def sweeps(self) -> dict[str, Any]:
-        """Return what the sweeps alone measured: Fc and viscous as Range, `friction` and `load`
-        (N m) at `angle` (rad), and `friction_at_speed` in pairs of rad/s and N m. Raises
-        dahl.RunError before the end of the sweeps.
+        """Measurements of the sweeps alone: Fc and viscous as Range, `friction` and `load` (N m) at
+        `angle` (rad), and `friction_at_speed` in pairs of rad/s and N m. Raises dahl.RunError
+        before the end of the sweeps.
         """
         state = self._state
         if not self.has_sweeps:
             raise RunError(f"the sweeps have not ended: {self.refusal or self.stage}")
         friction, viscous = np.array(list(state.table.friction)), state.result.viscous
         levels = zip(SWEEP_SPEEDS, state.table.level, strict=True)
-        best, error = (
-            state.result.Fc.best,
-            (viscous.most - viscous.best) * float(np.mean(SWEEP_SPEEDS)),
-        )
+        best = state.result.Fc.best
+        error = (viscous.most - viscous.best) * float(np.mean(SWEEP_SPEEDS))
         bins = len(friction)
         return {
             "Fc": Range(best - error, best, best + error),

@@ -76,7 +76,7 @@ class Damping(HasParameters, Copied):
         return int(c.dahl_damping_apply(self._prepared, self._state, ratio_q30))
 
     def apply(self, ratio_q30: int) -> float:
-        """Return that torque in N m."""
+        """Return the torque of apply_q30() in N m."""
         return self.apply_q30(ratio_q30) / ONE_Q30 * self.Fc
 
     def __eq__(self, other: object) -> bool:

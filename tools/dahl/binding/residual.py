@@ -151,7 +151,7 @@ class Residual(HasParameters, Copied):
         )
 
     def _refusal_of_tick(self) -> str:
-        """Return the limit, or what is refused at this period, or ""."""
+        """Return the refusal of a limit or of a value at this period, or ""."""
         v = self._values
         if v["limit"] > v["Fc"] and not self._no_integral:
             return f"limit = {v['limit']:g} N m is above Fc = {v['Fc']:g} N m; no_integral = False"
@@ -193,7 +193,7 @@ class Residual(HasParameters, Copied):
         return int(c.dahl_residual_torque(self._prepared, self._state, axis, moved))
 
     def torque(self, compensator: Compensator, dcounts: int) -> float:
-        """Return that torque in N m."""
+        """Return the torque of torque_q30() in N m."""
         return self.torque_q30(compensator, dcounts) / ONE_Q30 * self.Fc
 
     def note(self, unexplained: float) -> None:

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 NO_OPERATION = b"\x50"  # moteus: fills a frame up to a length of CAN FD
 START_S, TIMEOUT_S = 1.0, 0.05  # for the first angle, and for each later one
-CHECKED_TICKS = 400  # the mean period of as many frames must be that of the configuration
-MAX_PERIOD_ERROR = 0.05
+CHECKED_TICKS = 400  # over which the mean period is checked
+MAX_PERIOD_ERROR = 0.05  # of that mean, over the period of the configuration
 OFF_FRAMES = 3  # with torque 0, at the end
 
 
@@ -94,8 +94,6 @@ class Moteus:
 
 
 DRIVES: dict[str, Callable[[int], Drive]] = {"odrive": ODrive, "moteus": Moteus}
-
-
 DEFAULT_NODES = {"odrive": 0, "moteus": 1}
 
 
@@ -119,8 +117,8 @@ class Axis:
         self._first, self._ticks = 0.0, 0
 
     def move(self, torque: float) -> int:
-        """Send a torque in N m, wait for the next angle, and return the counts moved since the one
-        before. Raises dahl.Timeout if no angle comes, and dahl.RunError if the period is wrong.
+        """Send a torque in N m and wait for the next angle. Return the counts since the last one.
+        Raises dahl.Timeout if no angle comes, and dahl.RunError if the period is wrong.
         """
         if self._paced:
             self._next = max(self._next + self._period, time.monotonic() - self._period)
@@ -131,7 +129,7 @@ class Axis:
         return 0 if before is None else counts - before
 
     def stop(self) -> None:
-        """Set the torque to 0. More than one frame, since one may be lost."""
+        """Set the torque to 0 by several frames, because one may be lost."""
         for _ in range(OFF_FRAMES):
             self._send(0.0)
 

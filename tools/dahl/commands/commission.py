@@ -38,8 +38,8 @@ EXAMPLE = """examples:
   dahl commission recorded.csv --angle pos_turns --torque torque_Nm"""
 
 DRIVES = ("odrive", "moteus")  # of dahl.can.drives
-UNKNOWN = 1e6  # kg m2 and N m: a recording is not limited
-FINE_COUNT = 1e-5  # rad, of a recording without a known encoder
+UNLIMITED = 1e6  # kg m2 and N m, of a recording
+FINE_COUNT_RAD = 1e-5  # of a recording without a known encoder
 OF_LIVE = ("node", "inertia", "torque_limit", "angle_limit", "speed_limit", "period", "bandwidth")
 OF_COLUMNS = (
     *("angle", "torque", "time", "angle_unit", "torque_unit", "torque_constant", "time_unit"),
@@ -212,8 +212,8 @@ def _read(args: argparse.Namespace) -> Report:
         raise InputError(f"{args.log}: {next(iter(log.questions.values()))}")
     table = sweep_table.motion(args.travel or 0.35)
     placed = sweep_table.place(log, table)
-    count = min(max(log.resolution, 1e-9), 0.01) if log.resolution else FINE_COUNT
-    limits = {"inertia": UNKNOWN, "torque_limit": UNKNOWN, **_given(args)}
+    count = min(max(log.resolution, 1e-9), 0.01) if log.resolution else FINE_COUNT_RAD
+    limits = {"inertia": UNLIMITED, "torque_limit": UNLIMITED, **_given(args)}
     axis = Commission(period=table.period, theta_per_count=count, **limits)
     done = sweep_table.replay(axis, placed)
     inertia = None

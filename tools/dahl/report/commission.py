@@ -23,22 +23,32 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 UNITS = {
-    **{"Fc": "N m", "length": "rad", "sigma0": "N m/rad", "inertia": "kg m2", "delay": "s"},
-    **{"viscous": "N m s/rad", "load": "N m", "load_error": "N m", "load_most": "N m"},
-    **{
-        "theta_per_count": "rad",
-        "angle": "rad",
-        "friction": "N m",
-        "noise": "count",
-        "play": "count",
-        "seconds": "s",
-    },
+    "Fc": "N m",
+    "length": "rad",
+    "sigma0": "N m/rad",
+    "inertia": "kg m2",
+    "delay": "s",
+    "viscous": "N m s/rad",
+    "load": "N m",
+    "load_error": "N m",
+    "load_most": "N m",
+    "theta_per_count": "rad",
+    "angle": "rad",
+    "friction": "N m",
+    "noise": "count",
+    "play": "count",
+    "seconds": "s",
 }
 CONFIGURATION = (
-    *("period", "theta_per_count", "inertia", "torque_limit"),
-    *("travel", "angle_limit", "speed_limit"),
+    "period",
+    "theta_per_count",
+    "inertia",
+    "torque_limit",
+    "travel",
+    "angle_limit",
+    "speed_limit",
 )
-FULL_GAIN = 0.89
+FULL_GAIN = 0.89  # the next step does not ask for more
 COMMENT_WIDTH = 100  # columns
 NEEDS_DRIVE = ("Fc_low", "length_long", "sigma0_high", "delay", "gain")
 
@@ -64,7 +74,7 @@ class Report:
 
     @property
     def verdict(self) -> str:
-        """One sentence; next_step has what to do then."""
+        """One sentence."""
         if self.refusal:
             return f"refused in the stage {self.stage}: {REASONS[self.refusal][0]}"
         if self.stage != "done":
@@ -75,7 +85,7 @@ class Report:
 
     @property
     def next_step(self) -> str:
-        """What to do next."""
+        """One sentence: the action that follows from the verdict."""
         if self.refusal:
             return REASONS[self.refusal][1]
         if self.stage != "done":

@@ -33,7 +33,7 @@ SPEED_FILTER_HZ = 150.0
 
 
 class Plant(Protocol):
-    """What is behind the drive."""
+    """An axis behind a drive."""
 
     def move(self, torque: float) -> int:
         """Apply a torque in N m for a tick. Return the counts that the axis moved in it."""
@@ -60,7 +60,9 @@ class Shaft:
 
 
 class PositionLoop:
-    """Cascade of position and speed with feed-forward of the inertia. It does not wind up."""
+    """Cascade of position and speed with feed-forward of the inertia. Its integral stops at the
+    torque limit.
+    """
 
     def __init__(
         self, period: float, theta_per_count: float, inertia: float, bandwidth: float = BANDWIDTH_HZ

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Compare laws of friction compensation on two simulated axes: one with a position loop, one that
-a hand leads along a path. Each law has one knob at most, and tune() sets it by the same procedure.
+a hand leads along a path. Each law has at most one free parameter, its knob. tune() sets the knobs
+of all laws by the same procedure.
 """
 
 from __future__ import annotations
@@ -89,8 +90,8 @@ def laws_of(axis: str) -> dict[str, Law]:
 
 
 def setting_of(case: Case) -> Case:
-    """Return what laws are tuned to: loop, encoder and delay of a case. The true friction is
-    Dahl's, and the motion is that of the case `17 bits`, or of a hand.
+    """Return the case to which laws are tuned: loop, encoder and delay of a case, with Dahl's
+    friction and the motion of the case `17 bits`, or of a hand.
     """
     usual = Case("", hold_s=TUNING_HOLD_S, second=case.second)
     return replace(usual, bits=case.bits, noise=case.noise, delay=case.delay, loop=case.loop)
@@ -114,7 +115,7 @@ def tune(setting: Case, law: Law) -> float:
 
 
 def run_law(case: Case, law: Law, knob: float, seed: int, is_elsewhere: bool = False) -> Run:
-    """Run a law. One that learns has learned with other noise; is_elsewhere: another motion."""
+    """Run a law. `learned` learns with other noise before, with is_elsewhere in another motion."""
     if law is not LEARNED:
         return run(case, law.kind, knob, seed)
     lesson = replace(case, name="", Fc=1.0, sigma0=1.0, hold_s=0.0, fallen_to=1.0)

@@ -34,9 +34,8 @@ STEPS = 5  # of the integration in a tick; with 50 the numbers are the same with
 SINE_HZ = 0.5
 MOTION_S = 4.5  # s; the motion stops at a peak of its sine
 FIRST_S, SETTLE_S = 1.0, 0.5  # s, at the start of motion and hold, that no number counts
-TRIAL_HOLD_S = 1.5  # s; then a law that learns starts its next trial
+TRIAL_HOLD_S = 1.5  # after the motion of each trial of a law that learns
 TRIALS = 12  # of a law that learns
-LIMIT, SLEW = 1.0, 50.0  # N m, N m/s: of the library (library_law.h)
 
 
 @dataclass(frozen=True)
@@ -163,8 +162,8 @@ def _values(case: Case, law: str, knob: float, ticks: int, seed: int) -> dict[st
 
 def learn(case: Case, corner: float, seed: int) -> np.ndarray:
     """Return the torque in N m for each tick that repeated trials of the motion learn. Each trial
-    adds the torque of the loop, advanced by the delay. A low-pass without phase, of this corner in
-    Hz, follows.
+    adds the torque of the loop, advanced by the delay. A low-pass without phase follows; `corner`
+    is in Hz.
     """
     trial = replace(case, hold_s=TRIAL_HOLD_S)
     table = np.zeros(count_ticks(MOTION_S + TRIAL_HOLD_S))
@@ -177,8 +176,8 @@ def learn(case: Case, corner: float, seed: int) -> np.ndarray:
 
 
 def _smooth(values: np.ndarray, corner: float) -> np.ndarray:
-    """Return the values behind a low-pass forward and back. The ends go on point-symmetrically at
-    the start, and constantly at the end.
+    """Filter the values with a low-pass forward and back. They are extended point-symmetrically
+    before the start, and constantly after the end.
     """
     n = len(values)
     padded = np.concatenate([2 * values[0] - values[:0:-1], values, np.repeat(values[-1], n)])

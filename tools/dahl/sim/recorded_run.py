@@ -95,16 +95,15 @@ class Program:
     def check(self) -> None:
         """Raise the error that the program printed, if it failed."""
         code = self.process.returncode
-        if code in (0, None) or (
-            self.is_ending and code == -signal.SIGINT
-        ):  # before it could listen
+        was_interrupted = self.is_ending and code == -signal.SIGINT  # before it handled SIGINT
+        if code in (0, None) or was_interrupted:
             return
         lines = [line.strip() for line in self.output().split("\n") if line.strip()]
         words = next(
             (line.removeprefix("error: ") for line in lines if line.startswith("error: ")), ""
         )
-        kind = Error if self.process.returncode == 2 else RunError
-        ended = f"dahl-loop ({self.role}) ended with code {self.process.returncode}"
+        kind = Error if code == 2 else RunError
+        ended = f"dahl-loop ({self.role}) ended with code {code}"
         raise kind(self._run.explain(words) or self._unwritable() or ended)
 
     def _unwritable(self) -> str:
@@ -172,8 +171,8 @@ def _start_server(setup: Setup) -> Program:
 
 
 def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, Any]:
-    """Run the scene, record it in folder/run.log, return the numbers of all programs; `stop` ends
-    it early, in order.
+    """Run the scene, record it in folder/run.log, and return the numbers of all programs. `stop`
+    ends the run early, in order.
 
     progress is called about ten times a second with the number of frames recorded so far.
     """
@@ -190,12 +189,12 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
             _record(bus, log, encoder, node, stop, progress)
     except RunError:
         if encoder is None or not (encoder.wait() or _has_dropped(node, encoder)):
-            raise  # else its end closes the bus, and what was recorded is reported
+            raise  # otherwise its end has closed the bus: report the recorded frames
     finally:
         started = [one for one in (node, encoder) if one]
         for one in reversed(started):
             one.end()
-        for one in started:  # their own words are better than that the bus has gone
+        for one in started:  # a program's own error says more than a lost bus
             one.check()
     return {
         **node.numbers(),
@@ -226,9 +225,9 @@ def run_uncompensated(setup: Setup, trace: Path) -> None:
     options = ["--virtual", "--trace", trace, *_options(setup, "both")]
     streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "errors": "replace"}
     with program.start(run, *options, **streams) as process:
-        _, said = process.communicate()
+        _, errors = process.communicate()
     if process.returncode:
-        last = said.strip().splitlines()[-1:] or [f"code {process.returncode}"]
+        last = errors.strip().splitlines()[-1:] or [f"code {process.returncode}"]
         raise RunError(f"dahl-loop without compensation: {last[0].removeprefix('error: ')}")
 
 

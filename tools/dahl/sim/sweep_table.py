@@ -16,7 +16,7 @@ from dahl.io.log import Log
 from dahl.sim import axis as simulation
 from dahl.sim.axis import Commissioned, Trace
 
-MAX_ERROR = 0.06  # of the travel: RMS distance of a recording from its table; Fc is 2 % low then
+MAX_ERROR = 0.06  # RMS distance of a recording from its table over the travel; Fc is then 2 % low
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Placed:
 
 
 def place(log: Log, table: Motion) -> Placed:
-    """Find the table in a recording. Raises dahl.Error if the recording does not follow it."""
+    """Find the motion of the table in a recording. Raises dahl.Error if it is not there."""
     if log.time is None or log.linear:
         raise InputError(f"{log.name}: a recording needs times, and an angle that turns")
     time = log.time - log.time[0]
