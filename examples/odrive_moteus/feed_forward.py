@@ -120,7 +120,10 @@ def options() -> dict[str, Any]:
         if missing:
             parser.error(f"required: {missing}, or --from")
         return given
-    axis = json.loads(known.read_text())["compensator_without_load_table"]
+    try:
+        axis = json.loads(known.read_text())["compensator_without_load_table"]
+    except (OSError, ValueError, KeyError, TypeError):
+        parser.error(f"{known}: no file of dahl commission")
     if axis is None:
         parser.error(f"{known}: the axis was refused, or its recording shows no bounds")
     bounds = {name: axis[name] for name in (*names, "load", "gain")}

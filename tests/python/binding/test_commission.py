@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import dahl
 import pytest
@@ -85,6 +86,14 @@ def test_a_drive_that_raises_is_switched_off() -> None:
     with pytest.raises(OSError, match="unplugged"):
         axis.run(drive)
     assert modes[-2:] == ["track", "off"] and "aborted" in axis.refusal
+
+
+def test_a_drive_that_returns_no_pair_is_named() -> None:
+    def drive(command: Command) -> Any:
+        """Forget to return."""
+
+    with pytest.raises(TypeError, match=r"drive\(command\) returned None; \(counts moved"):
+        new().run(drive)
 
 
 @pytest.mark.parametrize("name", ["period", "inertia", "torque_limit", "travel", "speed_limit"])

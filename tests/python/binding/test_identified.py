@@ -89,6 +89,7 @@ REFUSALS: list[tuple[dict[str, Any], dict[str, Any], str]] = [
     ({"length_long": None, "reasons": ["too short"], "next_steps": {"Fc": "go on"}}, {},
      "no length_long: too short; next: go on"),
     ({"sigma0_high": None}, {}, "no sigma0_high: the log does not show it; next: record a motion"),
+    ({"compensator_without_load_table": None}, {}, "by dahl commission; its 'compensator'"),
     ({"Fc_low": "0.4 N"}, {}, "not written by this version of dahl identify"),
     ({"Fc_low": -1}, {}, "not written by this version of dahl identify"),
     ({"Fc_low": 10**400}, {}, "not written by this version of dahl identify"),

@@ -21,6 +21,7 @@ import pytest
 from bus_frames import new_channel
 from conftest import ROOT
 from dahl.binding.commission import REASONS, SWEEP_SPEEDS, Command
+from dahl.binding.compensator import Compensator
 from dahl.binding.library import c
 from dahl.can import drives
 from dahl.sim import axis as simulation
@@ -48,6 +49,8 @@ def test_a_simulated_axis_is_commissioned(dahl, root: Path, tmp_path: Path) -> N
     assert numbers == json.loads(Path("out/rig_1.json").read_text())
     assert numbers["refusal"] is None and numbers["stage"] == "done"
     assert_true(numbers)
+    law = Compensator(**numbers["compensator"])
+    assert (law.gain, law.Fc_low) == (numbers["result"]["gain"], numbers["result"]["Fc"]["least"])
     assert Path("out/rig_1.png").read_bytes().startswith(b"\x89PNG")
     assert_header(numbers, root, tmp_path)
 
@@ -149,6 +152,7 @@ def test_a_recording_shows_friction_and_load_but_no_bounds(dahl, recording) -> N
         ("time_s,angle_rad,torque_Nm", lambda t, a, T: (t, -a, T), "sign"),
         ("time_s,angle_rad,torque_Nm", lambda t, a, T: (t, a, -T), "negate"),
         ("time_s,angle_rad,torque_Nm", lambda t, a, T: (t[:5000], a[:5000], T[:5000]), "take"),
+        ("time_s,angle_rad,torque_Nm", lambda t, a, T: (t, a, 0 * T), "right column"),
         ("angle_rad,torque_Nm", lambda t, a, T: (a, T), "needs times"),
     ],
 )
@@ -311,6 +315,13 @@ def test_a_bus_that_is_lost_is_one_line(call: str, live, monkeypatch) -> None:
         ("", "--simulate"),
         ("--simulate --table x.csv", "one of"),
         ("--simulate --inertia 1", "--inertia"),
+        ("--simulate --counts-per-turn 99", "--counts-per-turn: has no use without LOG"),
+        ("--table x.csv --angle-unit deg", "--angle-unit: has no use without LOG"),
+        ("-i virtual -c x --skip-gaps", "--skip-gaps: has no use without LOG"),
+        (
+            "-i virtual -c x --inertia 1 --torque-limit 1 --counts-per-turn 999 --bandwidth 36",
+            "0.035/period = 35 Hz",
+        ),
         ("-i virtual -c x --inertia 1", "--torque-limit, --counts-per-turn"),
         ("-i virtual -c x --inertia 1 --torque-limit 1 --counts-per-turn 0", "--counts-per-turn"),
         ("-i virtual -c x --inertia 1 --torque-limit 1 --counts-per-turn 999 --travel 9", "travel"),

@@ -375,12 +375,14 @@ def test_the_host_takes_the_bounds_of_a_commissioning(root, dahl, monkeypatch) -
     assert known["compensator_without_load_table"]["gain"] < known["compensator"]["gain"]
     Path("refused.json").write_text(json.dumps(known | {"compensator_without_load_table": None}))
     example = str(root / "examples/odrive_moteus/feed_forward.py")
-    for name, said in (("axis.json", "error: cannot open can7"), ("refused.json", "2")):
+    Path("other.json").write_text("{}")
+    ends = {"axis.json": "error: cannot open can7"}
+    for name in ("axis.json", "refused.json", "other.json", "none.json"):
         words = ["feed_forward.py", "odrive", "can7", "--from", name]
         monkeypatch.setattr(sys, "argv", words)
         with pytest.raises(SystemExit) as ended:
             runpy.run_path(example, run_name="__main__")
-        assert str(ended.value.code).startswith(said)
+        assert str(ended.value.code).startswith(ends.get(name, "2"))
 
 
 def torques_of_moves(moves: list[int], period: float) -> np.ndarray:

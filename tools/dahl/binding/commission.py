@@ -181,7 +181,7 @@ class Commission(HasParameters, Copied):
         command = self.tick(0, 0.0)
         try:
             while command.stage not in ("done", "refused"):
-                command = self.tick(*drive(command))
+                command = self.tick(*_answer(drive(command)))
         finally:
             self.abort()
             drive(self.tick(0, 0.0))
@@ -238,7 +238,8 @@ class Commission(HasParameters, Copied):
 
     def _need_done(self) -> None:
         if self.stage != "done":
-            raise RunError(f"the axis is not commissioned: {self.refusal or self.stage}")
+            reason = self.refusal or f"it is in the stage {self.stage}"
+            raise RunError(f"the axis is not commissioned: {reason}")
 
     def load(self, angle: float) -> float:
         """Return the torque in N m that holds the axis at an angle in rad, +-load_error."""
@@ -289,3 +290,13 @@ class Commission(HasParameters, Copied):
 
     def __repr__(self) -> str:
         return f"Commission({self._shown_values()})"
+
+
+def _answer(found: Any) -> tuple[int, float]:
+    """Return what a drive returned. Raises TypeError if it is no pair."""
+    try:
+        moved, torque = found
+    except (TypeError, ValueError):
+        words = f"drive(command) returned {found!r}; (counts moved, torque) was expected"
+        raise TypeError(words) from None
+    return moved, torque

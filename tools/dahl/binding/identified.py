@@ -105,6 +105,11 @@ def _read(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: {error.strerror}; dahl identify writes it") from None
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not JSON ({error})") from None
+    if isinstance(found, dict) and "compensator_without_load_table" in found:
+        raise InputError(
+            f"{path}: by dahl commission; its 'compensator' has all keywords of dahl.Compensator:"
+            " dahl.Compensator(**json.load(open(...))['compensator'])"
+        )
     is_ours = isinstance(found, dict) and {"linear", *NAMES} <= found.keys()
     if not is_ours or not all(_is_bound(found[name]) for name in NAMES):
         raise InputError(f"{path}: not written by this version of dahl identify {NAMES}")

@@ -41,6 +41,10 @@ DRIVES = ("odrive", "moteus")  # of dahl.can.drives
 UNLIMITED = 1e6  # kg m2 and N m, of a recording
 FINE_COUNT_RAD = 1e-5  # of a recording without a known encoder
 OF_LIVE = ("node", "inertia", "torque_limit", "angle_limit", "speed_limit", "period", "bandwidth")
+OF_COLUMNS = (
+    *("angle", "torque", "time", "angle_unit", "torque_unit", "torque_constant", "time_unit"),
+    *("dbc", "skip_gaps", "trust_units"),
+)
 OF_AXIS = ("inertia", "torque_limit", "counts_per_turn")  # that a live axis needs
 
 
@@ -89,11 +93,15 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _refuse_unused(args: argparse.Namespace, is_live: bool) -> None:
-    """Raise dahl.Error for an option of the axis without use in this kind of run."""
+    """Raise dahl.Error for an option without use in this kind of run."""
     unused = () if is_live else OF_LIVE
     for name in (*unused, *["travel"] * args.simulate):
         if getattr(args, name) is not None:
             raise InputError(f"--{name.replace('_', '-')}: has no use without a live axis, -i")
+    needs_no_counts = not is_live and args.log is None
+    for name in (*OF_COLUMNS * (args.log is None), *["counts_per_turn"] * needs_no_counts):
+        if getattr(args, name):
+            raise InputError(f"--{name.replace('_', '-')}: has no use without LOG")
 
 
 def _print(args: argparse.Namespace, report: Report, name: str) -> None:
@@ -142,6 +150,9 @@ def _drive(args: argparse.Namespace) -> Report:
     number = drives.DEFAULT_NODES[args.drive] if args.node is None else args.node
     frames = drives.DRIVES[args.drive](number)
     rates = {} if args.bandwidth is None else {"bandwidth": args.bandwidth}
+    fastest = axis.MAX_BANDWIDTH_TICKS / axis_of_user.period
+    if args.bandwidth is not None and args.bandwidth > 1.0001 * fastest:
+        raise InputError(f"--bandwidth {args.bandwidth:g}: at most 0.035/period = {fastest:.3g} Hz")
     with open_from(args) as bus, Bar(console(stderr=True), leaves_nothing=True) as bar:
         plant = drives.Axis(
             bus, frames, round(args.counts_per_turn), axis_of_user.period, args.drive == "moteus"

@@ -236,7 +236,8 @@ def _without_gaps(
         role = next(role for role, column in values.items() if not np.isfinite(column[row]))
         raise InputError(
             f"{place(row)}: column '{names[role]}': no finite number ({values[role][row]}) here and"
-            f" in {missing} of {len(whole)} rows in all (dahl identify --skip-gaps leaves them out)"
+            f" in {missing} of {len(whole)} rows in all (--skip-gaps of dahl identify and dahl"
+            " commission leaves them out)"
         )
     rows = np.flatnonzero(whole)
     if "time" in values:

@@ -117,12 +117,14 @@ class Report:
         return _as_json(self.done.axis.sweeps) if self.done.axis.has_sweeps else None
 
     def _compensator(self, has_load: bool) -> dict[str, float] | None:
+        """Return the keywords of dahl.Compensator. None if the bounds are not known."""
         if self.stage != "done":
             return None
         params = self.done.axis.c_params(has_load)
         found = {name: getattr(params, name) for name in COMPENSATOR_PARAMETERS}
-        element = {"sigma0": params.friction.sigma0, "Fc": params.friction.Fc}
-        return {**element, **found, "elastic": params.elastic}
+        names = ("sigma0", "Fc", "theta_per_count")
+        element = {name: getattr(params.friction, name) for name in names}
+        return {**element, **found, "elastic": bool(params.elastic)}
 
     def as_json(self) -> str:
         return json.dumps(self.numbers(), indent=2) + "\n"

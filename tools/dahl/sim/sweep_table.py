@@ -79,7 +79,10 @@ def place(log: Log, table: Motion) -> Placed:
         )
     moved = theta[first : first + table.sweeps]
     theta = theta[first:] - np.mean(moved - wanted)
-    if np.sum(torque[first : first + table.sweeps - 1] * np.diff(moved)) < 0:
+    work = np.sum(torque[first : first + table.sweeps - 1] * np.diff(moved))
+    if not np.any(torque):
+        raise InputError(f"{log.name}: the torque is 0 in all rows: is it the right column?")
+    if work < 0:
         raise InputError(f"{log.name}: the torque pushes against the motion: negate it")
     return Placed(theta, torque[first:], first * table.period)
 
