@@ -96,18 +96,21 @@ class Residual(HasParameters, Copied):
         no_integral: bool = False,
     ) -> Residual:
         """Return an observer with friction, period and slew of a compensator. Without a corner, the
-        highest one that the rule allows is used, up to 15 Hz. Without a limit, it is Fc. Raises as
-        the constructor, and dahl.Error for a compensator of the measured law.
+        highest one that the rule allows is used, up to 15 Hz. Without a limit, it is Fc/2, or Fc if
+        the loop has no integral. Raises as the constructor, and dahl.Error for a compensator of the
+        measured law.
         """
         checks.instance("compensator", compensator, Compensator)
         if corner is None:
             corner = _highest_corner(compensator.period, inertia, speed_gain, resonance)
+        if limit is None:
+            limit = compensator.Fc if no_integral else compensator.Fc / 2
         friction = {name: getattr(compensator, name) for name in FRICTION}
         made = cls(
             **friction,
             inertia=inertia,
             corner=corner,
-            limit=compensator.Fc if limit is None else limit,
+            limit=limit,
             slew=compensator.slew,
             period=compensator.period,
             speed_gain=speed_gain,
