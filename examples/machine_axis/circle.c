@@ -94,7 +94,7 @@ static position_loop_params_t params_of(const law_t *law)
         .compensator = {.friction = {Fc / length, Fc, (float)(TWO_PI / COUNTS_PER_TURN)},
                         .law = DAHL_COMPENSATOR_REFERENCE, .gain = gain, .limit = 2.0f, .slew = 1000.0f,
                         .period = (float)PERIOD, .noise = 1, .play = 4, .jump = 20000},
-        .observer = {.inertia = (float)INERTIA, .corner = 15.0f, .limit = Fc, .speed_gain = 1.25f, .delay = 1},
+        .observer = {.inertia = (float)INERTIA, .corner = 15.0f, .limit = Fc / 2, .speed_gain = 1.25f, .delay = 1},
         .position_gain = 60.0f, .integral_time = 0.016f, .drive_limit = 20.0f};
     return params;
 }
