@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from dahl.sim import compensation
 from dahl.sim.compensation import Comparison
-from dahl.sim.compensation_axis import LIMIT, PERIOD_S, SLEW, run
+from dahl.sim.compensation_axis import PERIOD_S, run
 from identify_tools import complaint
 
 OBSERVED, LUGRE, DISTURBANCE = "dahl + observer", "LuGre observer", "disturbance observer"
@@ -44,6 +44,7 @@ def number(compared: Comparison):
     return lambda name, law, case, axis="position": compared.numbers[axis][case][law][name]
 
 
+LIMIT, SLEW = 1.0, 50.0  # N m, N m/s: of the library (library_law.h)
 LIMITS = [  # largest ratio of dahl + observer
     ("17 bits", 0.005),
     ("17 bits, cascade", 0.02),
