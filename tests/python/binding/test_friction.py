@@ -141,8 +141,9 @@ class Calls(RuleBasedStateMachine):
     def change_the_other_parameters(self, same: bool) -> None:
         plan = self.one.plan
         sigma0 = plan.sigma0 if same else plan.sigma0 * 0.75
-        assume(sigma0 >= 2.0**-64 and plan.Fc / 2 >= 2.0**-64)
-        self.change_plan(dahl.Plan(sigma0, plan.Fc / 2, 0.75 * plan.theta_per_count))
+        values = sigma0, plan.Fc / 2, 0.75 * plan.theta_per_count
+        assume(min(values) >= 2.0**-64)
+        self.change_plan(dahl.Plan(*values))
 
     @rule(copied=st.sampled_from(COPIES))
     def go_on_with_a_copy(self, copied) -> None:
