@@ -10,7 +10,7 @@
 #define TEST_AXES 200
 #endif
 #define EDGE 1.000001 /* a bound in float is on its safe side */
-#define LOUDER 2.0    /* noise of the observer, over that of the loop */
+#define LOUDER 1.5    /* noise of the observer, over that of the loop */
 
 typedef enum { NOTHING, MODEL, OBSERVER, REMOVED } law_t; /* REMOVED: the observer until the hold */
 

@@ -201,5 +201,4 @@ KINDS: dict[str, Maker] = {
     "gaps": gaps,
     "wrap": wrapped,
 }
-# Slow noise, as of "AR .95", imitates a low pass in a third of the logs.
-MUST_CLAIM = ("white 1 %", "white 5 %", "outliers 10 %")
+MUST_CLAIM = ("white 1 %", "white 5 %", "AR .95, 5 %", "outliers 10 %")

@@ -200,7 +200,7 @@ def test_minutes_of_strokes_at_one_speed_are_claimed(motion, sigma0, limit):
     result = identify([log])
     assert result.claimed == (True, True), result.verdict
     for p, true in ((result.sigma0, sigma0), (result.Fc, limit)):
-        assert p.low <= true <= p.high and p.half_width < 0.12
+        assert p.low <= true <= p.high and (p.high - p.low) / 2 < 0.1 * p.value
 
 
 PATH = chirp(2400, first=5, last=11)

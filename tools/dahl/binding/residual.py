@@ -102,7 +102,7 @@ class Residual(HasParameters, Copied):
         """
         checks.instance("compensator", compensator, Compensator)
         if corner is None:
-            corner = _highest_corner(compensator.period, inertia, speed_gain, resonance)
+            corner = _highest_corner(compensator, inertia, speed_gain, resonance)
         if limit is None:
             limit = compensator.Fc if no_integral else compensator.Fc / 2
         friction = {name: getattr(compensator, name) for name in FRICTION}
@@ -248,7 +248,7 @@ def _is_in_range(name: str, value: float) -> bool:
     return parameters.TORQUE_MIN <= value < parameters.TORQUE_MAX
 
 
-def _highest_corner(period: float, inertia: float, speed_gain: float, resonance: float) -> float:
+def _highest_corner(law: Compensator, inertia: float, speed_gain: float, resonance: float) -> float:
     """Return the highest corner of the rules up to 15 Hz. The constructor refuses wrong values."""
     given = {"inertia": inertia, "speed_gain": speed_gain, "resonance": resonance}
     inertia, speed_gain, resonance = (checks.real(name, value) for name, value in given.items())
@@ -258,4 +258,7 @@ def _highest_corner(period: float, inertia: float, speed_gain: float, resonance:
     elif resonance > 0:
         rule = resonance / 10
     below = 1 - 2.0**-20  # for the rounding to float
-    return below * min(MAX_CORNER_HZ, rule, 0.05 / period)
+    if inertia > 0:  # two counts in a tick must not saturate the observer
+        speed = 2 * law.theta_per_count / law.period
+        rule = min(rule, 63.999 * law.Fc / (2 * math.pi * inertia * speed))
+    return below * min(MAX_CORNER_HZ, rule, 0.05 / law.period)
