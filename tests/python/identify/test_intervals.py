@@ -286,6 +286,27 @@ def test_torque_and_angle_may_be_read_half_a_row_apart():
     assert select._with_skew(fitter, [fit], 0.5 * fit.cost, 0.0) == []
 
 
+@pytest.mark.parametrize(
+    ("none", "play", "low", "high"),
+    [
+        (1.3, 1.3, 85, 120),  # 90 and 100, and beyond both by half of their distance
+        (1.3, 1.4, 90, 120),  # a play that fits worse does not count
+        (1.4, 1.3, 100, 120),
+        (1.4, 1.4, 120, 120),
+    ],
+)
+def test_fits_without_a_lag_and_with_a_play_are_covered(none, play, low, high):
+    best = fit_of(1.0, 120, law="dahl", lag="delay+filter")
+    fits = [
+        best,
+        fit_of(none, 90, law="dahl", lag="none"),
+        fit_of(play, 100, law="dahl", lag="play"),
+    ]
+    seen = SimpleNamespace(best=best)
+    found = estimate._with_other_lags(seen, fits, best.value, best.value)
+    assert [side[0] for side in found] == pytest.approx([low, high])
+
+
 OBJECTIONS = [  # plausible fits, the chosen one first, and how many objections sigma0 has
     ([("dahl", "delay")], 0),
     ([("exponent", "none")], 0),
