@@ -111,21 +111,25 @@ static void give_up(candump_t *log, int why)
     }
 }
 
+/* The file has accepted the first `length` bytes of the buffer. */
+static void remove_written(candump_t *log, size_t length)
+{
+    size_t rest = incomplete_bytes(log, length);
+    log->torn = rest == length ? log->torn + rest : rest;
+    log->used -= length;
+    memmove(log->bytes, log->bytes + length, log->used);
+}
+
 /* Write as many bytes as the file accepts without waiting. */
 static void flush(candump_t *log)
 {
-    while (log->used > 0 && log->why == 0) {
-        ssize_t n = write(log->fd, log->bytes, log->used);
-        if (n < 0) {
-            if (errno != EAGAIN && errno != EINTR) {
-                give_up(log, errno);
-            }
-            return;
-        }
-        size_t rest = incomplete_bytes(log, (size_t)n);
-        log->torn = rest == (size_t)n ? log->torn + rest : rest;
-        log->used -= (size_t)n;
-        memmove(log->bytes, log->bytes + n, log->used);
+    ssize_t n = 0;
+    while (n >= 0 && log->used > 0) {
+        n = write(log->fd, log->bytes, log->used);
+        remove_written(log, n > 0 ? (size_t)n : 0);
+    }
+    if (n < 0 && errno != EAGAIN && errno != EINTR) {
+        give_up(log, errno);
     }
 }
 

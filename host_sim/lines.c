@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-#define _POSIX_C_SOURCE 200809L
 #include "lines.h"
 
 #include <errno.h>
@@ -36,7 +35,7 @@ int lines_next(lines_t *self)
     if (ferror(self->file) != 0) {
         return log_error("%s:%llu: cannot be read: %s", self->path, line, strerror(errno));
     }
-    return c != EOF || used > 0 ? 1 : 0;
+    return c != EOF || used > 0;
 }
 
 void lines_close(lines_t *self)

@@ -96,6 +96,12 @@ static void pass_to_nodes(loop_t *loop, const dahl_can_frame_t *frame)
     }
 }
 
+static void count_flags(loop_t *loop, uint32_t flags)
+{
+    loop->error_frames += (flags & DAHL_CAN_FRAME_ERROR) != 0 ? 1u : 0u;
+    loop->cut_frames += (flags & DAHL_CAN_FRAME_CUT) != 0 ? 1u : 0u;
+}
+
 static void dispatch(loop_t *loop, dahl_can_frame_t *frame)
 {
     uint64_t now = clock_now(loop->clock);
@@ -106,8 +112,7 @@ static void dispatch(loop_t *loop, dahl_can_frame_t *frame)
     if (loop->log != NULL) {
         candump_write(loop->log, frame);
     }
-    loop->error_frames += (frame->flags & DAHL_CAN_FRAME_ERROR) != 0 ? 1u : 0u;
-    loop->cut_frames += (frame->flags & DAHL_CAN_FRAME_CUT) != 0 ? 1u : 0u;
+    count_flags(loop, frame->flags);
     for (uint32_t i = 0; i < loop->encoder_count; i++) {
         encoder_receive(&loop->encoders[i], frame, now);
     }

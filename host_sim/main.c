@@ -161,16 +161,20 @@ static void note_cut_frames(const program_t *p)
     }
 }
 
+static int close_log(program_t *p)
+{
+    note_cut_frames(p);
+    if (p->loop.log == NULL || candump_close(&p->log)) {
+        return 0;
+    }
+    log_error("--log %s: %s; %llu lines are missing", p->options.log,
+              errno == 0 || errno == EAGAIN ? "its reader is too slow" : strerror(errno), (unsigned long long)p->log.missing);
+    return EXIT_RUNTIME;
+}
+
 static int write_results(program_t *p)
 {
-    int code = 0;
-    note_cut_frames(p);
-    if (p->loop.log != NULL && !candump_close(&p->log)) {
-        log_error("--log %s: %s; %llu lines are missing", p->options.log,
-                  errno == 0 || errno == EAGAIN ? "its reader is too slow" : strerror(errno),
-                  (unsigned long long)p->log.missing);
-        code = EXIT_RUNTIME;
-    }
+    int code = close_log(p);
     if (p->setup.plant.trace != NULL && !plant_close(&p->setup.plant)) {
         log_error("--trace %s: %s", p->options.trace, strerror(errno));
         code = EXIT_RUNTIME;

@@ -23,7 +23,10 @@ double dahl_rotor_least_inertia(double viscous, double sigma0, const hand_t *han
 double dahl_rotor_hand_torque(const rotor_t *rotor)
 {
     const hand_t *hand = rotor->hand;
-    double time = hand == NULL ? -1 : (double)rotor->steps * ROTOR_STEP_S - hand->start;
+    if (hand == NULL) {
+        return 0;
+    }
+    double time = (double)rotor->steps * ROTOR_STEP_S - hand->start;
     if (time < 0) {
         return 0;
     }

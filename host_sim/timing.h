@@ -14,6 +14,6 @@
 
 #define PERIOD_NS (PERIOD_US * NS_PER_US)
 #define PERIOD_S ((double)PERIOD_US / US_PER_S)
-#define TICKS_PER_SECOND (US_PER_S / PERIOD_US)
+#define TICKS_PER_SECOND ((double)US_PER_S / PERIOD_US)
 
 #endif

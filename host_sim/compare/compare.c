@@ -113,6 +113,17 @@ static void lead(const compare_run_t *run, axis_t *axis, double angle)
     axis->theta += dtheta;
 }
 
+/* One tick. Return the torque that a hand feels, or the tracking error of an axis. */
+static double move(const compare_run_t *run, axis_t *axis, double torque, double angle)
+{
+    if (run->law.is_hand) {
+        lead(run, axis, angle);
+        return axis->friction.torque - torque;
+    }
+    advance(run, axis, torque);
+    return angle - axis->theta;
+}
+
 int dahl_compare_run(const compare_run_t *run, const double *learned, double *error, double *motor, double *added,
                      double *feedback)
 {
@@ -132,13 +143,7 @@ int dahl_compare_run(const compare_run_t *run, const double *learned, double *er
         added[tick] = law_torque(run, &axis, &now);
         command(run, &axis, feedback[tick] + added[tick] + run->law.inertia * target.acceleration * !run->law.is_hand);
         motor[tick] = axis.commands[run->law.delay];
-        if (run->law.is_hand) {
-            lead(run, &axis, next.angle);
-            error[tick] = axis.friction.torque - motor[tick];
-        } else {
-            advance(run, &axis, motor[tick]);
-            error[tick] = next.angle - axis.theta;
-        }
+        error[tick] = move(run, &axis, motor[tick], next.angle);
     }
     return code;
 }
