@@ -36,7 +36,8 @@ def run(
 ) -> np.ndarray:
     """Call batch(*arguments, moves, *more, torques, n), and return the torques."""
     torques = output(out, moves)
-    batch(*arguments, *map(pointer, (moves, *more, torques)), len(moves))
+    more_pointers = map(pointer, more) if more else ()
+    batch(*arguments, pointer(moves), *more_pointers, pointer(torques), len(moves))
     return torques
 
 
@@ -56,6 +57,8 @@ def moves(values: ArrayLike, dtype: type, channels: int | None = None) -> np.nda
     """Return moves for C, shape (n,) or (n, channels): the same array if C can read it. Raises
     TypeError for no numbers, and dahl.InputError with the first bad value.
     """
+    if type(values) is np.ndarray and channels is None and _is_ready(values, dtype):
+        return values
     array = _array("moves", values)
     if array.size and array.dtype.kind not in "fiu":
         raise TypeError(f"moves has type {array.dtype}, not {np.dtype(dtype)}")
@@ -68,6 +71,11 @@ def moves(values: ArrayLike, dtype: type, channels: int | None = None) -> np.nda
         return _whole(array)
     with np.errstate(over="ignore"):  # beyond a float is infinite, which saturates
         return _for_c(array, dtype)
+
+
+def _is_ready(array: np.ndarray, dtype: type) -> bool:
+    """Return whether C can use it as it is, shape (n,). It costs less than the checks below."""
+    return array.dtype == dtype and array.ndim == 1 and array.flags.carray
 
 
 def _for_c(array: np.ndarray, dtype: type) -> np.ndarray:
@@ -135,6 +143,9 @@ def output(given: np.ndarray | None, wanted: np.ndarray) -> np.ndarray:
     """Return an array for the torques, or the given one if C can fill it."""
     if given is None:
         return np.empty(wanted.shape, np.float32)
+    if type(given) is np.ndarray and _is_ready(given, np.float32) and given.shape == wanted.shape:
+        if given is not wanted and given.flags.owndata and wanted.flags.owndata:
+            return given  # two arrays that own their memory share none
     if isinstance(given, np.ma.MaskedArray) or not isinstance(given, np.ndarray):
         raise TypeError(f"out is a {type(given).__name__}, not a float32 array")
     if given.dtype != np.float32:

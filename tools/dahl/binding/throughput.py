@@ -5,19 +5,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dahl.binding import arrays, checks, parameters, trajectory
+from dahl.binding.copies import Copied
 from dahl.binding.library import c
 from dahl.errors import InputError
 
 
 @dataclass(frozen=True)
-class Throughput(parameters.Counts):
+class Throughput(parameters.Counts, Copied):
     """Parameters in double (sigma0 in N m/rad, Fc in N m, theta_per_count in rad), for logs of
     millions of ticks (dahl_throughput_params_t).
 
@@ -32,17 +33,19 @@ class Throughput(parameters.Counts):
     sigma0: float
     Fc: float
     theta_per_count: float = 0.0
+    _prepared: Any = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         for name, limit in parameters.LIMITS.items():
             object.__setattr__(self, name, checks.real(name, getattr(self, name), limit))
+        self._prepare()
         check = c.dahl_throughput_counts if self.theta_per_count else c.dahl_throughput
-        if check(self._params(), c.NULL, c.NULL, c.NULL, 0) != 0:
+        if check(self._prepared, c.NULL, c.NULL, c.NULL, 0) != 0:
             raise InputError(parameters.refusal(self.sigma0, self.Fc, self.theta_per_count))
 
-    def _params(self) -> Any:
+    def _prepare(self) -> None:
         values = self.sigma0, self.Fc, self.theta_per_count
-        return c.new("dahl_throughput_params_t *", values)
+        object.__setattr__(self, "_prepared", c.new("dahl_throughput_params_t *", values))
 
     def run_counts(
         self,
@@ -85,12 +88,15 @@ class Throughput(parameters.Counts):
         out: np.ndarray | None,
         threads: int,
     ) -> np.ndarray:
+        first_state, count = _state_of(F, self.Fc), checks.whole("threads", threads, 1, 1024)
+        if count == 1:
+            state = c.new("dahl_state_t *", (first_state,))
+            return arrays.run(batch, (self._prepared, state), moves, out)
         out = arrays.output(out, moves)
-        first_state, params = _state_of(F, self.Fc), self._params()
 
         def move(first: int, last: int, w: int) -> int:
             state, span = c.new("dahl_state_t *", (w,)), slice(first, last)
-            arrays.run(batch, (params, state), moves[span], out[span])
+            arrays.run(batch, (self._prepared, state), moves[span], out[span])
             return int(state.w)
 
         def travel(first: int, last: int) -> float:
@@ -98,7 +104,6 @@ class Throughput(parameters.Counts):
             way = float(ways.sum())
             return travel_of_unit * (float(np.nansum(ways)) if math.isnan(way) else way)
 
-        count = checks.whole("threads", threads, 1, 1024)
         trajectory.run(trajectory.Trajectory(moves.size, move, travel), first_state, count)
         return out
 
@@ -138,7 +143,7 @@ def _run_channels(
     out: np.ndarray | None,
 ) -> np.ndarray:
     count = len(channels)
-    params = c.new("dahl_throughput_params_t[]", [each._params()[0] for each in channels])
+    params = c.new("dahl_throughput_params_t[]", [each._prepared[0] for each in channels])
     states = c.new("dahl_state_t[]", count)
     return arrays.run(batch, (params, states, count), moves, out)
 
