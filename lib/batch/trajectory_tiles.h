@@ -20,6 +20,7 @@
 #define DAHL_TILES 8 /* tiles in a block */
 #define DAHL_TILE_TICKS (DAHL_LANES * DAHL_LANES)
 #define DAHL_TILES_TICKS (DAHL_TILES * DAHL_TILE_TICKS)
+#define DAHL_LEAST_E 0x1p-110 /* of a lane: its 8th power times d is no subnormal number (see dahl_w_of) */
 #define DAHL_NAN_CLASS 0x81 /* quiet and signalling NaN for fpclass */
 
 typedef struct {
@@ -185,6 +186,7 @@ DAHL_WIDE void dahl_tile_join_all(dahl_tiles_t *tiles, int t)
             dahl_tile_join(&e[k], &c[k], e[k + apart], c[k + apart]);
         }
     }
+    e[0] = _mm512_max_pd(e[0], dahl_tile_all(DAHL_LEAST_E));
     DAHL_UNROLL_8
     for (int lanes = 1; lanes < DAHL_LANES; lanes *= 2) {
         __m512d before_e = dahl_tile_up(e[0], dahl_tile_all(1.0), lanes);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* Batches: exact forms against single steps, bit for bit; throughput forms against long double. */
+#include <fenv.h>
 #include <string.h>
 
 #include "dahl_batch.h"
@@ -177,6 +178,28 @@ static void test_any_batch(void)
         make_channels(&m, count);
         make_moves(&m, count * rows);
         check(form, count, rows);
+    }
+}
+
+/* Some processors take a hundred cycles for a subnormal number: no product may become one, whatever the moves. */
+static void test_no_fast_form_underflows(void)
+{
+    static const uint32_t most[] = {15, 400, 16000, INT32_MAX};
+    motion_t m = MOTION_START;
+    for (int i = 0; i < 400; i++) {
+        const uint32_t size = most[motion_random(&m) % 4u], reversal = motion_random(&m) % 3u;
+        make_channels(&m, 16);
+        for (int t = 0; t < 16 * 512; t++) { /* random signs, or few or no reversals */
+            const uint32_t r = motion_random(&m);
+            const int back = reversal == 0 ? (r & 1u) != 0 : reversal == 1 && t % 997 == 0;
+            moves[t] = (int32_t)((r >> 1) % size) * (back ? -1 : 1);
+            angles[t] = (float)moves[t] * THETA;
+        }
+        memcpy(channels.batch, channels.start, sizeof channels.batch);
+        const unsigned form = FAST + motion_random(&m) % 2u + (motion_random(&m) % 2u) * ONE;
+        feclearexcept(FE_ALL_EXCEPT);
+        run(form, 16, 512, G);
+        TEST_ASSERT_FALSE(fetestexcept(FE_UNDERFLOW));
     }
 }
 
