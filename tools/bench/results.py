@@ -42,6 +42,8 @@ WAYS = (
     Way("exp_double", "`1 - exp` (double) step"),
     Way("expm1_double", "`expm1` (double) step"),
     Way("double_state", "`expm1` step, state in double", on_target=False),
+    Way("vector_exp", "vector `exp` of glibc, serial loop in double", on_target=False),
+    Way("sleef", "vector `expm1` of SLEEF, serial loop in double", on_target=False),
     Way("anchored", "Eq. 18, anchored at each reversal"),
     Way("direct", "Eqs. 7, 18, 27, one running exponent"),
     Way("table", "table of g(u), interpolated"),
@@ -137,8 +139,8 @@ def core_points(target: dict[str, Any], host: dict[str, Any], core: str) -> list
 def host_points(host: dict[str, Any]) -> list[Point]:
     points = []
     for way in WAYS:
-        if way.on_host:
-            name = HOST_KEY.get(way.key, way.key)
+        name = HOST_KEY.get(way.key, way.key)
+        if way.on_host and name in host["errors"][JUMPS]:  # SLEEF may be missing
             cost = {scenario: ways[name] for scenario, ways in host["speed"].items()}
             points.append(Point(way.key, way.title, way.ours, cost, errors_of(host, way.key)))
     for name, entry in host["outside"].items():
@@ -151,7 +153,7 @@ def host_points(host: dict[str, Any]) -> list[Point]:
 
 OUTSIDE = {
     "mujoco": "MuJoCo `dcmotor`",
-    "newton": "Newton's Dahl axis",
+    "newton": "Newton's Dahl axis (in float; a move within 1e-6 rad keeps the direction)",
     "scipy": "SciPy `solve_ivp`",
     "numba": "numba loop, state in double",
     "jax_float": "JAX `associative_scan`, float",
@@ -191,17 +193,24 @@ def ratios(host: dict[str, Any]) -> dict[str, float]:
     }
     result = {key: over(way) for key, way in names.items()}
     result |= {f"{key}_least": over(way, least=True) for key, way in names.items()}
-    result["copy_x"] = mean([w["throughput_counts"] / w["copy"] for w in speed.values()])
-    result["copy_channels16_x"] = mean(
-        [w["throughput_counts_16"] / w["copy"] for w in speed.values()]
-    )
     for threads, ns in host.get("threads", {}).items():
         result[f"threads_{threads}_x"] = host["threads"]["1"] / ns
-    if "ns" in host["outside"].get("mujoco", {}):
-        result["mujoco_x"] = host["outside"]["mujoco"]["ns"] / host["python"]["throughput_ns"]
-        result["mujoco_batch_x"] = host["outside"]["mujoco"]["ns"] / host["python"]["batch_ns"]
-        result["mujoco_step_x"] = host["outside"]["mujoco"]["ns"] / host["python"]["step_ns"]
     return {key: round(value, 2) for key, value in result.items()}
+
+
+def distances(host: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return how many times as long as a plain copy of the arrays each way takes: geometric mean
+    over the motions, the most, and the motion with the most.
+    """
+    speed = host["speed"]
+    found = {}
+    for way in speed[JUMPS]:
+        each = {motion: ways[way] / ways["copy"] for motion, ways in speed.items()}
+        motion = max(each, key=lambda name: each[name])
+        average = prod(each.values()) ** (1 / len(each))
+        ns = mean([ways[way] for ways in speed.values()])
+        found[way] = {"ns": ns, "mean": average, "most": each[motion], "motion": motion}
+    return found
 
 
 def combine(target: dict[str, Any], host: dict[str, Any]) -> dict[str, Any]:
@@ -215,6 +224,7 @@ def combine(target: dict[str, Any], host: dict[str, Any]) -> dict[str, Any]:
     }
     return {
         "host": ratios(host),
+        "copies": distances(host),
         "dominated": [d for core, ps in points.items() for d in find_dominated(ps, core)],
         "missing": {k: e["missing"] for k, e in host["outside"].items() if "missing" in e},
         "points": listed,

@@ -36,7 +36,7 @@ declare -A MAY=(
         qemu-user-static binutils-s390x-linux-gnu libgcc-12-dev-s390x-cross libc6-dev-s390x-cross
         gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc gcc-avr avr-libc arduino-core-avr make
         clang-19 llvm-19 libclang-rt-19-dev clang-tidy-19 cppcheck shellcheck gappa sollya'
-    [bench]='gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc'
+    [bench]='gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc libsleef-dev'
 )
 
 # Downloads into build/deps (fetched.sh).

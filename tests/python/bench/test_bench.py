@@ -172,14 +172,17 @@ def test_ratios_are_geometric_means_over_the_plain_loop(results) -> None:
     host = {
         "speed": speed,
         "threads": {"1": 3.0, "2": 2.0},
-        "outside": {"mujoco": {"ns": 6000.0}},
-        "python": {"throughput_ns": 2.0, "batch_ns": 3.0, "step_ns": 500.0},
     }
     found = results.ratios(host)
     wanted = {"bitwise_counts_x": 4.0, "bitwise_counts_x_least": 2.0, "throughput_counts_x": 1.0}
-    wanted |= {"copy_x": 2.5, "copy_channels16_x": 2.5, "threads_2_x": 1.5}
-    wanted |= {"mujoco_x": 3000.0, "mujoco_batch_x": 2000.0, "mujoco_step_x": 12.0}
-    assert found == dict.fromkeys(found, 1.0) | wanted
+    assert found == dict.fromkeys(found, 1.0) | wanted | {"threads_2_x": 1.5}
+
+
+def test_the_distance_to_a_copy_names_the_worst_motion(results) -> None:
+    """The geometric mean of 2 and 8 is 4."""
+    speed = {"sine_12": {"ours": 2.0, "copy": 1.0}, "leap_14": {"ours": 4.0, "copy": 0.5}}
+    wanted = {"ns": 3.0, "mean": pytest.approx(4.0), "most": 8.0, "motion": "leap_14"}
+    assert results.distances({"speed": speed})["ours"] == wanted
 
 
 def numbers_of(row: list[str]) -> list[float]:

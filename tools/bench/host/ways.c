@@ -151,6 +151,30 @@ BY_TORQUES(batch_counts)
 BY_TORQUES(throughput_counts)
 BY_TORQUES(throughput_angle)
 
+/* Blocks of vector_exp.c. */
+#define BY_BLOCKS(name)                                                                     \
+    TORQUES(name)                                                                           \
+    {                                                                                       \
+        double w[VECTOR_BLOCK];                                                             \
+        (void)angles;                                                                       \
+        for (size_t done = 0; done < n; done += VECTOR_BLOCK) {                             \
+            const size_t size = n - done < VECTOR_BLOCK ? n - done : VECTOR_BLOCK;          \
+            name##_block(r, dcounts + done, w, size);                                       \
+            for (size_t i = 0; i < size; i++) {                                             \
+                F[done + i] = (float)((double)r->params.Fc * w[i]);                         \
+            }                                                                               \
+        }                                                                                   \
+    }                                                                                       \
+    BY_TORQUES(name)
+
+BY_BLOCKS(vector_exp)
+#ifdef HAS_SLEEF
+BY_BLOCKS(sleef)
+#define SLEEF_WAY WAY(sleef, 0),
+#else
+#define SLEEF_WAY
+#endif
+
 #define WAY(name, by_angle) {#name, name##_ratios, by_angle, name##_torques}
 
 const way_t ways[] = {
@@ -158,7 +182,7 @@ const way_t ways[] = {
     WAY(throughput_angle, 1), WAY(expm1f, 0),      WAY(expf, 0),           WAY(exp_double, 0),     WAY(expm1_double, 0),
     WAY(double_state, 0),    WAY(anchored, 0),     WAY(direct, 0),         WAY(euler, 0),          WAY(rk4, 0),
     WAY(table, 0),           WAY(table_counts, 0), WAY(backward_parts, 0), WAY(trapezoid_parts, 0), WAY(euler_parts, 0),
-    WAY(rk4_parts, 0),
+    WAY(rk4_parts, 0),       WAY(vector_exp, 0),   SLEEF_WAY
 };
 
 const size_t ways_count = sizeof ways / sizeof ways[0];

@@ -30,6 +30,11 @@ typedef struct {
     void (*torques)(run_t *run, const int32_t *dcounts, const float *angles, float *F, size_t n);
 } way_t;
 
+/* vector_exp.c: at most VECTOR_BLOCK ticks; w gets F/Fc. sleef_block() exists if HAS_SLEEF is defined. */
+enum { VECTOR_BLOCK = 512 };
+void vector_exp_block(run_t *run, const int32_t *dcounts, double *w, size_t n);
+void sleef_block(run_t *run, const int32_t *dcounts, double *w, size_t n);
+
 extern const way_t ways[];
 extern const size_t ways_count;
 
