@@ -95,11 +95,12 @@ def test_each_panel_has_both_curves_in_their_units(library, picture):
     assert axis(loop) == ("way [mm]", "friction torque [N m]")
     assert axis(whole) == axis(part) == ("time in the log [s]", "torque [N m]")
     left, spread = TORQUE[rows] - computed, TORQUE[rows] - TORQUE[rows].mean()
-    caption = loop.get_title(loc="left")
-    r2 = 1 - np.sum(left**2) / np.sum(spread**2)
-    assert float(re.search(r"R² = (\S+)", caption)[1]) == pytest.approx(r2, abs=6e-5)
     legend = [text.get_text() for text in loop.get_legend().get_texts()]
-    assert [words.split(",")[0] for words in legend] == ["measured", "computed"]
+    r2 = 1 - np.sum(left**2) / np.sum(spread**2)
+    assert float(re.search(r"R² (\S+)", legend[1])[1]) == pytest.approx(r2, abs=6e-5)
+    names = [words.split(",")[0] for words in legend]
+    assert names == ["measured", "dahl", "slip elements", "Fc sign(v)"]
+    assert "offset 0.25 N m" in loop.get_title(loc="left")
     first, second = ([axes.lines[k].get_color() for axes in (loop, whole, part)] for k in (0, 1))
     assert len({*first}) == len({*second}) == 1 and first != second
 

@@ -86,7 +86,8 @@ def test_the_log_of_a_run_is_found_by_its_summary(dahl, log, figures):
     scenes = [("--scene", name) for name in ("there/mine.ini", "there/other.ini", "segments")]
     for words in (("-o", "x.png"), *scenes):
         assert ": 30 ticks" in dahl("plot", "there", *words).stdout, words
-    fits = [re.findall("R².*", figure.axes[0].get_title(loc="left")) for figure in figures]
+    legends = [figure.axes[0].get_legend().get_texts() for figure in figures]
+    fits = [re.findall("dahl.*(R².*)", "\n".join(t.get_text() for t in texts)) for texts in legends]
     own, same, other, none = fits
     assert own == same != other and other and none == []
     assert not any("0.99" in words for found in fits for words in found)

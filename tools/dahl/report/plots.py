@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Draw loop.png: torque over angle, then over time. One colour is measured, the other computed."""
+"""Draw loop.png: torque over angle, then over time; one colour for each of measured and computed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from dahl.facts import PERIOD_US
 from dahl.io import files, readers
-from dahl.report import traces
+from dahl.report import other_laws, traces
 from dahl.sim.replay import Recorded
 from dahl.sim.scene import Scene
 
@@ -33,7 +33,7 @@ STYLE: Any = {  # rcParams of matplotlib; rc_context() refuses a dict[str, objec
 WINDOW_SHARE = 0.08  # of the run, enlarged in the last panel
 WIDTH, ABOVE, BELOW, BETWEEN = (
     11.0,
-    1.35,
+    1.6,
     0.65,
     0.9,
 )  # inches: width; space above, below, between panels
@@ -64,14 +64,17 @@ def draw(
         figure = Figure()
         panels = _stack_panels(figure, (LOOP, TRACE, TRACE, *(TRACE for _ in more)))
         loop, whole, part = panels[:3]
-        _panel(loop, trace.angle(scene) * scene.measured.angle_scale, measured, computed, gain)
+        angle = trace.angle(scene) * scene.measured.angle_scale
+        _panel(loop, angle, measured, computed, _name(scene, numbers, gain))
+        if measured is not None and not scene.compensates:
+            _draw_other_laws(loop, angle, other_laws.fitted(scene, trace, measured))
         loop.set(
             xlabel=escape(scene.measured.label_angle),
             ylabel=escape(scene.measured.label_torque),
         )
         for axes, where in ((whole, slice(None)), (part, _window(computed))):
             _panel(
-                axes, time[where], None if measured is None else measured[where], computed[where]
+                axes, time[where], None if measured is None else measured[where], computed[where], ""
             )
             _mark_events(axes, trace, time, where)
             axes.set(xlabel=time_label, ylabel=escape(_short_label(scene.measured.label_torque)))
@@ -106,7 +109,7 @@ def _draw_header(figure: Figure, loop: Axes, title: str, caption: str) -> None:
     figure.suptitle(
         title, fontsize=15, fontweight="bold", x=0.01, y=1 - 0.2 / height, ha="left", va="top"
     )
-    loop.set_title(caption, loc="left", fontsize=10, color="#555555", pad=36)
+    loop.set_title(caption, loc="left", fontsize=10, color="#555555", pad=56)
     loop.legend(
         loc="lower left", bbox_to_anchor=(0, 1.005), ncols=2, borderaxespad=0.3, handlelength=1.6
     )
@@ -149,8 +152,8 @@ def _caption(scene: Scene, trace: traces.Trace, numbers: dict[str, Any]) -> str:
     words = f"sigma0 = {scene.sigma0:g} {units['sigma0']}, Fc = {scene.Fc:g} {units['Fc']}"
     words += f", {len(trace.row)} ticks"
     words += f" over {numbers['bus']}" if "bus" in numbers else ""
-    fit = numbers.get("r2_measured")
-    return words + ("" if fit is None else f", R² = {fit:.4f}")
+    offset = scene.measured.offset
+    return words + (f", offset {offset:g} {units['Fc']}" if offset else "")
 
 
 def _optional_panels(
@@ -217,12 +220,24 @@ def _tracking_error(trace: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _panel(
-    axes: Axes, x: np.ndarray, measured: np.ndarray | None, computed: np.ndarray, gain: str = ""
+    axes: Axes, x: np.ndarray, measured: np.ndarray | None, computed: np.ndarray, name: str
 ) -> None:
     if measured is not None:
         axes.plot(x, measured, color=MEASURED, linewidth=1.1, label="measured")
-    label = "computed, as received over the bus" + f", {gain}" * bool(gain)
-    axes.plot(x, computed, color=COMPUTED, linewidth=1.4, label=label)
+    axes.plot(x, computed, color=COMPUTED, linewidth=1.4, label=name)
+
+
+def _name(scene: Scene, numbers: dict[str, Any], gain: str) -> str:
+    """Return what the computed line is, with its fit."""
+    words = f"{scene.model}, as received over the bus" + f", {gain}" * bool(gain)
+    fit = numbers.get("r2_measured")
+    return words if fit is None else f"{words}: R² {fit:.4f}"
+
+
+def _draw_other_laws(axes: Axes, angle: np.ndarray, laws: list[other_laws.Law]) -> None:
+    for law, color in zip(laws, (MISSING, MARK), strict=False):
+        words = f"{law.name}, fitted: R² {law.r2:.4f}"
+        axes.plot(angle, law.torque, color=color, linewidth=1.0, label=words)
 
 
 def _time(trace: traces.Trace, recorded: Recorded | None) -> tuple[np.ndarray, str]:
