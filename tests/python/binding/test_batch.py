@@ -143,3 +143,27 @@ def test_the_c_tests_of_batches_pass_with_other_compilers_and_flags(command, roo
     files = [with_main(root / "tests/lib/test_batch.c", tmp_path), unity / "unity.c"]
     run(*words, *files, *sorted((root / "lib").glob("*/*.c")), "-lm")
     run(program)
+
+
+def test_a_path_starts_where_the_shaft_is() -> None:
+    """Against Eq. 1 by its closed form in double: first forward, then back."""
+    theta = np.array([0.3, 0.3, 0.302, 0.31, 0.305])
+    up = 0.5 * -np.expm1(-200 * 0.01)
+    back = -0.5 + (up + 0.5) * np.exp(-200 * 0.005)
+    wanted = [0, 0, 0.5 * -np.expm1(-200 * 0.002), up, back]
+    bearing, fast = dahl.Friction(dahl.Plan(100, 0.5)), dahl.Throughput(100, 0.5)
+    for torques in (bearing.run_path(theta), fast.run_path(theta), fast.run_path(theta, threads=2)):
+        assert torques == pytest.approx(wanted, abs=1e-6)
+    assert bearing.run_path([7.0, 7.001])[0] == pytest.approx(back, abs=1e-6)  # the state stays
+    assert fast.run_path([7.0], F=0.2) == pytest.approx([0.2])
+    assert fast.run_path([]).shape == (0,)
+
+
+@pytest.mark.parametrize(
+    ("theta", "words"),
+    [([0.0, np.nan], r"theta\[1\] = nan"), ([np.inf], r"theta\[0\]"), ([[1.0]], r"\(1, 1\)")],
+)
+def test_a_path_with_a_bad_angle_is_refused(theta, words) -> None:
+    for run in (dahl.Friction(dahl.Plan(1, 1)).run_path, dahl.Throughput(1, 1).run_path):
+        with pytest.raises(dahl.InputError, match=words):
+            run(theta)

@@ -73,6 +73,24 @@ def moves(values: ArrayLike, dtype: type, channels: int | None = None) -> np.nda
         return _for_c(array, dtype)
 
 
+def moves_of_path(theta: ArrayLike) -> np.ndarray:
+    """Return the moves in rad between angles, the first one 0, rounded to float32. Raises dahl.Error
+    for the first angle that is not finite.
+    """
+    array = _array("theta", theta)
+    if array.size and array.dtype.kind not in "fiu":
+        raise TypeError(f"theta has type {array.dtype}, not float64")
+    if array.ndim != 1:
+        raise InputError(f"theta has shape {array.shape}, not (n,)")
+    wrong = ~np.isfinite(array)
+    if wrong.any():
+        place = int(np.argmax(wrong))
+        raise InputError(f"theta[{place}] = {array[place].item()!r} is not a finite angle in rad")
+    wide = array.astype(np.float64)
+    with np.errstate(over="ignore"):  # beyond a float is infinite, which saturates
+        return np.diff(wide, prepend=wide[:1]).astype(np.float32)
+
+
 def _is_ready(array: np.ndarray, dtype: type) -> bool:
     """Return whether C can use it as it is, shape (n,). It costs less than the checks below."""
     return array.dtype == dtype and array.ndim == 1 and array.flags.carray

@@ -192,6 +192,15 @@ class Friction(PlanAndState, RatioElement):
         plan, state = self._plan._prepared, self._state._c
         return arrays.run(c.dahl_batch, (plan, state), arrays.moves(moves, np.float32), out)
 
+    def run_path(
+        self, theta: ArrayLike, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
+        """Angles in rad, shape (n,), finite -> torques in N m at each, shape (n,), float32, into
+        `out` if given: run() of the moves between them. The shaft is at theta[0] already, so the
+        first torque is the present one.
+        """
+        return self.run(arrays.moves_of_path(theta), out)
+
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Friction):
             return NotImplemented

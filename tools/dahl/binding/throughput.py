@@ -79,6 +79,19 @@ class Throughput(parameters.Counts, Copied):
         moves = arrays.moves(moves, np.float32)
         return self._run(c.dahl_throughput, moves, self.sigma0 / self.Fc, F, out, threads)
 
+    def run_path(
+        self,
+        theta: ArrayLike,
+        F: float = 0.0,  # noqa: N803
+        out: NDArray[np.float32] | None = None,
+        *,
+        threads: int = 1,
+    ) -> NDArray[np.float32]:
+        """Angles in rad, shape (n,), finite -> torques in N m at each: run() of the moves between
+        them. The shaft is at theta[0] already, so the first torque is F.
+        """
+        return self.run(arrays.moves_of_path(theta), F, out, threads=threads)
+
     def _run(
         self,
         batch: Callable[..., object],
