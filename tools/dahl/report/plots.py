@@ -68,6 +68,8 @@ def draw(
         _panel(loop, angle, measured, computed, _name(scene, numbers, gain))
         if measured is not None and not scene.compensates:
             _draw_other_laws(loop, angle, other_laws.fitted(scene, trace, measured))
+        if scene.file.text("motion", "kind") == "segments" and scene.model == "dahl":
+            label_arcs(loop, angle, computed)
         loop.set(
             xlabel=escape(scene.measured.label_angle),
             ylabel=escape(scene.measured.label_torque),
@@ -232,6 +234,23 @@ def _name(scene: Scene, numbers: dict[str, Any], gain: str) -> str:
     words = f"{scene.model}, as received over the bus" + f", {gain}" * bool(gain)
     fit = numbers.get("r2_measured")
     return words if fit is None else f"{words}: R² {fit:.4f}"
+
+
+def label_arcs(axes: Axes, angle: np.ndarray, torque: np.ndarray) -> None:
+    """Write the equations of the paper at its three arcs: forward from rest, back, forward again."""
+    moves = np.diff(angle)
+    turns = np.flatnonzero(np.diff(np.sign(moves[moves != 0]))) + 1
+    arcs = np.split(np.flatnonzero(moves), turns)
+    for arc, name, share in zip(arcs, ("Eq. 7", "Eq. 18", "Eq. 27"), (0.5, 0.5, 0.3), strict=False):
+        place, outside = arc[int(share * len(arc))], name == "Eq. 27"
+        axes.annotate(
+            name,
+            (angle[place], torque[place]),
+            xytext=(-8, 4) if outside else (8, -4),
+            textcoords="offset points",
+            ha="right" if outside else "left",
+            va="bottom" if outside else "top",
+        )
 
 
 def _draw_other_laws(axes: Axes, angle: np.ndarray, laws: list[other_laws.Law]) -> None:
