@@ -117,10 +117,17 @@ def host_table(result: dict[str, Any]) -> list[str]:
         copies = result["copies"].get(key)
         if point:
             ns = copies["ns"] if key in HOST_ROWS else point["cost"]
-            times = [f"{copies['mean']:.1f}", f"{copies['most']:.1f} ({copies['motion']})"]
-            cells = [titles[key], f"{ns:,.{0 if ns >= 10 else 2}f}", *(times if copies else ["", ""])]
-            lines.append("| " + " | ".join([*cells, format_error(point["worst"])]) + " |")
+            time = f"{ns:,.{0 if ns >= 10 else 2}f}"
+            cells = [titles[key], time, *copy_cells(copies), format_error(point["worst"])]
+            lines.append("| " + " | ".join(cells) + " |")
     return lines
+
+
+def copy_cells(copies: dict[str, Any] | None) -> list[str]:
+    """Return the distance to a copy: on average, and on the worst motion with its name."""
+    if copies is None:
+        return ["", ""]
+    return [f"{copies['mean']:.1f}", f"{copies['most']:.1f} ({copies['motion']})"]
 
 
 def host_block(result: dict[str, Any]) -> str:
@@ -134,8 +141,8 @@ def host_block(result: dict[str, Any]) -> str:
             f" {result['machine']['ticks']['threads']:,} ticks"
         )
     lines += [f"- not compared here: {name} ({why})" for name, why in result["missing"].items()]
-    note = f"{result['machine']['cpu']}, {result['machine']['compiler']}. Times a copy: beside a plain"
-    note += " copy of the arrays in the same run, geometric mean over the hard motions."
+    note = f"{result['machine']['cpu']}, {result['machine']['compiler']}. Times a copy: beside a"
+    note += " plain copy of the arrays in the same run, geometric mean over the hard motions."
     return "\n".join([HOST_MARKS[0], *host_table(result), "", *lines, "", note, HOST_MARKS[1]])
 
 

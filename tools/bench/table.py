@@ -188,7 +188,8 @@ def with_sum(costs: dict[str, Any]) -> dict[str, Any]:
 
 def speed_block(result: dict[str, dict[str, Any]]) -> str:
     """Return the rows at the top of docs/speed.md: cycles and worst error."""
-    cores = {name: core | {"cycles": with_sum(core["cycles"])} for name, core in timed(result).items()}
+    cores = timed(result)
+    cores = {name: core | {"cycles": with_sum(core["cycles"])} for name, core in cores.items()}
     head = ["cycles of the worst call", *(core["core"] for core in cores.values()), "worst error"]
     lines = ["| " + " | ".join(head) + " |", "|---|" + "---:|" * len(cores) + "---|"]
     for row, key, error in SPEED_ROWS:

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: MIT
 """Draw docs/pictures/arcs.png: the three arcs of the paper, each with its equation."""
 
-import numpy as np
-from matplotlib import rc_context
-from matplotlib.figure import Figure
-
 import dahl
+import numpy as np
 from dahl.paths import ROOT
 from dahl.report import plots
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 
 SIGMA0, FC = 50.0, 0.5  # N m/rad, N m
 TURNS = (0.0, 0.02, -0.01, 0.03)  # rad: theta0, theta1, theta2, and the end

@@ -164,6 +164,6 @@ def test_a_path_starts_where_the_shaft_is() -> None:
     [([0.0, np.nan], r"theta\[1\] = nan"), ([np.inf], r"theta\[0\]"), ([[1.0]], r"\(1, 1\)")],
 )
 def test_a_path_with_a_bad_angle_is_refused(theta, words) -> None:
-    for run in (dahl.Friction(dahl.Plan(1, 1)).run_path, dahl.Throughput(1, 1).run_path):
+    for element in (dahl.Friction(dahl.Plan(1, 1)), dahl.Throughput(1, 1)):
         with pytest.raises(dahl.InputError, match=words):
-            run(theta)
+            element.run_path(theta)

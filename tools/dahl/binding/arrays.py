@@ -74,8 +74,8 @@ def moves(values: ArrayLike, dtype: type, channels: int | None = None) -> np.nda
 
 
 def moves_of_path(theta: ArrayLike) -> np.ndarray:
-    """Return the moves in rad between angles, the first one 0, rounded to float32. Raises dahl.Error
-    for the first angle that is not finite.
+    """Return the moves in rad between angles, the first one 0, rounded to float32. Raises
+    dahl.Error for the first angle that is not finite.
     """
     array = _array("theta", theta)
     if array.size and array.dtype.kind not in "fiu":
@@ -161,9 +161,21 @@ def output(given: np.ndarray | None, wanted: np.ndarray) -> np.ndarray:
     """Return an array for the torques, or the given one if C can fill it."""
     if given is None:
         return np.empty(wanted.shape, np.float32)
-    if type(given) is np.ndarray and _is_ready(given, np.float32) and given.shape == wanted.shape:
-        if given is not wanted and given.flags.owndata and wanted.flags.owndata:
-            return given  # two arrays that own their memory share none
+    if not _is_free(given, wanted):
+        _check_output(given, wanted)
+    return given
+
+
+def _is_free(given: np.ndarray, wanted: np.ndarray) -> bool:
+    """Return whether it surely is a good output: two arrays that own their memory share none."""
+    if type(given) is not np.ndarray or not _is_ready(given, np.float32):
+        return False
+    owned = given is not wanted and given.flags.owndata and wanted.flags.owndata
+    return owned and given.shape == wanted.shape
+
+
+def _check_output(given: np.ndarray, wanted: np.ndarray) -> None:
+    """Raise TypeError or dahl.InputError if C cannot fill the array."""
     if isinstance(given, np.ma.MaskedArray) or not isinstance(given, np.ndarray):
         raise TypeError(f"out is a {type(given).__name__}, not a float32 array")
     if given.dtype != np.float32:
@@ -174,4 +186,3 @@ def output(given: np.ndarray | None, wanted: np.ndarray) -> np.ndarray:
         raise InputError("out is not C-contiguous, aligned and writable")
     if np.may_share_memory(given, wanted):
         raise InputError("out and moves share memory")
-    return given

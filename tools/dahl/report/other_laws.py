@@ -45,7 +45,7 @@ def fitted(scene: Scene, trace: traces.Trace, measured: np.ndarray) -> list[Law]
 def _held_sign(moves: np.ndarray) -> np.ndarray:
     """Return the sign of the last move, as a firmware with a perfect speed sensor has it."""
     last = np.maximum.accumulate(np.where(moves != 0, np.arange(len(moves)), 0))
-    return np.sign(moves[last]).astype(float)
+    return np.asarray(np.sign(moves[last]), float)
 
 
 def _slip(moves: np.ndarray, counts: float) -> np.ndarray:

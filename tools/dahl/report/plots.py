@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Draw loop.png: torque over angle, then over time; one colour for each of measured and computed."""
+"""Draw loop.png: torque over angle, then over time. Each of measured and computed has a colour."""
 
 from __future__ import annotations
 
@@ -75,9 +75,8 @@ def draw(
             ylabel=escape(scene.measured.label_torque),
         )
         for axes, where in ((whole, slice(None)), (part, _window(computed))):
-            _panel(
-                axes, time[where], None if measured is None else measured[where], computed[where], ""
-            )
+            shown = None if measured is None else measured[where]
+            _panel(axes, time[where], shown, computed[where], "")
             _mark_events(axes, trace, time, where)
             axes.set(xlabel=time_label, ylabel=escape(_short_label(scene.measured.label_torque)))
             axes.margins(x=0.01)
@@ -237,7 +236,7 @@ def _name(scene: Scene, numbers: dict[str, Any], gain: str) -> str:
 
 
 def label_arcs(axes: Axes, angle: np.ndarray, torque: np.ndarray) -> None:
-    """Write the equations of the paper at its three arcs: forward from rest, back, forward again."""
+    """Write the equations of the paper at its arcs: forward from rest, back, forward again."""
     moves = np.diff(angle)
     turns = np.flatnonzero(np.diff(np.sign(moves[moves != 0]))) + 1
     arcs = np.split(np.flatnonzero(moves), turns)
