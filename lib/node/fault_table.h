@@ -19,11 +19,11 @@
     ROW(LONG_GAP, "counter + 4 to + 8, with MaxStep", "ok, lost", LOST, "moved", true) \
     ROW(AGAIN, "same counter as before", "repeated", REPEATED, "kept", false) \
     ROW(OTHER, "any other counter", "wrong_sequence", WRONG_SEQUENCE, "kept", false) \
-    ROW(FAR, "counter + 1, further away than MaxStep allows", "jump", OK, "kept", false) \
-    ROW(FAR_GAP, "counter + 2 to + 8, further away than MaxStep allows", "lost, jump", LOST, "kept", false) \
-    ROW(THIRD, "third consecutive frame with any other counter, if valid; without MaxStep, or further away than MaxStep allows", "wrong_sequence", WRONG_SEQUENCE, "kept", true) \
-    ROW(THIRD_FAR, "counter + 1, third consecutive frame further away than MaxStep allows", "jump", WRONG_SEQUENCE, "kept", true) \
-    ROW(THIRD_NEAR, "third consecutive frame with any other counter, if valid; within MaxStep", "ok", LOST, "moved", true) \
+    ROW(FAR, "counter + 1, exceeds MaxStep", "jump", OK, "kept", false) \
+    ROW(FAR_GAP, "counter + 2 to + 8, exceeds MaxStep", "lost, jump", LOST, "kept", false) \
+    ROW(THIRD, "any other counter, valid, third frame in a row; MaxStep is 0 or exceeded", "wrong_sequence", WRONG_SEQUENCE, "kept", true) \
+    ROW(THIRD_FAR, "counter + 1, third frame in a row that exceeds MaxStep", "jump", WRONG_SEQUENCE, "kept", true) \
+    ROW(THIRD_NEAR, "any other counter, valid, third frame in a row; within MaxStep", "ok", LOST, "moved", true) \
     ROW(DISOWNED, "counter + 1, marked invalid by the encoder", "invalid", OK, "kept", false) \
     ROW(DISOWNED_GAP, "counter + 2 or + 3 (with MaxStep up to + 8), marked invalid by the encoder", "lost, invalid", LOST, "kept", false) \
     ROW(DISOWNED_FIRST, "marked invalid by the encoder, before the first good frame", "invalid", INIT, "kept", false) \
