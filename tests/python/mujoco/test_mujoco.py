@@ -291,14 +291,17 @@ def test_a_rejected_model_and_an_accepted_one_leave_no_memory_behind() -> None:
 
 @pytest.mark.parametrize(
     ("stand_in", "words"),
-    [("None", "cannot import mujoco"), ("types.SimpleNamespace(__version__='3.9')", "this is 3.9")],
+    [
+        ("None", "cannot import mujoco"),
+        ("types.SimpleNamespace(__version__='3.7.0')", "needs MuJoCo 3.8 or later; this is 3.7.0"),
+    ],
 )
-def test_without_mujoco_4_one_line_names_the_packages(stand_in: str, words: str) -> None:
+def test_without_a_recent_mujoco_one_line_names_the_packages(stand_in: str, words: str) -> None:
     code = f"import runpy, sys, types; sys.modules['mujoco'] = {stand_in};"
     code += "runpy.run_module('dahl.mujoco', run_name='__main__')"
     said = run(sys.executable, "-c", code, code=1)
     assert said.startswith("error: dahl.mujoco ") and words in said and said.count("\n") == 1
-    assert re.search(r"pip install \S*mujoco.*, or pip install '.\[mujoco\]'", said)
+    assert re.search(r"pip install \S*mujoco>=3.8\S*, or pip install '.\[mujoco\]'", said)
 
 
 def test_without_a_compiler_one_line_says_so(monkeypatch, tmp_path) -> None:

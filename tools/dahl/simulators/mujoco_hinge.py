@@ -28,7 +28,7 @@ DAMPINGS = (0.0, 0.5)  # [N m s/rad]
 ROLLOUTS, THREADS = 1000, 4
 HINGE = """<body><joint name="{name}" axis="0 0 1" damping="{damping}"/>
     <geom type="box" size=".1 .1 .01" mass="1" contype="0" conaffinity="0"/></body>"""
-NATIVE = f"""<dcmotor joint="native" input="none" motorconst="0" resistance="1"
+NATIVE = f"""<dcmotor joint="native" motorconst="1e-9" resistance="1"
     lugre="{SIGMA0} 0 {FC} {FC} 1"/>"""
 DAHL = f"""<plugin plugin="dahl.friction"><instance name="hinge"><config key="joint" value="dahl"/>
     <config key="sigma0" value="{SIGMA0}"/><config key="Fc" value="{FC}"/></instance></plugin>"""
