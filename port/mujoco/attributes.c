@@ -34,8 +34,23 @@ static const range_t ranges[RANGES] = {
 
 typedef struct {
     const mjModel *m;
+    mjData *d;
     int instance;
 } config_t;
+
+/* Free d as MuJoCo does if init() of an instance fails, and the instances before it, which MuJoCo would lose. */
+static void free_data(mjData *d, int instance)
+{
+    for (int i = 0; i < instance; i++) {
+        const mjpPlugin *plugin = mjp_getPluginAtSlot(d->plugin[i]);
+        if (plugin->destroy != NULL) {
+            plugin->destroy(d, i);
+        }
+    }
+    mju_free(d->buffer);
+    mju_free(d->arena);
+    mju_free(d);
+}
 
 /* mju_error() does not return: it jumps to the compiler of models or to Python, or it ends the program. */
 mjPRINTFLIKE(2, 3) static void fail(const config_t *c, const char *format, ...)
@@ -46,6 +61,7 @@ mjPRINTFLIKE(2, 3) static void fail(const config_t *c, const char *format, ...)
     va_start(arguments, format);
     (void)vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
+    free_data(c->d, c->instance);
     mju_error("dahl.friction '%s': %s", name != NULL ? name : "", text);
 }
 
@@ -222,15 +238,20 @@ int attributes_list(const char *names[ATTRIBUTES_MAX])
     return count;
 }
 
+uint32_t attributes_read_model(const mjModel *m, int instance)
+{
+    const char *name = mj_getPluginConfig(m, instance, "model");
+    return *name != '\0' ? friction_find(name) : FRICTION_DAHL;
+}
+
 #define NAME(name, ...) " " #name
 
-void attributes_read(const mjModel *m, int instance, instance_t *self)
+void attributes_read(const mjModel *m, mjData *d, int instance, instance_t *self)
 {
-    const config_t c = {m, instance};
-    const char *name = *text_of(&c, "model") != '\0' ? text_of(&c, "model") : "dahl";
-    *self = (instance_t){.friction.model = friction_find(name)};
+    const config_t c = {m, d, instance};
+    *self = (instance_t){.friction.model = attributes_read_model(m, instance)};
     if (self->friction.model == FRICTION_MODELS) {
-        fail(&c, "model = %s is none of" DAHL_MODELS(NAME), name);
+        fail(&c, "model = %s is none of" DAHL_MODELS(NAME), text_of(&c, "model"));
         return;
     }
     read_object(&c, self);

@@ -18,8 +18,12 @@ typedef struct {
 enum { ATTRIBUTES_MAX = 8 + FRICTION_MODELS };
 int attributes_list(const char *names[ATTRIBUTES_MAX]);
 
-/* Read and check all attributes, and prepare the friction. For a bad attribute, call mju_error() with the name of the instance,
- * the attribute, its value and its limit; MuJoCo then rejects the model. The call does not return then, so it owns no memory. */
-void attributes_read(const mjModel *m, int instance, instance_t *self);
+/* Return the model, FRICTION_...; FRICTION_MODELS if its name is wrong. */
+uint32_t attributes_read_model(const mjModel *m, int instance);
+
+/* Read and check all attributes, and prepare the friction. For a bad attribute, free d and call mju_error() with the name of the
+ * instance, the attribute, its value and its limit; MuJoCo then rejects the model. The call does not return then, so it owns no
+ * memory. */
+void attributes_read(const mjModel *m, mjData *d, int instance, instance_t *self);
 
 #endif

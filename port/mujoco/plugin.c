@@ -125,17 +125,17 @@ static void advance(const mjModel *m, mjData *d, int instance)
     }
 }
 
+/* Report no error here: MuJoCo's compiler of models would lose memory. It calls init() later. */
 static int nstate(const mjModel *m, int instance)
 {
-    instance_t self;
-    attributes_read(m, instance, &self);
-    return HEADER + (int)friction_count_words(&self.friction);
+    const friction_t f = {.model = attributes_read_model(m, instance)};
+    return HEADER + (int)(f.model < FRICTION_MODELS ? friction_count_words(&f) : 0);
 }
 
 static int init(const mjModel *m, mjData *d, int instance)
 {
     instance_t attributes;
-    attributes_read(m, instance, &attributes);
+    attributes_read(m, d, instance, &attributes);
     instance_t *self = mju_malloc(sizeof *self);
     *self = attributes;
     d->plugin_data[instance] = (uintptr_t)self;
