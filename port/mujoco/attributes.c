@@ -21,7 +21,7 @@ typedef struct {
     size_t offset;    /* of a float or an array, in instance_t */
 } range_t;
 
-enum { SIGMA0, FC, THETA, FULL, REST, RANGES };
+enum { SIGMA0, FC, THETA, FULL, REST, DAMPRATIO, RANGES };
 #define MEMBER(name) offsetof(instance_t, name)
 /* full and rest as in host_sim/keys.csv */
 static const range_t ranges[RANGES] = {
@@ -30,6 +30,7 @@ static const range_t ranges[RANGES] = {
     [THETA] = {"theta_per_count", NULL, false, 1, PARAM_MIN, PARAM_MAX, MEMBER(friction.params.each.theta_per_count)},
     [FULL] = {"full", "loaded", true, 1, 1e-9, 1e12, MEMBER(full)},
     [REST] = {"rest", "loaded", false, 1, 0.0, 1.0, MEMBER(rest)},
+    [DAMPRATIO] = {"dampratio", NULL, false, 1, 0.0, 1.0, MEMBER(dampratio)},
 };
 
 typedef struct {
@@ -206,6 +207,17 @@ static int find_object(const config_t *c, int type, const char *key)
     return id;
 }
 
+/* Refuse a second friction, which the user forgot to remove. */
+static void check_frictionloss(const config_t *c, const instance_t *self)
+{
+    const char *key = self->joint >= 0 ? "joint" : "tendon";
+    const double loss = self->joint >= 0 ? c->m->dof_frictionloss[c->m->jnt_dofadr[self->joint]]
+                                         : c->m->tendon_frictionloss[self->tendon];
+    if (loss > 0.0) {
+        fail(c, "%s = %s also has frictionloss = %g, which would add to Fc; set it to 0", key, text_of(c, key), loss);
+    }
+}
+
 static void read_object(const config_t *c, instance_t *self)
 {
     self->joint = find_object(c, mjOBJ_JOINT, "joint");
@@ -219,6 +231,7 @@ static void read_object(const config_t *c, instance_t *self)
     if (self->tendon >= 0 && self->friction.model == FRICTION_LOADED) {
         fail(c, "tendon = %s: model = loaded needs a joint", text_of(c, "tendon"));
     }
+    check_frictionloss(c, self);
 }
 
 int attributes_list(const char *names[ATTRIBUTES_MAX])

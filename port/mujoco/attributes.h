@@ -12,10 +12,11 @@ typedef struct {
     friction_t friction;
     int joint, tendon; /* id; -1: none */
     float full, rest;  /* of loaded: the load is rest + |torque of the actuators|/full */
+    float dampratio;   /* of the presliding damping; 1: critical */
 } instance_t;
 
 /* Write the names of all attributes, and return their number. */
-enum { ATTRIBUTES_MAX = 8 + FRICTION_MODELS };
+enum { ATTRIBUTES_MAX = 9 + FRICTION_MODELS };
 int attributes_list(const char *names[ATTRIBUTES_MAX]);
 
 /* Return the model, FRICTION_...; FRICTION_MODELS if its name is wrong. */
