@@ -115,13 +115,13 @@ static double inertia_of(const mjModel *m, mjData *d, const instance_t *self)
     return 1.0 / inverse;
 }
 
-/* Return sigma1/sigma0 dF/dtheta in N m s/rad. Its limit lets no step reverse the speed, and keeps each step stable that is so
- * without damping. */
+/* Return sigma1/sigma0 dF/dtheta in N m s/rad, with sigma1 for the inertia of the model in qpos0. The limit for the inertia now
+ * lets no step reverse the speed, and keeps each step stable that is so without damping. */
 static double coefficient_of(const mjModel *m, mjData *d, const instance_t *self, double slope)
 {
-    const double inertia = inertia_of(m, d, self), step = m->opt.timestep;
-    const double limit = (4.0 * inertia / step - slope * step) / 8.0;
-    return fmax(fmin(2.0 * (double)self->dampratio * sqrt(inertia / self->friction.sigma0) * slope, limit), 0.0);
+    const double step = m->opt.timestep, limit = (4.0 * inertia_of(m, d, self) / step - slope * step) / 8.0;
+    const double nominal = self->joint >= 0 ? m->dof_M0[m->jnt_dofadr[self->joint]] : 1.0 / m->tendon_invweight0[self->tendon];
+    return fmax(fmin(2.0 * (double)self->dampratio * sqrt(nominal / self->friction.sigma0) * slope, limit), 0.0);
 }
 
 /* Return sigma1/sigma0 dF/dt = sigma1/sigma0 dF/dtheta speed, with dF/dtheta over the travel that is ahead in this step. It has

@@ -328,6 +328,15 @@ def test_the_hinge_holds_under_half_of_Fc_and_threads_change_no_bit() -> None:
         error = abs(own / exact - 1)
         assert error < (0.03 if damping else 0.002) and error < abs(native / exact - 1) / 3
     assert "1000 rollouts on 4 threads: the same bits as on one thread" in printed
+    rows = re.findall(r"^(\w.*?\S)  +(.+)$", printed.partition("step [us]\n")[2], re.M)
+    ways = {name: [float(number) for number in numbers.split()] for name, numbers in rows}
+    angles, drifts, *arms, costs = np.transpose(list(ways.values()))
+    assert len(ways) == 10 and (costs > 0).all()
+    arms = np.abs(arms).max(axis=0)
+    rests = {name for name, drift, arm in zip(ways, drifts, arms) if max(abs(drift), arm) < 1e-3}
+    assert rests == {"LuGre, sigma1 critical", *(name for name in ways if "dampratio" in name)}
+    exact = 1e3 * exact_damped_angle(10, 120, 1.8, 1 / 150)
+    assert ways["dahl.friction, dampratio"][0] == pytest.approx(exact, rel=0.015)
 
 
 SLIP, MIX = {"model": "slip"}, {"model": "parallel", "kinds": "slip dahl"}
