@@ -91,7 +91,7 @@ static void subtract_force(const mjModel *m, mjData *d, int dof, double force)
 static mjtNum *jacobian_of(const mjModel *m, mjData *d, const instance_t *self)
 {
     mjtNum *row = mj_stackAllocNum(d, (size_t)m->nv);
-    mju_zero(row, m->nv);
+    mju_zero(row, (int)m->nv);
     if (self->joint >= 0) {
         row[m->jnt_dofadr[self->joint]] = 1.0;
         return row;
@@ -110,7 +110,7 @@ static double inertia_of(const mjModel *m, mjData *d, const instance_t *self)
     const mjtNum *row = jacobian_of(m, d, self);
     mjtNum *solution = mj_stackAllocNum(d, (size_t)m->nv);
     mj_solveM(m, d, solution, row, 1);
-    const double inverse = mju_dot(row, solution, m->nv);
+    const double inverse = mju_dot(row, solution, (int)m->nv);
     mj_freeStack(d);
     return 1.0 / inverse;
 }
