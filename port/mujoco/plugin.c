@@ -103,8 +103,9 @@ static mjtNum *jacobian_of(const mjModel *m, mjData *d, const instance_t *self)
     return row;
 }
 
-/* Return the inertia that a force on the joint or tendon accelerates now, if no constraint acts. */
-static double inertia_of(const mjModel *m, mjData *d, const instance_t *self)
+/* Return 1 over the inertia that a force on the joint or tendon accelerates now, if no constraint acts. It is 0 if no joint moves
+ * the tendon. */
+static double inverse_inertia_of(const mjModel *m, mjData *d, const instance_t *self)
 {
     mj_markStack(d);
     const mjtNum *row = jacobian_of(m, d, self);
@@ -112,16 +113,20 @@ static double inertia_of(const mjModel *m, mjData *d, const instance_t *self)
     mj_solveM(m, d, solution, row, 1);
     const double inverse = mju_dot(row, solution, (int)m->nv);
     mj_freeStack(d);
-    return 1.0 / inverse;
+    return inverse;
 }
 
-/* Return sigma1/sigma0 dF/dtheta in N m s/rad, with sigma1 for the inertia of the model in qpos0. The limit for the inertia now
- * lets no step reverse the speed, and keeps each step stable that is so without damping. */
+/* Return sigma1/sigma0 dF/dtheta in N m s/rad, with sigma1 for the inertia of a joint in qpos0, or of a tendon now. The limit for
+ * the inertia now lets no step reverse the speed, and keeps each step stable that is so without damping. */
 static double coefficient_of(const mjModel *m, mjData *d, const instance_t *self, double slope)
 {
-    const double step = m->opt.timestep, limit = (4.0 * inertia_of(m, d, self) / step - slope * step) / 8.0;
-    const double nominal = self->joint >= 0 ? m->dof_M0[m->jnt_dofadr[self->joint]] : 1.0 / m->tendon_invweight0[self->tendon];
-    return fmax(fmin(2.0 * (double)self->dampratio * sqrt(nominal / self->friction.sigma0) * slope, limit), 0.0);
+    const double step = m->opt.timestep, inverse = inverse_inertia_of(m, d, self);
+    if (!(inverse > mjMINVAL)) {
+        return 0.0;
+    }
+    const double limit = (4.0 / (inverse * step) - slope * step) / 8.0;
+    const double inertia = self->joint >= 0 ? m->dof_M0[m->jnt_dofadr[self->joint]] : 1.0 / inverse;
+    return fmax(fmin(2.0 * (double)self->dampratio * sqrt(inertia / self->friction.sigma0) * slope, limit), 0.0);
 }
 
 /* Return sigma1/sigma0 dF/dt = sigma1/sigma0 dF/dtheta speed, with dF/dtheta over the travel that is ahead in this step. It has

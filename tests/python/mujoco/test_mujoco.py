@@ -287,6 +287,19 @@ def test_the_damping_only_takes_energy_and_reverses_no_speed_at_any_time_step(na
             data.qpos[:], data.qvel[:] = np.nan_to_num(data.qpos), 0
 
 
+@pytest.mark.parametrize("angle", [0, 1e-9, 1e-3])
+def test_the_damping_of_a_tendon_that_no_joint_moves_is_finite(angle) -> None:
+    """It is outstretched in qpos0. Its energy only falls."""
+    stretched = """<worldbody><body><joint name="a" axis="0 0 1"/><site name="p" pos=".5 0 0"/>
+        <geom size=".1"/></body><site name="q" pos="1 0 0"/></worldbody>
+        <tendon><spatial name="t"><site site="p"/><site site="q"/></spatial></tendon>"""
+    model, data = made({"t": SEVERAL["of t"] | {"dampratio": 1}}, mechanism=stretched)
+    data.qpos[0], data.qvel[0] = angle, 1
+    for _ in range(3000):
+        mujoco.mj_step(model, data)
+        assert 0 <= abs(data.qvel[0]) <= 1 + 1e-9
+
+
 LINK = '<body pos=".2 0 0"><joint name="j{0}" axis="0 0 1"/><geom type="capsule" size=".02"'
 LINK += ' fromto="0 0 0 .2 0 0" contype="0" conaffinity="0"/>'
 
