@@ -63,6 +63,7 @@ main() {
     fetch_missing
     # shellcheck disable=SC2046 # a list of words
     install_python $(words_of PYTHON_GROUP)
+    [ -z "${WANTED[checks]:-}" ] || install_other_mujocos
     say "done in $SECONDS s"
 }
 

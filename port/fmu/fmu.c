@@ -207,6 +207,23 @@ bool fmu_set(fmu_t *m, const char *call, const uint32_t vr[], size_t n, const do
     return is_done;
 }
 
+/* Move the friction to a position and return its torque. The damping is sigma1/sigma0 dF/dt, so it takes energy only. It counts the
+ * change of F by the move alone, not by the load. The torque stays within twice the largest one. */
+static double move_to(fmu_t *m, double position, double duration)
+{
+    const friction_t *f = &m->friction;
+    const double *value = m->now.value;
+    friction_state_t unmoved = m->now.state;
+    double torque = (double)friction_move(f, &m->now.state, position - m->now.position, value[FMU_LOAD]);
+    if (value[FMU_SIGMA1] > 0.0) {
+        const double change = torque - (double)friction_move(f, &unmoved, 0.0, value[FMU_LOAD]);
+        const double limit = 2.0 * m->largest_torque;
+        torque += value[FMU_SIGMA1] / f->sigma0 * change / duration;
+        torque = torque > limit ? limit : torque < -limit ? -limit : torque;
+    }
+    return torque;
+}
+
 bool fmu_step(fmu_t *m, const char *call, double time, double duration)
 {
     if (!fmu_is_in_mode(m, call, FMU_STEPPING)) {
@@ -220,7 +237,7 @@ bool fmu_step(fmu_t *m, const char *call, double time, double duration)
     }
     double *value = m->now.value;
     const double end = friction_position(&m->friction, value[FMU_ANGLE]);
-    value[FMU_TORQUE] = (double)friction_move(&m->friction, &m->now.state, end - m->now.position, value[FMU_LOAD]);
+    value[FMU_TORQUE] = move_to(m, end, duration);
     value[FMU_RATIO] = value[FMU_TORQUE] / m->largest_torque;
     m->now.position = end;
     return true;

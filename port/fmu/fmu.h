@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* fmu: one friction model in a simulator, for any version of FMI. A communication step moves the friction from the angle of the
- * last step to the present angle. Its duration does not matter, so a step may be split.
+ * last step to the present angle. Without damping its duration does not matter, so a step may be split.
  * `call` is the name of the FMI function and begins each message. Each bool is false after an error, which changes nothing. */
 #ifndef FMU_H
 #define FMU_H

@@ -16,7 +16,8 @@ enum {
     FMU_SIGMA0 = 6,                      /* [N m/rad] of each element */
     FMU_FC = FMU_SIGMA0 + DAHL_SLIP_MAX, /* [N m] of each element, or of each direction */
     FMU_TIME = FMU_FC + DAHL_SLIP_MAX,   /* [s] of FMI 3.0 */
-    FMU_VALUES = FMU_TIME + 1
+    FMU_SIGMA1 = FMU_TIME + 1,           /* [N m s/rad] presliding damping; 0: none */
+    FMU_VALUES = FMU_SIGMA1 + 1
 };
 
 /* Model, names, limits and start values, fixed when the FMU is exported. */

@@ -21,7 +21,7 @@ typedef struct {
     size_t offset;    /* of a float or an array, in instance_t */
 } range_t;
 
-enum { SIGMA0, FC, THETA, FULL, REST, RANGES };
+enum { SIGMA0, FC, THETA, FULL, REST, DAMPRATIO, RANGES };
 #define MEMBER(name) offsetof(instance_t, name)
 /* full and rest as in host_sim/keys.csv */
 static const range_t ranges[RANGES] = {
@@ -30,12 +30,28 @@ static const range_t ranges[RANGES] = {
     [THETA] = {"theta_per_count", NULL, false, 1, PARAM_MIN, PARAM_MAX, MEMBER(friction.params.each.theta_per_count)},
     [FULL] = {"full", "loaded", true, 1, 1e-9, 1e12, MEMBER(full)},
     [REST] = {"rest", "loaded", false, 1, 0.0, 1.0, MEMBER(rest)},
+    [DAMPRATIO] = {"dampratio", NULL, false, 1, 0.0, 1.0, MEMBER(dampratio)},
 };
 
 typedef struct {
     const mjModel *m;
+    mjData *d;
     int instance;
 } config_t;
+
+/* Free d as MuJoCo does if init() of an instance fails, and the instances before it, which MuJoCo would lose. */
+static void free_data(mjData *d, int instance)
+{
+    for (int i = 0; i < instance; i++) {
+        const mjpPlugin *plugin = mjp_getPluginAtSlot(d->plugin[i]);
+        if (plugin->destroy != NULL) {
+            plugin->destroy(d, i);
+        }
+    }
+    mju_free(d->buffer);
+    mju_free(d->arena);
+    mju_free(d);
+}
 
 /* mju_error() does not return: it jumps to the compiler of models or to Python, or it ends the program. */
 mjPRINTFLIKE(2, 3) static void fail(const config_t *c, const char *format, ...)
@@ -46,6 +62,7 @@ mjPRINTFLIKE(2, 3) static void fail(const config_t *c, const char *format, ...)
     va_start(arguments, format);
     (void)vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
+    free_data(c->d, c->instance);
     mju_error("dahl.friction '%s': %s", name != NULL ? name : "", text);
 }
 
@@ -190,6 +207,17 @@ static int find_object(const config_t *c, int type, const char *key)
     return id;
 }
 
+/* Refuse a second friction, which the user forgot to remove. */
+static void check_frictionloss(const config_t *c, const instance_t *self)
+{
+    const char *key = self->joint >= 0 ? "joint" : "tendon";
+    const double loss = self->joint >= 0 ? c->m->dof_frictionloss[c->m->jnt_dofadr[self->joint]]
+                                         : c->m->tendon_frictionloss[self->tendon];
+    if (loss > 0.0) {
+        fail(c, "%s = %s also has frictionloss = %g, which would add to Fc; set it to 0", key, text_of(c, key), loss);
+    }
+}
+
 static void read_object(const config_t *c, instance_t *self)
 {
     self->joint = find_object(c, mjOBJ_JOINT, "joint");
@@ -203,6 +231,7 @@ static void read_object(const config_t *c, instance_t *self)
     if (self->tendon >= 0 && self->friction.model == FRICTION_LOADED) {
         fail(c, "tendon = %s: model = loaded needs a joint", text_of(c, "tendon"));
     }
+    check_frictionloss(c, self);
 }
 
 int attributes_list(const char *names[ATTRIBUTES_MAX])
@@ -222,15 +251,20 @@ int attributes_list(const char *names[ATTRIBUTES_MAX])
     return count;
 }
 
+uint32_t attributes_read_model(const mjModel *m, int instance)
+{
+    const char *name = mj_getPluginConfig(m, instance, "model");
+    return *name != '\0' ? friction_find(name) : FRICTION_DAHL;
+}
+
 #define NAME(name, ...) " " #name
 
-void attributes_read(const mjModel *m, int instance, instance_t *self)
+void attributes_read(const mjModel *m, mjData *d, int instance, instance_t *self)
 {
-    const config_t c = {m, instance};
-    const char *name = *text_of(&c, "model") != '\0' ? text_of(&c, "model") : "dahl";
-    *self = (instance_t){.friction.model = friction_find(name)};
+    const config_t c = {m, d, instance};
+    *self = (instance_t){.friction.model = attributes_read_model(m, instance)};
     if (self->friction.model == FRICTION_MODELS) {
-        fail(&c, "model = %s is none of" DAHL_MODELS(NAME), name);
+        fail(&c, "model = %s is none of" DAHL_MODELS(NAME), text_of(&c, "model"));
         return;
     }
     read_object(&c, self);

@@ -12,14 +12,19 @@ typedef struct {
     friction_t friction;
     int joint, tendon; /* id; -1: none */
     float full, rest;  /* of loaded: the load is rest + |torque of the actuators|/full */
+    float dampratio;   /* of the presliding damping; 1: critical */
 } instance_t;
 
 /* Write the names of all attributes, and return their number. */
-enum { ATTRIBUTES_MAX = 8 + FRICTION_MODELS };
+enum { ATTRIBUTES_MAX = 9 + FRICTION_MODELS };
 int attributes_list(const char *names[ATTRIBUTES_MAX]);
 
-/* Read and check all attributes, and prepare the friction. For a bad attribute, call mju_error() with the name of the instance,
- * the attribute, its value and its limit; MuJoCo then rejects the model. The call does not return then, so it owns no memory. */
-void attributes_read(const mjModel *m, int instance, instance_t *self);
+/* Return the model, FRICTION_...; FRICTION_MODELS if its name is wrong. */
+uint32_t attributes_read_model(const mjModel *m, int instance);
+
+/* Read and check all attributes, and prepare the friction. For a bad attribute, free d and call mju_error() with the name of the
+ * instance, the attribute, its value and its limit; MuJoCo then rejects the model. The call does not return then, so it owns no
+ * memory. */
+void attributes_read(const mjModel *m, mjData *d, int instance, instance_t *self);
 
 #endif

@@ -17,6 +17,7 @@ enum { PHASE, TIME, POSITION, LOAD, HEADER };
 #define PLACED 1.0 /* PHASE: relaxed at POSITION since TIME, in the first step */
 #define MOVING 2.0 /* PHASE: a step has ended */
 #define ONE_Q30 1073741824.0
+#define FINE_TRAVEL 0x1p-12 /* [presliding lengths] of the least move that measures dF/dtheta */
 
 static instance_t *instance_of(const mjData *d, int instance)
 {
@@ -52,16 +53,22 @@ static void restore(friction_state_t *to, const friction_t *f, const mjtNum *num
     }
 }
 
-/* Move from the committed state. Write the new state of the friction and return F. */
-static double move_from(const instance_t *self, const mjtNum *state, double position, friction_state_t *moved)
+/* Move by a difference of positions under the committed load and return F. */
+static double move_by(const instance_t *self, const mjtNum *state, double distance, friction_state_t *moved)
 {
     const friction_t *f = &self->friction;
-    const double distance = position - state[POSITION], load = fmax(fmin(state[LOAD], 1.0), 0.0);
-    restore(moved, f, state + HEADER);
+    const double load = fmax(fmin(state[LOAD], 1.0), 0.0);
     if (f->model == FRICTION_DAHL) { /* may move by angle */
         return (double)friction_move(f, moved, distance, load);
     }
     return friction_move_q30(f, moved, distance, load) / ONE_Q30 * f->Fc;
+}
+
+/* Move from the committed state. Write the new state of the friction and return F. */
+static double move_from(const instance_t *self, const mjtNum *state, double position, friction_state_t *moved)
+{
+    restore(moved, &self->friction, state + HEADER);
+    return move_by(self, state, position - state[POSITION], moved);
 }
 
 /* A reset does not know the positions of a keyframe, and a user may set qpos and time after it. Therefore each call moves the
@@ -80,6 +87,62 @@ static void subtract_force(const mjModel *m, mjData *d, int dof, double force)
     }
 }
 
+/* Return the row of the Jacobian of an instance, on the stack of d. */
+static mjtNum *jacobian_of(const mjModel *m, mjData *d, const instance_t *self)
+{
+    mjtNum *row = mj_stackAllocNum(d, (size_t)m->nv);
+    mju_zero(row, (int)m->nv);
+    if (self->joint >= 0) {
+        row[m->jnt_dofadr[self->joint]] = 1.0;
+        return row;
+    }
+    const int first = m->ten_J_rowadr[self->tendon];
+    for (int at = first; at < first + m->ten_J_rownnz[self->tendon]; at++) {
+        row[m->ten_J_colind[at]] = d->ten_J[at];
+    }
+    return row;
+}
+
+/* Return 1 over the inertia that a force on the joint or tendon accelerates now, if no constraint acts. It is 0 if no joint moves
+ * the tendon. */
+static double inverse_inertia_of(const mjModel *m, mjData *d, const instance_t *self)
+{
+    mj_markStack(d);
+    const mjtNum *row = jacobian_of(m, d, self);
+    mjtNum *solution = mj_stackAllocNum(d, (size_t)m->nv);
+    mj_solveM(m, d, solution, row, 1);
+    const double inverse = mju_dot(row, solution, (int)m->nv);
+    mj_freeStack(d);
+    return inverse;
+}
+
+/* Return sigma1/sigma0 dF/dtheta in N m s/rad, with sigma1 for the inertia of a joint in qpos0, or of a tendon now. The limit for
+ * the inertia now lets no step reverse the speed, and keeps each step stable that is so without damping. */
+static double coefficient_of(const mjModel *m, mjData *d, const instance_t *self, double slope)
+{
+    const double step = m->opt.timestep, inverse = inverse_inertia_of(m, d, self);
+    if (!(inverse > mjMINVAL)) {
+        return 0.0;
+    }
+    const double limit = (4.0 / (inverse * step) - slope * step) / 8.0;
+    const double inertia = self->joint >= 0 ? m->dof_M0[m->jnt_dofadr[self->joint]] : 1.0 / inverse;
+    return fmax(fmin(2.0 * (double)self->dampratio * sqrt(inertia / self->friction.sigma0) * slope, limit), 0.0);
+}
+
+/* Return sigma1/sigma0 dF/dt = sigma1/sigma0 dF/dtheta speed, with dF/dtheta over the travel that is ahead in this step. It has
+ * the sign of the speed, so it only takes energy. */
+static double damping_of(const mjModel *m, mjData *d, const instance_t *self, const mjtNum *state, friction_state_t moved)
+{
+    const friction_t *f = &self->friction;
+    const double speed = self->joint >= 0 ? d->qvel[m->jnt_dofadr[self->joint]] : d->ten_velocity[self->tendon];
+    const double theta = (double)f->params.each.theta_per_count;
+    const double travel = fmax(fabs(speed) * m->opt.timestep, FINE_TRAVEL * f->Fc / f->sigma0);
+    const double distance = copysign(theta > 0.0 ? fmax(friction_position(f, travel), 1.0) : travel, speed);
+    const double F = move_by(self, state, 0.0, &moved), ahead = move_by(self, state, distance, &moved);
+    const double slope = (ahead - F) / (theta > 0.0 ? distance * theta : distance);
+    return coefficient_of(m, d, self, slope) * speed;
+}
+
 static void compute(const mjModel *m, mjData *d, int instance, int capability)
 {
     instance_t *self = instance_of(d, instance);
@@ -89,8 +152,11 @@ static void compute(const mjModel *m, mjData *d, int instance, int capability)
     if (is_start(m, d, state)) {
         place(d, self, state, position);
     }
-    friction_state_t unused;
-    const double F = move_from(self, state, position, &unused);
+    friction_state_t moved;
+    double F = move_from(self, state, position, &moved);
+    if (self->dampratio > 0.0f) {
+        F += damping_of(m, d, self, state, moved);
+    }
     if (self->joint >= 0) {
         subtract_force(m, d, m->jnt_dofadr[self->joint], F);
         return;
@@ -125,17 +191,17 @@ static void advance(const mjModel *m, mjData *d, int instance)
     }
 }
 
+/* Report no error here: MuJoCo's compiler of models would lose memory. It calls init() later. */
 static int nstate(const mjModel *m, int instance)
 {
-    instance_t self;
-    attributes_read(m, instance, &self);
-    return HEADER + (int)friction_count_words(&self.friction);
+    const friction_t f = {.model = attributes_read_model(m, instance)};
+    return HEADER + (int)(f.model < FRICTION_MODELS ? friction_count_words(&f) : 0);
 }
 
 static int init(const mjModel *m, mjData *d, int instance)
 {
     instance_t attributes;
-    attributes_read(m, instance, &attributes);
+    attributes_read(m, d, instance, &attributes);
     instance_t *self = mju_malloc(sizeof *self);
     *self = attributes;
     d->plugin_data[instance] = (uintptr_t)self;

@@ -52,6 +52,16 @@ static double full_torque(const friction_t *f)
     return full;
 }
 
+static double full_stiffness(const friction_t *f)
+{
+    const dahl_slip_params_t *each = &f->params.each;
+    double full = (double)each->sigma0[0];
+    for (uint32_t k = 1; k < each->elements && calls_of(f)->sigma0s != 1; k++) {
+        full += (double)each->sigma0[k];
+    }
+    return full;
+}
+
 dahl_err_t friction_prepare(friction_t *f)
 {
     if (f->model >= FRICTION_MODELS) {
@@ -61,6 +71,7 @@ dahl_err_t friction_prepare(friction_t *f)
         f->params.each.theta_per_count = fine_count(f);
     }
     f->Fc = full_torque(f);
+    f->sigma0 = full_stiffness(f);
     return calls_of(f)->prepare(&f->plan, &f->params);
 }
 

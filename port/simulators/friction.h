@@ -23,6 +23,7 @@ typedef struct {
     dahl_model_params_t params; /* `elements` is the number of Fc */
     bool is_stiffness_fixed;    /* of loaded: sigma0 does not follow the load, and moves are by angle */
     double Fc;                  /* [N m] torque at a ratio of 1: the sum, or the larger one of two directions */
+    double sigma0;              /* [N m/rad] stiffness at rest, the sum */
     dahl_any_plan_t plan;
 } friction_t;
 

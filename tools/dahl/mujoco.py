@@ -13,7 +13,7 @@ An instance in the model gives one joint or tendon its friction; docs/simulators
       </plugin>
     </extension>
 
-`python -m dahl.mujoco` compares it with MuJoCo's own LuGre friction.
+`python -m dahl.mujoco` compares it with the frictions of MuJoCo.
 """
 
 from __future__ import annotations
@@ -28,13 +28,14 @@ def main() -> int:
     """Print the comparison and return the exit code."""
     from dahl.cli import Parser
 
-    about = "Compare dahl.friction with MuJoCo's own LuGre friction, in 20 s."
+    about = "Compare dahl.friction with the frictions of MuJoCo, in a minute."
     Parser(prog="python -m dahl.mujoco", description=about).parse_args()
     try:
         mujoco_plugin.load()
-        from dahl.simulators import mujoco_hinge
+        from dahl.simulators import mujoco_hinge, mujoco_ways
 
         mujoco_hinge.print_comparison()
+        mujoco_ways.print_table()
     except Error as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

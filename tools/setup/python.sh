@@ -102,3 +102,16 @@ install_python() { # GROUP...
     install_dahl
     say "Python environment: in place (build/venv)"
 }
+
+# Other versions of MuJoCo than that of build/venv, in folders of their own there. tests/python/mujoco runs in each.
+install_other_mujocos() {
+    local lock folder
+    mkdir -p "$VENV/mujoco"
+    for lock in "$ROOT"/tools/setup/mujoco-*.lock; do
+        folder=$VENV/mujoco/$(basename "${lock##*/mujoco-}" .lock)
+        [ ! -e "$folder.complete" ] || continue
+        uv_install "$VENV" --require-hashes --no-deps --target "$folder" -r "$lock"
+        touch "$folder.complete"
+    done
+    say "other versions of MuJoCo: in place (build/venv/mujoco)"
+}

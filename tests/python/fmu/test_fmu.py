@@ -58,7 +58,7 @@ def test_by_counts_the_torques_have_the_bits_of_the_python_class(export, model):
 
 
 UNITS = {"angle": "rad", "theta_per_count": "rad", "sigma0": "N.m/rad", "Fc": "N.m", "time": "s"}
-UNITS |= {"torque": "N.m"}
+UNITS |= {"torque": "N.m", "sigma1": "N.m.s/rad"}
 
 
 @EVERY
@@ -108,6 +108,36 @@ def test_a_step_may_be_split_and_the_default_counts_are_fine(export, model):
         before = angle
 
 
+@EVERY
+def test_sigma1_adds_the_change_by_a_move_over_its_time(export, model):
+    """Within twice the largest torque. A change of the load alone adds nothing."""
+    path, sigma1, before = export(model), 0.07, 0.0
+    one, plain = Instance(path).initialize(sigma1=sigma1), Instance(path).initialize()
+    gain, limit = sigma1 / sum(numbers(model)[0]), 2 * whole(model)
+    durations = 10 ** np.random.default_rng(7).uniform(-5, 0, 300)
+    for angle, load, time in zip(walk(6) * 1e-5, loads(model), durations, strict=True):
+        unmoved, torque = plain.step(angle=before, **load), plain.step(angle=angle, **load)
+        expected = np.clip(torque + gain * (torque - unmoved) / time, -limit, limit)
+        assert one.step(time, angle=angle, **load) == pytest.approx(expected, rel=1e-6, abs=1e-9)
+        before = angle
+
+
+@EVERY
+def test_with_sigma1_a_shaft_under_half_of_Fc_comes_to_rest(export, model):
+    """And each swing is smaller than the last one."""
+    sigma0, Fc = (np.array(each, float) for each in numbers(model))
+    inertia, step = 1 / 150, 0.25 * math.sqrt(1 / 150 / sigma0.sum())
+    one = Instance(export(model)).initialize(sigma1=0.6 * math.sqrt(inertia * sigma0.sum()))
+    angle, speed, friction, speeds = 0.0, 0.0, 0.0, []
+    for _ in range(round(10 / step)):
+        speed += (Fc.min() / 2 - friction) / inertia * step
+        angle += speed * step
+        friction = one.step(step, angle=angle)
+        speeds.append(abs(speed))
+    peaks = [max(speeds[k : k + 100]) for k in range(0, len(speeds), 100)]
+    assert (np.diff(peaks) < 1e-6).all() and peaks[-1] < 1e-5
+
+
 def test_a_move_may_have_more_counts_than_an_integer(export):
     one = Instance(export(DAHL)).initialize(theta_per_count=2e-12)  # 1e-9 of Fc/sigma0
     assert one.step(angle=0.01) == pytest.approx(0.2 * -math.expm1(-5), rel=1e-6)
@@ -116,7 +146,7 @@ def test_a_move_may_have_more_counts_than_an_integer(export):
 @EVERY
 def test_a_saved_state_continues_with_the_same_bits(export, model):
     path = export(model, "--theta-per-count", THETA)
-    one, other = Instance(path).initialize(theta_per_count=1e-4), Instance(path)
+    one, other = Instance(path).initialize(theta_per_count=1e-4, sigma1=0.01), Instance(path)
     angles = walk(4) * 3e-5
     for angle, load in zip(angles[:150], loads(model), strict=False):
         one.step(angle=angle, **load)
@@ -151,6 +181,7 @@ EARLY = [  # before the initialization: facts that the message names in this ord
     ("Fc 0 5.42101086e-20", lambda one: one.set(angle=1, Fc=0)),
     ("theta_per_count nan", lambda one: one.set(theta_per_count=math.nan)),
     ("theta_per_count -1 0", lambda one: one.set(theta_per_count=-1)),
+    ("sigma1 -1 0", lambda one: one.set(sigma1=-1)),
 ]
 LATE = [  # after it
     ("sigma0 2 fixed fmi#ExitInitializationMode", lambda one: one.set(sigma0=2)),

@@ -35,7 +35,8 @@ from dahl.version import __version__
 ANGLE, LOAD, TORQUE, RATIO, THETA, OWN, SIGMA0 = range(7)
 FC = SIGMA0 + SLIP_MAX
 TIME = FC + SLIP_MAX
-VALUES = TIME + 1
+SIGMA1 = TIME + 1
+VALUES = SIGMA1 + 1
 
 MARK = b"dahl fmu start\0\0"
 BLOCK = struct.Struct(f"={len(MARK)}s40s16s4I{VALUES * '16s3d'}")  # fmu_start_t
@@ -49,6 +50,7 @@ UNITS = {  # exponents of the SI base units
     "rad": {"rad": 1},
     "N.m": {"kg": 1, "m": 2, "s": -2},
     "N.m/rad": {"kg": 1, "m": 2, "s": -2, "rad": -1},
+    "N.m.s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1},
     "s": {"s": 1},
 }
 VERSIONS = 2, 3  # of FMI
@@ -123,6 +125,8 @@ class Fmu:
             names = ["Fc_forward", "Fc_backward"]
         for k, (name, value) in enumerate(zip(names, self.Fc, strict=True)):
             variables[FC + k] = _parameter(name, "N.m", "Coulomb torque", value, *TORQUE_LIMITS)
+        text, limits = "presliding damping; 0: none", (0.0, parameters.TORQUE_MAX)
+        variables[SIGMA1] = _parameter("sigma1", "N.m.s/rad", text, 0.0, *limits)
         return variables
 
     def _theta_per_count(self) -> Variable:

@@ -8,8 +8,6 @@ away from the solution is the error of an integration by time steps.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from typing import Any
 
 import mujoco
@@ -28,7 +26,7 @@ DAMPINGS = (0.0, 0.5)  # [N m s/rad]
 ROLLOUTS, THREADS = 1000, 4
 HINGE = """<body><joint name="{name}" axis="0 0 1" damping="{damping}"/>
     <geom type="box" size=".1 .1 .01" mass="1" contype="0" conaffinity="0"/></body>"""
-NATIVE = f"""<dcmotor joint="native" input="none" motorconst="0" resistance="1"
+NATIVE = f"""<dcmotor joint="native" motorconst="1e-9" resistance="1"
     lugre="{SIGMA0} 0 {FC} {FC} 1"/>"""
 DAHL = f"""<plugin plugin="dahl.friction"><instance name="hinge"><config key="joint" value="dahl"/>
     <config key="sigma0" value="{SIGMA0}"/><config key="Fc" value="{FC}"/></instance></plugin>"""
@@ -70,27 +68,6 @@ def exact_angle(damping: float) -> float:
     return float(solved.y[0, -1])
 
 
-def step_cost(hinge: str, steps: int = 20000) -> Callable[[], float]:
-    """Return a function that measures the time of one step [us] of a model with one hinge."""
-    one = model(0.002, 0.5, (hinge,))
-    data = mujoco.MjData(one)
-    data.ctrl[0] = TORQUE
-
-    def measure() -> float:
-        start = time.perf_counter()
-        mujoco.mj_step(one, data, steps)
-        return (time.perf_counter() - start) / steps * 1e6
-
-    return measure
-
-
-def step_costs(rounds: int = 15) -> tuple[float, float]:
-    """Return the least time of a step [us], native and dahl.friction, measured in turn."""
-    native, own = step_cost("native"), step_cost("dahl")
-    times = np.array([(native(), own()) for _ in range(rounds)])
-    return float(times[:, 0].min()), float(times[:, 1].min())
-
-
 def rollouts(count: int, threads: int, steps: int = 200) -> np.ndarray:
     """Return the states of rollouts with different random torques, shape (count, steps, size)."""
     hinge = model(0.002, 0.0, ("dahl",))
@@ -103,7 +80,7 @@ def rollouts(count: int, threads: int, steps: int = 200) -> np.ndarray:
 
 
 def print_comparison() -> None:
-    """Print the table of the hinge, the cost of a step, and whether threads change bits."""
+    """Print the table of the hinge, and whether threads change bits."""
     print(f"angle of a hinge after {SECONDS:g} s under half of Fc, and its relative error")
     print(f"sigma0 = {SIGMA0:g} N m/rad, Fc = {FC:g} N m, inertia = {INERTIA:.5f} kg m2\n")
     print("damping  step [ms]  DOP853 [rad]   MuJoCo LuGre [rad]   dahl.friction [rad]")
@@ -112,11 +89,6 @@ def print_comparison() -> None:
         for step in STEPS_S:
             native, own = (f"{each:.5f} {each / exact - 1:+9.2%}" for each in angles(step, damping))
             print(f"{damping:7g} {step * 1e3:10g} {exact:13.5f} {native:>20} {own:>21}")
-    native_us, own_us = step_costs()
-    print(
-        f"\none step: MuJoCo LuGre {native_us:.2f} us, dahl.friction {own_us:.2f} us:"
-        f" {own_us / native_us:.2f} times as long"
-    )
     is_same = np.array_equal(rollouts(ROLLOUTS, THREADS), rollouts(ROLLOUTS, 1))
     same = "the same bits as" if is_same else "OTHER BITS than"
-    print(f"{ROLLOUTS} rollouts on {THREADS} threads: {same} on one thread")
+    print(f"\n{ROLLOUTS} rollouts on {THREADS} threads: {same} on one thread\n")

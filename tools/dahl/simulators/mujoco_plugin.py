@@ -18,22 +18,24 @@ from dahl import dependencies, paths
 from dahl.binding import library
 from dahl.errors import RunError
 
-MIN_MAJOR_VERSION = 4  # first major version whose tendon Jacobians are always sparse
+MIN_VERSION = 3, 8  # the oldest one that is tested; headers of 3.6 lack what the plugin needs
 FOLDERS = [paths.PORT / name for name in ("mujoco", "simulators")]
 FLAGS = "-std=c99 -O2 -fPIC -shared -ffp-contract=off".split()
 
 
 def load() -> None:
-    """Register dahl.friction. Raises dahl.RunError if MuJoCo 4 or a C compiler is missing."""
+    """Register dahl.friction. Raises dahl.RunError if a C compiler or MuJoCo is missing, or if
+    MuJoCo is too old.
+    """
     try:
         import mujoco
     except ImportError as error:
         reason = f"dahl.mujoco cannot import mujoco ({error})"
         raise RunError(f"{reason}; {dependencies.hint(['mujoco'], 'mujoco')}") from None
-    if int(mujoco.__version__.split(".")[0]) < MIN_MAJOR_VERSION:
-        needed = f"dahl.mujoco needs MuJoCo {MIN_MAJOR_VERSION} or later"
-        reason = f"{needed}; this is {mujoco.__version__}"
-        raise RunError(f"{reason}; {dependencies.hint(['mujoco'], 'mujoco')}")
+    if tuple(map(int, mujoco.__version__.split(".")[:2])) < MIN_VERSION:
+        least = ".".join(map(str, MIN_VERSION))
+        reason = f"dahl.mujoco needs MuJoCo {least} or later; this is {mujoco.__version__}"
+        raise RunError(f"{reason}; {dependencies.hint([f'mujoco>={least}'], 'mujoco')}")
     library.load()  # the plugin finds the functions of libdahl.so in this process
     plugin = ensure_compiled(Path(mujoco.__file__).parent, mujoco.__version__)
     mujoco.mj_loadPluginLibrary(str(plugin))
