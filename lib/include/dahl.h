@@ -7,14 +7,14 @@
  * dahl_prepare() once at start-up, then one of the step functions in every tick.
  * docs/microcontroller.md has the instructions, stack and flash of every call.
  *
- * @verbatim
- * USE
+ * @par Use
+ * @code{.c}
  *   static dahl_plan_t plan;       // constant after dahl_prepare; may live in flash
  *   static dahl_state_t bearing;   // all zeros: relaxed
  *   dahl_params_t p = {100.0f, 0.5f, 6.2831853f / 16384};   // sigma0, Fc, theta of a count
  *   if (dahl_prepare(&plan, &p) != DAHL_OK) { stop(); }
- *   each tick:  F = dahl_step_counts(&plan, &bearing, dahl_counts_between(before, now, 16384));
- * @endverbatim
+ *   F = dahl_step_counts(&plan, &bearing, dahl_counts_between(before, now, 16384)); // each tick
+ * @endcode
  *
  * @par Sign
  * F has the sign of the motion. The bearing acts on the shaft with -F; feed-forward compensation
@@ -31,17 +31,17 @@
  * - There is no heap, no global variable, no libm, and no division by a variable in a step.
  *
  * @par Model
- * Source: V. Ciarla, V. Cahouet, C. Canudas de Wit, F. Quaine, "Notes on the analytic solution for
- * the Dahl's friction model", Laboratoire d'Automatique de Grenoble, project VolHand
+ * Source: V. Ciarla, V. Cahouet, C. Canudas de Wit, F. Quaine, *Notes on the analytic solution for
+ * the Dahl's friction model*, Laboratoire d'Automatique de Grenoble, project VolHand
  * (ANR-09-VTT-14). The equation numbers are theirs; docs/model.md lists the errata. For linear
  * motion, read m for rad and N for N m.
- * @verbatim
+ * @code{.text}
  *   dF/dtheta = sigma0 (1 - F/Fc sgn(dtheta))                                         (Eq. 1)
  *   theta [rad] angle, F [N m] friction torque, Fc > 0 [N m] Coulomb torque,
  *   sigma0 > 0 [N m/rad] stiffness at rest
  *   w = F/Fc, a = sigma0/Fc [1/rad], travel u = a |dtheta| in direction s = +-1
  *   w += (s - w) g(u),    g(u) = 1 - exp(-u)          exact for one tick     (Eqs. 7, 18, 27)
- * @endverbatim
+ * @endcode
  * The torque depends only on the path of theta, not on time. The presliding length is 1/a.
  *
  * @par Units: three usual mistakes

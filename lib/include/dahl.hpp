@@ -9,15 +9,15 @@
  * dahl.h documents the calls, their error bounds and costs, and why any bits are a safe
  * state, but not a safe plan.
  *
- * @verbatim
- * USE
+ * @par Use
+ * @code{.cpp}
  *   static dahl::Plan plan;              // or a const dahl_plan_t in flash, from `dahl plan`
  *   static dahl::Bearing bearing(plan);  // relaxed
  *   static dahl::Encoder encoder;
  *   if (plan.prepare(100.0f, 0.5f, 6.2831853f / 16384) != DAHL_OK) stop();
  *   if (encoder.init(65536) != DAHL_OK) stop();
- *   each tick:  F = bearing.step_counts(encoder.move(reading));
- * @endverbatim
+ *   F = bearing.step_counts(encoder.move(reading));   // each tick
+ * @endcode
  *
  * dahl::Node needs the component node: include dahl_node.h before this header.
  */
@@ -153,10 +153,10 @@ private:
 /**
  * Compensator of one axis (dahl_compensator.h): a reference to a plan, which must outlive it, and a
  * state. Call move() before the tick of the element, and torque() after it:
- * @verbatim
+ * @code{.cpp}
  *   move = compensator.move(is_good ? encoder.move(reading) : 0, is_good);
  *   command += compensator.torque(bearing.step_counts_q30(move));   // in Q30 of Fc
- * @endverbatim
+ * @endcode
  */
 class Compensator {
 public:

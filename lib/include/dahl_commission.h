@@ -10,25 +10,25 @@
  * All torques are in the unit of the command. If the torque constant is wrong, each torque, inertia
  * and stiffness is wrong by the same factor, and the compensator still fits the axis.
  *
- * @verbatim
- * USE
+ * @par Use
+ * @code{.c}
  *   static dahl_commission_t axis;   static dahl_commission_command_t command;
  *   static const dahl_commission_config_t config = {
  *       .period = 1e-3f, .theta_per_count = 3.835e-4f, .inertia = 0.002f,   // s, rad, kg m2
  *       .travel = 0.35f, .angle_limit = 0.7f, .speed_limit = 10.0f,         // rad, rad, rad/s
  *       .torque_limit = 5.0f};                                              // N m
- *   start:
+ *   // start:
  *     if (dahl_commission_start(&axis, &config) != DAHL_COMMISSION_OK) { stop(); }
- *   each tick, after the encoder is read, until the stage is DONE or REFUSED:
+ *   // each tick, after the encoder is read, until the stage is DONE or REFUSED:
  *     dahl_commission_tick(&axis, dcounts, last_torque, &command);
  *     if (command.mode == DAHL_COMMISSION_TRACK) {
  *         torque = position_loop(command.angle, command.speed, command.acceleration);
  *     } else { torque = command.torque; }
  *     last_torque = limit(torque, command.torque_limit);
- *   DONE:
+ *   // DONE:
  *     dahl_compensator_params_t params;
  *     dahl_commission_params(&axis, &params, 0);   // then dahl_compensator_prepare()
- * @endverbatim
+ * @endcode
  *
  * @par Stages
  * 1. Rest: torque 0; the noise of the encoder.
@@ -225,6 +225,7 @@ typedef struct {
     float cycle_travel;    /**< [rad] travel of the cycle, from end to end */
     float break_torque[2]; /**< [N m] breakaway torque of both directions */
     float middle_Fc;       /**< [N m] friction in the middle of the travel */
+    /** @cond */
     union {
         struct {
             float mean;           /* [count] slow mean of the counts */
@@ -300,7 +301,8 @@ typedef struct {
             uint8_t phase;   /* prepare, fade in, push or settle */
             uint8_t windows; /* windows since the push */
         } kick; /* KICK */
-    } work; /**< of the present stage */
+    } work; /* of the present stage */
+    /** @endcond */
 } dahl_commission_t;
 
 /**

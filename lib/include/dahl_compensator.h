@@ -14,8 +14,8 @@
  *   the reference. dahl_compensator_move() still reads the encoder, for faults and speed. Add the
  *   residual observer below: alone, this law pushes a shaft at rest away from its target.
  *
- * @verbatim
- * USE (measured law; Fc_low, length_long and sigma0_high come from `dahl identify`)
+ * @par Use (measured law; Fc_low, length_long and sigma0_high come from `dahl identify`)
+ * @code{.c}
  *   static dahl_plan_t friction;           static dahl_state_t bristle;
  *   static dahl_compensator_plan_t plan;   static dahl_compensator_t compensator;   // all zeros
  *   static const dahl_compensator_params_t params = {
@@ -26,17 +26,17 @@
  *       .gain = 0.9f, .limit = 1.0f, .slew = 50.0f, .period = 1e-3f,   // N m, N m/s, s
  *       .rise = 0.5f, .fall = 0.02f, .fade_speed = 5.0f,               // s, s, rad/s
  *       .noise = 1, .play = 4, .jump = 200};                           // counts
- *   start:
+ *   // start:
  *     if (dahl_prepare(&friction, &params.friction) != DAHL_OK
  *         || dahl_compensator_prepare(&plan, &params) != DAHL_COMPENSATOR_OK) { stop(); }
- *   each tick:
+ *   // each tick:
  *     int32_t move = dahl_compensator_move(&plan, &compensator, dcounts, encoder_is_good);
  *     int32_t w = dahl_step_counts_q30(&friction, &bristle, move);
  *     int32_t y = dahl_compensator_torque(&plan, &compensator, w);
  *     command_mNm += dahl_to_units(y, Fc_mNm);
- *   reference law, in place of the second line of the tick:
+ *   // reference law, in place of the second line of the tick:
  *     w = dahl_step_counts_q30(&friction, &bristle, reference_move);
- * @endverbatim
+ * @endcode
  *
  * @par Bad readings
  * In a tick with a bad reading, pass is_good = 0, and do not call dahl_encoder_move(). There is an
@@ -326,15 +326,15 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
  * Optional, for the reference law only: add the torque that the friction model lacks. It follows an
  * Fc that is wrong or drifts, unequal directions, viscous friction and a constant load. It also
  * draws a shaft that rests to its target. A program that does not call it does not link it.
- * @verbatim
- *   each tick, after dahl_compensator_torque() has returned y:
+ * @code{.c}
+ *   // each tick, after dahl_compensator_torque() has returned y:
  *     int32_t r = dahl_residual_torque(&residual_plan, &residual, &compensator, dcounts);
  *     float known = Fc * DAHL_Q30 * (float)y + gravity;      // feed-forwards, except inertia and r
  *     float command = loop + known + inertia * acceleration + Fc * DAHL_Q30 * (float)r;
  *     command = clamp(command, drive_limit);                 // N m, as the drive gets it
  *     dahl_residual_note(&residual, dahl_residual_q24(&residual_plan, command - known));
- *   with integers, note a torque in Q24 of Fc: (command_mNm - known_mNm) * (16777216 / Fc_mNm)
- * @endverbatim
+ *   // with integers, note a torque in Q24 of Fc: (command_mNm - known_mNm) * (16777216 / Fc_mNm)
+ * @endcode
  *
  * r = low-pass of (motor torque - known feed-forwards - inertia times acceleration). The motor
  * torque is the one that acted, so a limit of the drive winds nothing up.

@@ -5,12 +5,12 @@
  *
  * Use it if the counter wraps, counts backward, or may jump.
  *
- * @verbatim
- * USE
+ * @par Use
+ * @code{.c}
  *   static dahl_encoder_t encoder;                              // all zeros: never moves
  *   if (dahl_encoder_init(&encoder, 65536, +1, 1000) != DAHL_OK) { stop(); }
- *   each tick:  F = dahl_step_counts(&plan, &bearing, dahl_encoder_move(&encoder, TIM3->CNT));
- * @endverbatim
+ *   F = dahl_step_counts(&plan, &bearing, dahl_encoder_move(&encoder, TIM3->CNT)); // each tick
+ * @endcode
  *
  * The modulus is the number of values of the reading, which is seldom one turn: 65536 for a 16-bit
  * timer, 0 for a 32-bit timer, the counts per turn for an absolute encoder or a timer that reloads.

@@ -8,9 +8,9 @@
  *
  * @par Error of F
  * With E = #DAHL_FLOAT_ERROR of Fc, each reversal adds an error that decays with travel:
- * @verbatim
+ * @code{.text}
  *   E (1 + sum over past reversals of exp(-travel u since the reversal))
- * @endverbatim
+ * @endcode
  * Sweeps have 1 E or 2 E. Moves of 2 counts forward and 1 back, at u = 1e-6 per count, reach 6e5 E.
  * dahl.h has no such term.
  *

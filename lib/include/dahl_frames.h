@@ -7,7 +7,7 @@
  *
  * All frames have 8 bytes, little endian, and an 11-bit id with the node number n = 0 .. 15 in the
  * low 4 bits:
- * @verbatim
+ * @code{.text}
  *   EncoderState   0x100+n  every 1 ms     encoder -> node
  *   FrictionTorque 0x110+n  on reception   node -> all; answers an EncoderState
  *   Status         0x120+n  every 100 ms   node -> all; also at once after power-on, a timeout,
@@ -15,7 +15,7 @@
  *   ParamWrite     0x130+n  on request     any -> node; sets or reads one parameter
  *   ParamReply     0x140+n  on reception   node -> all; the present value
  *   Reset          0x150+n  on request     any -> node; answered by Status
- * @endverbatim
+ * @endcode
  *
  * @par Protection
  * AUTOSAR E2E profile 2. Byte 0 is CRC-8 (polynomial 0x2F) over bytes 1 .. 7 and a data id, (kind

@@ -7,12 +7,12 @@
  * link the same file. There is no I/O, heap or operating system, and no float except to read or
  * write a parameter.
  *
- * @verbatim
+ * @code{.c}
  *   static dahl_node_t node;
  *   if (dahl_node_init(&node, &params, 0) != DAHL_OK) { stop(); }
- *   on each frame:     if (dahl_node_receive(&node, &in, now_us, &out)) { send(&out); }
- *   every millisecond: if (dahl_node_tick(&node, now_us, &out)) { send(&out); }
- * @endverbatim
+ *   if (dahl_node_receive(&node, &in, now_us, &out)) { send(&out); }   // on each frame
+ *   if (dahl_node_tick(&node, now_us, &out)) { send(&out); }           // every millisecond
+ * @endcode
  *
  * @par Answer
  * The node answers each accepted EncoderState once, with the FrictionTorque after this count: gain
@@ -44,9 +44,9 @@
  * There is no lock, so calls for one node, and accesses to its members, must not overlap. If a
  * receive interrupt calls dahl_node_receive(), the main program must mask it, and read the clock
  * while it is masked:
- * @verbatim
+ * @code{.c}
  *   mask(); due = dahl_node_tick(&node, clock_us(), &out); unmask(); if (due) { send(&out); }
- * @endverbatim
+ * @endcode
  * No mask is needed if the interrupt only queues frames. No call waits, and two nodes share no data.
  *
  * @par Time and stack of a receive interrupt
@@ -57,13 +57,13 @@
  *
  * If the interrupt does not have this time, let it only queue the frames. All examples call the
  * node in the main program:
- * @verbatim
- *   receive interrupt:  queue_put(&queue, &frame);                  // a queue of your firmware
- *   main program:       while (queue_get(&queue, &in)) {
- *                           if (dahl_node_receive(&node, &in, clock_us(), &out)) { send(&out); }
- *                       }
- *   every millisecond:  if (dahl_node_tick(&node, clock_us(), &out)) { send(&out); }
- * @endverbatim
+ * @code{.c}
+ *   queue_put(&queue, &frame);         // receive interrupt, with a queue of your firmware
+ *   while (queue_get(&queue, &in)) {   // main program
+ *       if (dahl_node_receive(&node, &in, clock_us(), &out)) { send(&out); }
+ *   }
+ *   if (dahl_node_tick(&node, clock_us(), &out)) { send(&out); }   // every millisecond
+ * @endcode
  * Read the clock at the call, not in the interrupt, so that it does not go back. An answer then
  * waits for the main program, and an EncoderState for a ParamWrite before it.
  *
@@ -207,10 +207,10 @@ DAHL_OTHER_MODELS(DAHL_NODE_STORAGE)
 /**
  * Use a model. The answer is a fraction of Fc, of the sum of Fc, or of the larger Fc of two
  * directions; Fc and Sigma0 return these numbers.
- * @verbatim
+ * @code{.c}
  *   static dahl_node_slip_t slip;
  *   err = dahl_node_use(&node, &slip.model, &dahl_model_slip_q30, &params);
- * @endverbatim
+ * @endcode
  * @param node    node
  * @param storage member `model` of dahl_node_NAME_t
  * @param model   dahl_model_NAME_q30 of the same NAME; model `loaded` follows parameter Load,

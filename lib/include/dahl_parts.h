@@ -139,10 +139,10 @@ int32_t dahl_slip_step_counts_q30(const dahl_slip_plan_t *plan, dahl_slip_state_
 /**
  * @name Any mix in parallel
  * Elements on one shaft, whose torques add.
- * @verbatim
+ * @code{.c}
  *   static const dahl_part_t parts[] = {DAHL_PART(&plan, &bearing), DAHL_SLIP_PART(&slips, &seal)};
- *   each tick:  F = dahl_parallel_step_counts(parts, 2, dcounts);
- * @endverbatim
+ *   F = dahl_parallel_step_counts(parts, 2, dcounts);   // each tick
+ * @endcode
  */
 /** @{ */
 
@@ -336,11 +336,11 @@ int32_t dahl_velocity_torque_q30(const dahl_velocity_plan_t *plan, int32_t dcoun
  * @name Presliding damping
  * For a motor that renders friction: a knob, a wheel of a simulator. The element alone is a spring
  * in presliding. The motor acts on it late, so a shaft that rests buzzes. LuGre's sigma1 damps it.
- * @verbatim
- *   y = F + sigma1/sigma0 dF/dt              [N m], with dF of a tick: it changes by travel only
+ * @code{.c}
+ *   // y = F + sigma1/sigma0 dF/dt  [N m], with dF of a tick: it changes by travel only
  *   w = dahl_step_counts_q30(&plan, &state, dcounts);
  *   command_mNm = -dahl_to_units(dahl_damping_apply(&damping_plan, &damping, w), Fc_mNm);
- * @endverbatim
+ * @endcode
  * Choose sigma1 = 2 zeta sqrt(inertia sigma0) in N m s/rad, zeta 0.2 to 0.3; inertia: all that the
  * motor turns. A free shaft then rests within 2 counts if
  * - sqrt(sigma0/inertia) (delay + period) <= 0.4, delay from reading to torque: lower sigma0,
@@ -391,10 +391,10 @@ int32_t dahl_damping_apply(const dahl_damping_plan_t *plan, dahl_damping_t *damp
 /**
  * @name Asymmetric friction
  * One Fc for each direction, as under a preload, at a seal, or in a gear with one worn flank.
- * @verbatim
+ * @code{.text}
  *   forward    dF/dtheta = sigma0 (1 - F/Fc_forward)
  *   backward   dF/dtheta = sigma0 (1 + F/Fc_backward)
- * @endverbatim
+ * @endcode
  * With m = (Fc_forward - Fc_backward)/2 and h = (Fc_forward + Fc_backward)/2, this is F = m + h w:
  * Dahl's model with a different presliding length Fc/sigma0 for each direction. Relaxed is F = 0,
  * not w = 0. Two values of sigma0 could create energy in a closed cycle.
@@ -592,14 +592,14 @@ int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan
  * @name Model chosen at run time
  * The calls of one model as a constant object, for a program that learns the model from a file or
  * an option. A firmware that knows its model calls dahl_NAME_step_counts() directly.
- * @verbatim
+ * @code{.c}
  *   static dahl_any_plan_t plan;
  *   static dahl_any_state_t state;                                 // all zeros: relaxed
  *   const dahl_model_t *model = &dahl_model_slip;
  *   dahl_model_params_t params = {{2, 1e-4f, {100, 300}, {0.5f, 0.2f}}, 0, 0}; // two elements
  *   if (model->q30->prepare(&plan, &params) != DAHL_OK) { stop(); }
- *   each tick:  F = model->step(&plan, &state, dcounts, 1u << 30);    // load 1
- * @endverbatim
+ *   F = model->step(&plan, &state, dcounts, 1u << 30);             // each tick; load 1
+ * @endcode
  * Only the models that a program names are linked. Link with --gc-sections, so that
  * dahl_model_NAME_q30 links no float form.
  */

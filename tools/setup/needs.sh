@@ -9,7 +9,7 @@ declare -A INCLUDES=(
     [identify]='demo'
     [firmware]='demo'
     [test]='identify'
-    [docs]='test' # pdoc imports each module, the pytest plugin too
+    [docs]='test' # autodoc imports each module, the pytest plugin too
     [vm]='demo'
     [checks]='test firmware vm docs'
     [bench]='identify firmware'
@@ -30,6 +30,7 @@ ${CC:-cc} -v >/dev/null 2>&1 || MUST[demo]+=' gcc'
 # Optional Debian packages: tests that need a missing one are skipped and say so.
 declare -A MAY=(
     [test]='valgrind'
+    [docs]='chromium' # measures the pages and takes screenshots
     [vm]='can-utils qemu-system-x86 busybox-static kmod cpio iproute2 gdb'
     # clang builds the big-endian programs, because Debian's s390x gcc conflicts with gcc-multilib.
     [checks]='tcc clang libclang-rt-14-dev gcc-multilib g++-multilib

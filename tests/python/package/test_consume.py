@@ -7,7 +7,6 @@ import math
 import os
 import re
 import shutil
-from itertools import groupby
 from pathlib import Path
 
 import dahl
@@ -286,14 +285,10 @@ TIMER = (
 )
 
 
-STATEMENT = re.compile(r" \*\s+(?:[\w ]+:\s+)?(\S.*[;}])\s*(?://.*)?")  # after `each tick:`
-
-
 def example_of(header: str) -> list[str]:
-    """Return the longest run of comment lines that end like statements of C."""
-    found = [STATEMENT.fullmatch(line) for line in header.splitlines()]
-    runs = [list(run) for is_code, run in groupby(found, bool) if is_code]
-    return [line[1] for line in max(runs, key=len)]
+    """Return the first block of C in the comments of a header."""
+    block = header.split("@code{.c}\n")[1].split(" * @endcode", maxsplit=1)[0]
+    return [line.removeprefix(" * ") for line in block.splitlines()]
 
 
 def snippet(name: str) -> str:
