@@ -31,7 +31,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from dahl.dependencies import hint
 from dahl.errors import RunError
 
 try:
@@ -39,6 +38,8 @@ try:
     from jax import Array
     from jax.typing import ArrayLike
 except ImportError:
+    from dahl.dependencies import hint
+
     raise RunError(f"dahl.jax needs jax; {hint(['jax'], 'jax')}") from None
 
 __all__ = ["Dahl", "ElastoPlastic", "Slip", "State"]
