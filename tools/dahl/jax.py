@@ -11,7 +11,8 @@
 
 Each is a pytree of its parameters, and `step` works under jit, vmap, grad and scan:
 `jax.lax.scan(friction.step, friction.relaxed(), moves)`. Arrays of parameters, states and moves
-broadcast. The state's dtype decides the precision: float32, or float64 if JAX allows it.
+broadcast; `jax.vmap(Dahl.step)(friction, state, dtheta)` maps over all three. The state's dtype
+decides the precision: float32, or float64 if JAX allows it.
 
 RANGE  sigma0 > 0, Fc > 0, 0 < breakaway < 1; they are not checked. sigma0/Fc*dtheta may be any
 number. As in the library, a NaN is no motion and an infinite move saturates.
@@ -84,7 +85,7 @@ class Dahl(NamedTuple):
 class Slip(NamedTuple):
     """Slip elements in parallel: sigma0 [N m/rad] and Fc [N m] of each along the last axis.
 
-    For one element, give lists of one number. The torque has one axis less than the state.
+    One element may be a number. The torque has one axis less than the state.
     """
 
     sigma0: ArrayLike
@@ -92,7 +93,7 @@ class Slip(NamedTuple):
 
     def relaxed(self, shape: tuple[int, ...] | None = None, dtype: Any = None) -> State:
         """Return the state at F = 0; its last axis holds the elements."""
-        return _relaxed(self, shape, dtype)
+        return _relaxed(tuple(map(jnp.atleast_1d, self)), shape, dtype)
 
     def step(self, state: State, dtheta: ArrayLike) -> tuple[State, Array]:
         """Move by dtheta [rad] and return the state after it and F [N m]."""
@@ -129,16 +130,13 @@ class ElastoPlastic(NamedTuple):
 def _relaxed(parameters: tuple[ArrayLike, ...], shape: tuple[int, ...] | None, dtype: Any) -> State:
     arrays = jnp.broadcast_arrays(*map(jnp.asarray, parameters))
     zeros = jnp.zeros(
-        arrays[0].shape if shape is None else shape, dtype or jnp.result_type(*arrays)
+        arrays[0].shape if shape is None else shape, dtype or jnp.result_type(float, *arrays)
     )
     return State(zeros, zeros)
 
 
 def _direction_and_travel(
-    sigma0: ArrayLike,
-    Fc: ArrayLike,
-    state: State,
-    dtheta: ArrayLike,  # noqa: N803
+    sigma0: ArrayLike, Fc: ArrayLike, state: State, dtheta: ArrayLike
 ) -> tuple[Array, Array]:
     """Return the direction, 1 or -1, and the travel in units of Fc/sigma0."""
     dtype = state.ratio.dtype
@@ -148,5 +146,5 @@ def _direction_and_travel(
     return s, jnp.minimum(stiffness * (s * move), SATURATED)
 
 
-def _torque(Fc: ArrayLike, state: State) -> Array:  # noqa: N803
+def _torque(Fc: ArrayLike, state: State) -> Array:
     return jnp.asarray(Fc, state.ratio.dtype) * state.ratio

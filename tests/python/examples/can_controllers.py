@@ -700,7 +700,7 @@ class Twai(Driver):
 
 
 class Twai60(Driver):
-    """The driver of ESP-IDF 5.5 to 6.1: events in interrupts, and frames by pointers until they are sent.
+    """The driver of ESP-IDF 5.5 to 6.1: events in interrupts; frames by pointers until sent.
 
     `pending` are the frames of the controller (one) and of the queue of the driver, which survives
     a bus-off.

@@ -224,3 +224,17 @@ def test_slip_elements_in_parallel_have_the_torque_of_the_library() -> None:
     got = jax.lax.scan(one.step, one.relaxed(), np.float32(counts * THETA))[1]
     expected = dahl.Slip(sigma0, Fc, THETA).run_counts(counts)
     assert np.asarray(got) == pytest.approx(expected, abs=200 * EPS["float32"] * sum(Fc))
+
+
+def test_parameters_may_be_whole_numbers_and_one_slip_element_needs_no_list() -> None:
+    for one in (friction.Dahl(100, 1), friction.Slip(100, 1), friction.ElastoPlastic(100, 1, 0.5)):
+        state, torque = jax.lax.scan(one.step, one.relaxed(), np.full(3, 1e-3, np.float32))
+        assert state.ratio.dtype == np.float32 and 0.09 < torque[0] < torque[2] < 0.31
+
+
+@KIND
+def test_the_method_of_the_class_maps_over_elements_states_and_moves(kind) -> None:
+    several = made(kind, np.float32([50, 60]), np.float32([1, 2]), np.float32([B, B]))
+    moves = np.float32([1e-3, -1e-3])
+    mapped = jax.vmap(type(several).step)(several, several.relaxed(), moves)[1]
+    assert np.asarray(mapped) == pytest.approx(several.step(several.relaxed(), moves)[1])
