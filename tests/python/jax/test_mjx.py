@@ -11,7 +11,7 @@ from programs import run
 
 def test_a_thousand_joints_hold_and_those_of_frictionloss_creep(root: Path) -> None:
     pytest.importorskip("mujoco.mjx", reason="unproven: examples/mjx: mujoco-mjx is missing")
-    printed = run(sys.executable, root / "examples/mjx/hold.py")
+    printed = run(sys.executable, root / "examples/mjx/hold_many.py")
     rows = re.findall(r"(\S+): (\d+) of (\d+) joints hold, drift (\S+) rad", printed)
     assert [row[:3] for row in rows] == [
         ("dahl.jax", "1000", "1000"),

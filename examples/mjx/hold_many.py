@@ -2,7 +2,7 @@
 """Push 1000 joints with half of their Fc for 2 s, in one batch of MJX, the MuJoCo in JAX. With the
 friction of dahl.jax they hold. With `frictionloss` they creep.
 
-Usage: python examples/mjx/hold.py, after pip install '.[jax]' mujoco-mjx; 1 minute on a CPU
+Usage: python examples/mjx/hold_many.py, after pip install '.[jax]' mujoco-mjx; 1 minute on a CPU
 Written for mujoco-mjx 3.17; any since 3.8 should do.
 """
 
