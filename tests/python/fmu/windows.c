@@ -57,7 +57,8 @@ static int start(const char *guid)
         return ((setup2_t *)function("SetupExperiment"))(fmu, 0, 0, 0, 0, 0) |
                ((plain_t *)function("EnterInitializationMode"))(fmu);
     }
-    fmu = ((make3_t *)function("InstantiateCoSimulation"))("one", guid, NULL, false, false, false, true, NULL, 0, NULL, NULL, NULL);
+    make3_t *make = (make3_t *)function("InstantiateCoSimulation");
+    fmu = make("one", guid, NULL, false, false, false, true, NULL, 0, NULL, NULL, NULL);
     return ((enter3_t *)function("EnterInitializationMode"))(fmu, false, 0, 0, false, 0);
 }
 

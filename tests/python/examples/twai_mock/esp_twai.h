@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* esp_twai.h and esp_twai_onchip.h of ESP-IDF 5.5 to 6.1, as far as examples/can_esp32_twai uses them. Their functions are pointers, which
- * the test sets. */
+/* esp_twai.h and esp_twai_onchip.h of ESP-IDF 5.5 to 6.1, as far as examples/can_esp32_twai uses them. Their functions are
+ * pointers, which the test sets. */
 #ifndef ESP_TWAI_MOCK_H
 #define ESP_TWAI_MOCK_H
 
