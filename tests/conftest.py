@@ -21,8 +21,8 @@ EXAMPLES, MORE_EXAMPLES = 50, 200  # of each Hypothesis test, by default and wit
 ROOT = Path(__file__).resolve().parents[1]
 BUILD = Path(os.environ.get("DAHL_BUILD_DIR", ROOT / "build" / "host"))
 
-# Folders whose tests are all marked checks. Those of mujoco are in tests/python.
-CHECKS = ("proof", "fuzz", "static", "quality", "mujoco")
+# Folders whose tests are all marked checks. Those of mujoco and jax are in tests/python.
+CHECKS = ("proof", "fuzz", "static", "quality", "mujoco", "jax")
 CHECK_SECONDS = 1800  # of one test in these folders, so that only a hang ends it
 MODES = ("--checks", "--long", "--full", "--soak")  # each runs some of these folders
 

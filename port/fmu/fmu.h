@@ -15,9 +15,11 @@
 #elif defined(__GNUC__)
 #define FMU_EXPORT __attribute__((visibility("default")))
 #define FMU_PRINTF(text, first) __attribute__((format(printf, text, first)))
-#pragma GCC diagnostic ignored "-Wunused-parameter" /* the standard fixes the parameters */
 #else
 #define FMU_EXPORT
+#endif
+#ifdef __GNUC__
+#pragma GCC diagnostic ignored "-Wunused-parameter" /* the standard fixes the parameters */
 #endif
 #ifndef FMU_PRINTF
 #define FMU_PRINTF(text, first)

@@ -36,12 +36,12 @@ def jax_scan(dtype: str) -> Log:
     import jax
     import jax.numpy as jnp
 
-    jax.config.update("jax_enable_x64", True)
+    jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call]
 
     def join(first: Any, then: Any) -> Any:
         return first[0] * then[0], first[1] * then[0] + then[1]
 
-    @jax.jit  # type: ignore[untyped-decorator]  # as numba above
+    @jax.jit
     def torques(moves: Any, scale: float, Fc: float) -> Any:  # noqa: N803
         u = scale * moves.astype(dtype)
         g = -jnp.expm1(-jnp.abs(u))

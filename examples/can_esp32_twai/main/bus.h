@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* The TWAI controller of an ESP32 at 500 kbit/s. bus_5_0.c implements it by driver/twai.h of ESP-IDF 5.0 to 5.4, bus_5_5.c by
- * esp_twai.h of ESP-IDF 5.5 and later. Call all of it from one task. */
+ * esp_twai.h of ESP-IDF 5.5 to 6.1. Call all of it from one task. */
 #ifndef BUS_H
 #define BUS_H
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The friction node on the TWAI controller of an ESP32 at 500 kbit/s, for ESP-IDF v5 and v6. It was not run on hardware. Interrupts
- * of the driver queue frames and one task serves them, so that no mask is needed. */
+/* The friction node on the TWAI controller of an ESP32 at 500 kbit/s, for ESP-IDF 5.0 to 6.1. It was not run on hardware.
+ * Interrupts of the driver queue frames and one task serves them, so that no mask is needed. */
 #include <dahl_node.h>
 #include <esp_timer.h>
 #include "bus.h"

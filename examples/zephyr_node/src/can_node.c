@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The friction node on the CAN API of Zephyr 3.7 or later. It was not built with Zephyr or run on hardware. The driver queues
+/* The friction node on the CAN API of Zephyr 3.7 to 4.5. It was not built with Zephyr or run on hardware. The driver queues
  * frames and one thread serves them, so that no mask is needed. The driver recovers from bus-off by itself. */
 #include <string.h>
 #include <dahl_node.h>

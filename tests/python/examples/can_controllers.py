@@ -699,15 +699,15 @@ class Twai(Driver):
         return self.rate * 20, 16, 4  # sampled where TWAI_TIMING_CONFIG_500KBITS samples
 
 
-class Twai55(Driver):
-    """The driver of ESP-IDF 5.5: events in interrupts, and frames by pointers until they are sent.
+class Twai60(Driver):
+    """The driver of ESP-IDF 5.5 to 6.1: events in interrupts; frames by pointers until sent.
 
     `pending` are the frames of the controller (one) and of the queue of the driver, which survives
     a bus-off.
     """
 
     folder, capacity = "can_esp32_twai/main", 6  # a queue of five, and the controller
-    sources, flags = Twai.sources, ("-DMOCK_IDF_5_5",)
+    sources, flags = Twai.sources, ("-DMOCK_IDF_6_0",)
     names = ("esp_twai.h", "freertos/FreeRTOS.h", "esp_timer.h")
     headers, seams = tuple(TWAI_MOCK / name for name in names), defining(*names)
     off_code, full_code = 0x103, 0x107  # ESP_ERR_INVALID_STATE, ESP_ERR_TIMEOUT
@@ -763,7 +763,7 @@ class Twai55(Driver):
         return 0 if self.state == "stopped" else self.off_code
 
     def set_filter(self, _node, number: int, rule) -> int:
-        assert number == 0 and rule.no_fd and not rule.no_classic
+        assert number == 0 and rule.no_fd and not rule.no_classic | rule.dual_filter
         self.filter = rule.id << 18, rule.mask << 18, bool(rule.is_ext), None
         return 0 if self.state == "stopped" else self.off_code
 
@@ -947,5 +947,5 @@ class Zephyr45(Zephyr):
             one.handler(self.ffi.NULL, one, state, errors)
 
 
-MODELS = (BxCan, BxCan2, FdCan, Mcp2515, Twai, Twai55, Zephyr, Zephyr45)
+MODELS = (BxCan, BxCan2, FdCan, Mcp2515, Twai, Twai60, Zephyr, Zephyr45)
 CONTROLLERS = {one.__name__: one for one in MODELS}

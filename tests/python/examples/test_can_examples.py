@@ -280,7 +280,7 @@ OTHER = ("-DMOCK_IDF_5_5", "-DMOCK_ZEPHYR_4_5", "-DCAN_NODE_UNIT=2", "-DAPB1_MHZ
 
 
 @pytest.mark.checks
-@pytest.mark.parametrize("flags", [(), OTHER], ids=["", "other"])
+@pytest.mark.parametrize("flags", [(), OTHER, ("-DMOCK_IDF_6_0",)], ids=["", "other", "6.0"])
 @pytest.mark.parametrize("name", CORES)
 def test_the_example_compiles_for_its_core(
     name: str, flags: tuple[str, ...], root: Path, tmp_path: Path

@@ -42,7 +42,7 @@ class Instance:
     def __init__(self, fmu: Path, binary: Path | None = None, **wrong: Any) -> None:
         with zipfile.ZipFile(fmu) as content:
             self.xml = ET.fromstring(content.read("modelDescription.xml"))
-            (name,) = (one for one in content.namelist() if one.startswith("binaries/"))
+            (name,) = (one for one in content.namelist() if one.endswith(".so"))
             if binary is None:  # each instance loads a file of its own
                 binary = Path(content.extract(name, tempfile.mkdtemp(dir=fmu.parent)))
             self.functions = ctypes.CDLL(binary)

@@ -3,8 +3,10 @@
 the packages that each command imports.
 """
 
+import importlib
 import re
 import shlex
+import subprocess
 import sys
 import tomllib
 
@@ -116,3 +118,13 @@ def test_the_extras_contain_the_imported_packages_in_the_tested_versions(extras,
     assert [name for name in tested if not wanted[name].contains(pins[name])] == []
     assert not any(map(wanted["plotext"].contains, ("6.0.0", "6.1.0", "7.0")))
     assert not wanted["python-can"].contains("4.5.0")
+
+
+def test_dahl_jax_names_the_command_that_installs_jax_and_dahl_itself_needs_none(monkeypatch):
+    without(monkeypatch, "jax")
+    monkeypatch.delitem(sys.modules, "dahl.jax", raising=False)
+    with pytest.raises(RunError, match=r"pip install '\.\[jax\]'") as error:
+        importlib.import_module("dahl.jax")
+    assert "jax" in brought_by(str(error.value))[0][0]
+    run = "import dahl, sys; dahl.Plan(1, 1); sys.exit('jax' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", run], check=False).returncode == 0

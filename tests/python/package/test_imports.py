@@ -18,7 +18,7 @@ LAYERS = (  # docs/architecture.md; each layer may import from itself and the ea
     {"identify"},
     {"commands"},
     {"cli"},
-    {"__main__", "bus", "codec", "mujoco", "node", "pytest_plugin"},  # names for users
+    {"__main__", "bus", "codec", "jax", "mujoco", "node", "pytest_plugin"},  # names for users
 )
 FILES = {
     ".".join(("dahl", *path.relative_to(PACKAGE).with_suffix("").parts)): path

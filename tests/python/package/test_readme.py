@@ -18,7 +18,7 @@ SCRIPTS = [  # test_pytest_plugin.py runs those of pytest, test_park_steer.py th
     pytest.param(
         block,
         id=f"{path.stem}-{number}",
-        marks=pytest.mark.checks if "import mujoco" in block else (),  # only checks install it
+        marks=pytest.mark.checks if re.search("import (mujoco|jax)", block) else (),
     )
     for path in PAGES
     for number, block in enumerate(

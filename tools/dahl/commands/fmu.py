@@ -4,8 +4,9 @@ Dymola and other simulators.
 
 Input: angle in rad, of --model loaded also load. Outputs: torque in N m with the sign of the
 motion, and ratio, its fraction of the largest torque. The numbers given here are start values of
-parameters, which the simulator may change. The FMU contains a shared object for this machine, and
-the C sources for any other. docs/simulators.md describes its limits.
+parameters, which the simulator may change. The FMU contains a shared object for this machine, a DLL
+for Windows if one was built, and the C sources for any other platform. docs/simulators.md
+describes its limits.
 """
 
 from __future__ import annotations
@@ -64,7 +65,8 @@ def run(args: argparse.Namespace) -> None:
     if path.is_file() and not args.force:
         raise InputError(f"{path}: exists; --force overwrites it")
     guid = fmu.write(path, contents)
-    print(f"{path}: FMI {args.fmi}.0 co-simulation, model {contents.model.name}, GUID {guid}")
+    named = f"FMI {args.fmi}.0 co-simulation, model {contents.model.name}, GUID {guid}"
+    print(f"{path}: {named}, for {', '.join(fmu.platforms(args.fmi))}")
 
 
 def _contents(args: argparse.Namespace) -> Fmu:

@@ -2,9 +2,10 @@
 """Functional mock-up units (FMI 2.0 and 3.0, co-simulation) of the friction models.
 
 An FMU is a zip file with modelDescription.xml, a shared object and its C sources (port/fmu,
-port/simulators). The shared object is built once for all models. For each version of FMI it
-contains a block with the model, the names, the limits and the start values; write() replaces both.
-An FMU therefore needs no compiler when it is written, and reads no file when it runs.
+port/simulators), and a DLL for Windows if MinGW-w64 was there at build time. Both are built once
+for all models. For each version of FMI they contain a block with the model, the names, the limits
+and the start values; write() replaces both blocks. An FMU therefore needs no compiler when it is
+written, and reads no file when it runs.
 """
 
 from __future__ import annotations
@@ -169,13 +170,14 @@ def _contents(fmu: Fmu, guid: str) -> dict[str, bytes]:
     """Return the files of the FMU by name."""
     sources = _sources(fmu.fmi) | {"start.h": _start_header(fmu, guid)}
     compiled = [name for name in sources if name[-2:] == ".c"]
-    bits = struct.calcsize("P") * 8
-    folder = f"linux{bits}" if fmu.fmi == 2 else f"{platform.machine()}-linux"
     if fmu.fmi == 3:
         sources["buildDescription.xml"] = _build_description(fmu, compiled)
     return {
         "modelDescription.xml": _model_description(fmu, guid, compiled),
-        f"binaries/{folder}/{fmu.name}.so": _binary(fmu, guid),
+        **{
+            f"binaries/{folder}/{fmu.name}{path.suffix}": _binary(path, fmu, guid)
+            for folder, path in platforms(fmu.fmi).items()
+        },
         **{f"sources/{name}": content for name, content in sources.items()},
         "documentation/licenses/license.txt": paths.LICENSE.read_bytes(),
     }
@@ -209,9 +211,18 @@ def _counts(fmu: Fmu) -> list[int]:
     return [len(fmu.sigma0), len(fmu.Fc), fmu.slips, int(fmu.fixed_stiffness)]
 
 
-def _binary(fmu: Fmu, guid: str) -> bytes:
-    """Return the shared object with the start values of this FMU in the block of each version."""
-    path = paths.fmu_library()
+def platforms(fmi: int) -> dict[str, Path]:
+    """Return the built binary for each platform: for this machine, and for Windows if it exists."""
+    library, bits = paths.fmu_library(), struct.calcsize("P") * 8
+    found = {f"linux{bits}" if fmi == 2 else f"{platform.machine()}-linux": library}
+    windows = library.with_name("dahl_fmu.dll")
+    return found | (
+        {"win64" if fmi == 2 else "x86_64-windows": windows} if windows.exists() else {}
+    )
+
+
+def _binary(path: Path, fmu: Fmu, guid: str) -> bytes:
+    """Return a binary with the start values of this FMU in the block of each version."""
     head, *parts = path.read_bytes().split(MARK)
     if len(parts) != len(VERSIONS):
         raise RunError(f"{path}: not the shared object of port/fmu")

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* esp_twai.h and esp_twai_onchip.h of ESP-IDF 5.5, as far as examples/can_esp32_twai uses them. Their functions are pointers, which
- * the test sets. */
+/* esp_twai.h and esp_twai_onchip.h of ESP-IDF 5.5 to 6.1, as far as examples/can_esp32_twai uses them. Their functions are
+ * pointers, which the test sets. */
 #ifndef ESP_TWAI_MOCK_H
 #define ESP_TWAI_MOCK_H
 
@@ -29,6 +29,7 @@ typedef struct {
     twai_frame_header_t header;
     uint8_t *buffer;
     size_t buffer_len;
+    uint8_t tx_queue_priority;
 } twai_frame_t;
 
 typedef struct {
@@ -44,9 +45,15 @@ typedef struct {
 } twai_onchip_node_config_t;
 
 typedef struct {
-    uint32_t id, mask;
+    union {
+        uint32_t id;
+        struct {
+            uint32_t *id_list, num_of_ids;
+        };
+    };
+    uint32_t mask;
     struct {
-        uint32_t is_ext : 1, no_classic : 1, no_fd : 1;
+        uint32_t is_ext : 1, no_classic : 1, no_fd : 1, dual_filter : 1;
     };
 } twai_mask_filter_config_t;
 

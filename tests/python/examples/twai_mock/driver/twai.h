@@ -3,6 +3,11 @@
 #ifndef TWAI_H
 #define TWAI_H
 
+#include <esp_idf_version.h>
+#if ESP_IDF_VERSION >= ESP_IDF_VERSION_VAL(5, 5, 0)
+#error "ESP-IDF 5.5 deprecates driver/twai.h"
+#endif
+
 #include <stdbool.h>
 #include <stdint.h>
 
