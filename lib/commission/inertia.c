@@ -22,13 +22,17 @@
 #define MAX_FACTOR 5.0f                /* of the inertia over that of the configuration */
 #define MAX_TANGENT 1.2f               /* of the phase less the guess */
 #define MAX_GUESS_RAD 1.3f
-#define INERTIA_ERROR 0.01f            /* of each sine, of the inertia */
+#define SAMPLING_ERROR (1.0f / 12)     /* of the inertia, over (w period)^2: torque and speed are means over a tick */
+#define LAG_ERROR (1.0f / 16)          /* more, and its interval: a current lag of up to half a tick */
+#define INERTIA_ERROR 0.006f           /* of each sine, of the inertia */
 #define COUNT_ERROR 0.018f             /* more, for a noise of a count over the amplitude of the sine */
 #define SOFTEST_OVER_SINE 1.15f        /* the load rings at least at this multiple of the slowest sine */
 #define ROTOR_SHARE 0.93f              /* of the bound: damping of the shaft, and friction on its load */
 #define STIFFEST_HZ 160.0f             /* resonance of the stiffest shaft of an elastic axis */
 #define HIDDEN_HZ 110.0f               /* the same of an axis whose sines show no shaft */
 #define SHAFT_STEP 1.015f              /* from one w^2 of a shaft to the next */
+#define SLOW_SHARE 0.42f               /* of the mean speed, after its low-pass: then the axis does not reverse */
+#define WEAKER 0.97f                   /* sines in a tick in which the axis is slower */
 #define LOUD_SPEED_SHARE 0.6f          /* of the speed limit: beyond it a resonance is near, and the sines stop */
 #define DELAY_ERROR_TICKS 0.05f        /* the error of the fastest sine comes on top */
 #define ELASTIC_DELAY_ERROR_TICKS 0.1f /* more, of an elastic axis */
@@ -63,6 +67,7 @@ static void start_motion(dahl_commission_t *axis)
     dahl_small_turn(AXIS_TWO_PI / (float)ticks, axis->work.inertia.window_turn);
     axis->work.inertia.stroke = 0;
     axis->work.inertia.mean_speed = speed;
+    axis->work.inertia.share = 1;
     axis->work.inertia.base = axis->command;
     dahl_next_step(axis);
 }
@@ -77,19 +82,27 @@ static void next_stroke(dahl_commission_t *axis)
     axis->work.inertia.window[1] = 0;
 }
 
-/** Return the share of the sines, 0 to 1. It rises in the first stroke and falls in the last one. */
-static float envelope(const dahl_commission_t *axis)
+/** Return the share of the sines, 0 to 1. It rises in the first stroke and falls in the last one. A loop that amplifies the
+ * sines must not reverse the axis, because friction then changes its sign. */
+static float envelope(dahl_commission_t *axis)
 {
-    float ticks = (float)(2 * axis->stroke.ramp_ticks + axis->stroke.cruise_ticks);
-    float share = dahl_smaller(1, (float)axis->stroke.tick / ticks);
-    return axis->work.inertia.stroke == 1 ? share : axis->work.inertia.stroke > SINE_STROKES ? 1 - share : 1;
+    const uint32_t tick = axis->stroke.tick, first = axis->stroke.ramp_ticks + dahl_ticks(axis, SINE_SETTLE_S);
+    const int is_cruise = tick > first && tick < axis->stroke.ramp_ticks + axis->stroke.cruise_ticks;
+    float direction = axis->stroke.speed < 0 ? -1.0f : 1.0f;
+    if (is_cruise && direction * axis->speed < SLOW_SHARE * axis->work.inertia.mean_speed) {
+        axis->work.inertia.share *= WEAKER;
+    }
+    float part = (float)tick / (float)(2 * axis->stroke.ramp_ticks + axis->stroke.cruise_ticks);
+    part = axis->work.inertia.stroke == 1 ? part : axis->work.inertia.stroke > SINE_STROKES ? 1 - part : 1;
+    return part * axis->work.inertia.share;
 }
 
 /** Add the sines to the base motion. */
 static void add_sines(dahl_commission_t *axis)
 {
+    const float share = envelope(axis);
     for (int k = 0; k < SINES; k++) {
-        const float speed = sine_shares[k] * envelope(axis) * axis->work.inertia.mean_speed;
+        const float speed = sine_shares[k] * share * axis->work.inertia.mean_speed;
         float *sine = axis->work.inertia.sine[k];
         const float frequency = frequency_of(axis, k);
         dahl_rotate(sine, axis->work.inertia.turn[k]);
@@ -110,7 +123,7 @@ static void add_to_sines(dahl_commission_t *axis, int32_t dcounts, float base_sp
         return;
     }
     const int half = stroke > 1 + SINE_STROKES / 2;
-    float weight = 1 - axis->work.inertia.window[0];
+    const float weight = 1 - axis->work.inertia.window[0];
     dahl_rotate(axis->work.inertia.window, axis->work.inertia.window_turn);
     for (int k = 0; k < SINES; k++) {
         const float *sine = axis->work.inertia.sine[k];
@@ -163,7 +176,8 @@ static int find_inertia(dahl_commission_t *axis, int k, float guess, float *phas
     dahl_small_turn(guess, turn);
     float along = all[0] * turn[0] + all[1] * turn[1], across = all[1] * turn[0] - all[0] * turn[1];
     float size = dahl_root(all[0] * all[0] + all[1] * all[1]);
-    axis->work.inertia.inertia[k] = (along < 0 ? -size : size) / w;
+    const float sampling = 1 - (SAMPLING_ERROR + LAG_ERROR) * w * w * axis->config.period * axis->config.period;
+    axis->work.inertia.inertia[k] = (along < 0 ? -size : size) * sampling / w;
     float difference = (half[1][0] - half[0][0]) * turn[0] + (half[1][1] - half[0][1]) * turn[1];
     axis->work.inertia.error[k] = dahl_absolute(difference) / (2 * w);
     *phase = guess + angle_of(across / along);
@@ -173,10 +187,11 @@ static int find_inertia(dahl_commission_t *axis, int k, float guess, float *phas
 /** Return the error of the inertia at a sine. */
 static float error_of(const dahl_commission_t *axis, int k)
 {
-    const float amplitude = sine_shares[k] * axis->work.inertia.mean_speed / frequency_of(axis, k);
+    const float w = frequency_of(axis, k), turn = w * axis->config.period;
+    const float amplitude = sine_shares[k] * axis->work.inertia.mean_speed / w;
     const float counts = (float)(axis->result.noise + 1) * axis->config.theta_per_count / amplitude;
     const float *inertia = axis->work.inertia.inertia;
-    return (INERTIA_ERROR + COUNT_ERROR * counts) * dahl_larger(inertia[0], dahl_absolute(inertia[k]))
+    return (INERTIA_ERROR + LAG_ERROR * turn * turn + COUNT_ERROR * counts) * dahl_larger(inertia[0], dahl_absolute(inertia[k]))
            + axis->work.inertia.error[k];
 }
 
@@ -193,13 +208,22 @@ static float elastic_delay(const dahl_commission_t *axis)
     return delay;
 }
 
+/** Return the inertia that a sine shows without the viscous friction, which has the phase that the delay leaves. */
+static float inertia_without_friction(const dahl_commission_t *axis, int k, float delay)
+{
+    float turn[2];
+    dahl_small_turn(dahl_axis_clamp(axis->work.inertia.phase[k] - frequency_of(axis, k) * delay, 1), turn);
+    return axis->work.inertia.inertia[k] * turn[0];
+}
+
 /** Write the delay and whether the axis is elastic. */
 static void find_delay(dahl_commission_t *axis)
 {
     const float period = axis->config.period, w0 = frequency_of(axis, 0), w2 = frequency_of(axis, 2);
     const float *inertia = axis->work.inertia.inertia, *phase = axis->work.inertia.phase;
-    const float spread = dahl_absolute(inertia[2] - inertia[0]), fastest = error_of(axis, 2);
     float delay = (w2 * phase[2] - w0 * phase[0]) / (w2 * w2 - w0 * w0);
+    const float slow = inertia_without_friction(axis, 0, delay), fast = inertia_without_friction(axis, 2, delay);
+    const float spread = dahl_absolute(fast - slow), fastest = error_of(axis, 2);
     float error = DELAY_ERROR_TICKS * period + fastest / (inertia[0] * w2);
     axis->result.elastic = spread > fastest + error_of(axis, 0) / 2 || axis->work.inertia.set != 0;
     if (axis->result.elastic) {
@@ -215,9 +239,7 @@ static void start_search(dahl_commission_t *axis)
 {
     float *inertia = axis->work.inertia.inertia, w = SOFTEST_OVER_SINE * frequency_of(axis, 0);
     for (int k = 0; k < SINES; k++) {
-        float turn[2];
-        dahl_small_turn(dahl_axis_clamp(axis->work.inertia.phase[k] - frequency_of(axis, k) * axis->result.delay.best, 1), turn);
-        inertia[k] *= turn[0];
+        inertia[k] = inertia_without_friction(axis, k, axis->result.delay.best);
     }
     axis->result.inertia = (dahl_commission_range_t){inertia[0], inertia[0], inertia[0]};
     axis->work.inertia.gap = inertia[0];

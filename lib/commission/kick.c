@@ -16,10 +16,9 @@
 #define CREEP_WINDOWS 6
 #define SWING_WINDOWS 10
 #define MAX_WINDOWS 20
-#define CREEP_RAD 0.003f        /* less drift in a window is rest */
 #define SETTLING_SHARE 0.9f     /* range of a window over that of two windows before */
 #define MAX_EXCURSION_RAD 0.25f /* beyond the travel */
-#define STILL_SPEED 0.04f       /* rad/s of the ring on the bristles */
+#define REST_SPEED 0.02f        /* rad/s: drift and ring on the bristles together, as dahl_compensator.h states it */
 
 enum { PREPARE_ELEMENT, PREPARE_COMPENSATOR, FADE_IN, PUSH, SETTLE };
 
@@ -72,10 +71,10 @@ static void start_kick(dahl_commission_t *axis)
     write_params(axis);
     float left = 1 - gains[axis->work.kick.gain] * result->Fc.least / result->Fc.best;
     float braking = left * result->Fc.best / result->inertia.best;
-    float ring = dahl_root(result->sigma0.best / result->inertia.best);
     axis->work.kick.speed = dahl_smaller(MAX_SPEED, dahl_root(braking * axis->config.travel));
     axis->work.kick.push = (kick & 1 ? -1.0f : 1.0f) * (kick < 2 ? 1.0f : 2.0f) * result->Fc.best;
-    axis->work.kick.still = (float)(2 * result->noise + 1) * axis->config.theta_per_count + STILL_SPEED / ring;
+    axis->work.kick.noise = (float)(2 * result->noise + 1) * axis->config.theta_per_count;
+    axis->work.kick.ring = dahl_root(result->sigma0.best / result->inertia.best);
     axis->work.kick.start = axis->theta;
     axis->work.kick.phase = PREPARE_ELEMENT;
     axis->work.kick.windows = 0;
@@ -109,14 +108,16 @@ typedef enum { NOT_ENDED, RESTS, SETTLES, CREEPS, SWINGS } window_t;
 
 static window_t classify(const dahl_commission_t *axis, float range, float drift, float before)
 {
-    const int swings = range - drift > axis->work.kick.still;
-    if (!swings && drift <= CREEP_RAD + axis->work.kick.still) {
+    const float noise = axis->work.kick.noise;
+    float ring = dahl_larger(0, range - drift - noise) / 2 * axis->work.kick.ring;
+    float creep = dahl_larger(0, drift - noise) / WATCH_S;
+    if (ring + creep <= REST_SPEED) {
         return RESTS;
     }
     if (range < SETTLING_SHARE * before) {
         return SETTLES;
     }
-    return swings ? SWINGS : CREEPS;
+    return ring > REST_SPEED ? SWINGS : CREEPS;
 }
 
 static window_t check_window(dahl_commission_t *axis)

@@ -19,7 +19,10 @@
 #define COUNT_WAITS 4.0f         /* wait of the watch on the encoder, over the time of the first count */
 #define MAX_ACCELERATION 225.0f  /* rad/s2 that the limit must allow */
 
-static const float speeds[SPEEDS] = {0.6f, 1.2f, DAHL_COMMISSION_SPEED_MAX};
+#define MAX_REVERSED 0.05f       /* part of a stroke in which a loop that shakes the axis moves it backward: friction then cancels */
+
+/** Speeds, and those after the loop shook the axis at the slowest one. */
+static const float speeds[2][SPEEDS] = {{0.6f, 1.2f, DAHL_COMMISSION_SPEED_MAX}, {1.2f, 1.8f, DAHL_COMMISSION_SPEED_MAX}};
 
 static int bin_of(const dahl_commission_t *axis, float angle)
 {
@@ -51,6 +54,7 @@ static void add_to_bin(dahl_commission_t *axis)
     }
     int kind = (axis->command.speed > 0 ? 1 : 0) + (axis->work.sweeps.stroke > 2 ? 2 : 0);
     int bin = bin_of(axis, axis->theta);
+    axis->work.sweeps.reversals = (uint16_t)(axis->work.sweeps.reversals + (axis->command.speed * axis->speed < 0));
     axis->work.sweeps.sum[kind][bin] += axis->torque;
     axis->work.sweeps.samples[kind][bin]++;
 }
@@ -109,7 +113,7 @@ static int is_empty(const dahl_commission_t *axis, int bin)
 /** Return 1 if a bin that a stroke must reach is empty: an end stop. */
 static int has_gap(const dahl_commission_t *axis)
 {
-    const int is_narrow = axis->config.travel < NARROW_BIN_RAD * 0.5f * BINS, ends = is_narrow + 4 * axis->is_soft;
+    const int is_narrow = axis->config.travel < NARROW_BIN_RAD * 0.5f * BINS, ends = (is_narrow || axis->is_fast) + 4 * axis->is_soft;
     int gaps = 0;
     for (int bin = ends; bin < BINS - ends; bin++) {
         gaps += is_empty(axis, bin);
@@ -187,23 +191,24 @@ static int finish_speed(dahl_commission_t *axis)
 /** Fit a straight line to friction over speed. The interval of its slope covers scatter and lack of fit. */
 static void fit_line(dahl_commission_t *axis)
 {
-    float n = 0, v = 0, f = 0, vv = 0, vf = 0, error = 0, fastest = speeds[0];
+    const float *speed = speeds[axis->is_fast];
+    float n = 0, v = 0, f = 0, vv = 0, vf = 0, error = 0, fastest = speed[0];
     for (int k = 0; k < SPEEDS && axis->table.level[k] > 0; k++) {
         n += 1;
-        v += speeds[k];
+        v += speed[k];
         f += axis->table.level[k];
-        vv += speeds[k] * speeds[k];
-        vf += speeds[k] * axis->table.level[k];
-        fastest = speeds[k];
+        vv += speed[k] * speed[k];
+        vf += speed[k] * axis->table.level[k];
+        fastest = speed[k];
     }
     float slope = n > 1 ? (n * vf - v * f) / (n * vv - v * v) : 0;
     axis->result.Fc.best = (f - dahl_larger(0, slope) * v) / n;
     for (int k = 0; k < SPEEDS && axis->table.level[k] > 0; k++) {
-        float gap = axis->table.level[k] - f / n - slope * (speeds[k] - v / n);
+        float gap = axis->table.level[k] - f / n - slope * (speed[k] - v / n);
         error = dahl_larger(error, dahl_absolute(gap) + axis->table.noise[k]);
     }
     error += LEVEL_ERROR * axis->result.Fc.best;
-    error = n > 1 ? 2 * error / (fastest - speeds[0]) : axis->result.Fc.best / speeds[0];
+    error = n > 1 ? 2 * error / (fastest - speed[0]) : axis->result.Fc.best / speed[0];
     axis->result.viscous.best = dahl_larger(0, slope);
     axis->result.viscous.least = dahl_larger(0, slope - error);
     axis->result.viscous.most = dahl_larger(0, slope + error);
@@ -256,16 +261,40 @@ static int sweep_tick(dahl_commission_t *axis)
     return dahl_stroke_tick(axis);
 }
 
+/** Start the next stroke of a speed. */
+static void next_sweep(dahl_commission_t *axis)
+{
+    float end = axis->work.sweeps.stroke & 1 ? -axis->config.travel : axis->config.travel;
+    axis->work.sweeps.reversals = 0;
+    dahl_stroke_to(axis, end, speeds[axis->is_fast][axis->work.sweeps.speed], ACCELERATION);
+}
+
+/** Sweep again at higher speeds, because the loop shakes the axis. Refuse if it still does. */
+static void sweep_faster(dahl_commission_t *axis)
+{
+    if (axis->is_fast || axis->work.sweeps.speed > 0) {
+        dahl_refuse(axis, DAHL_COMMISSION_VARIES);
+        return;
+    }
+    axis->is_fast = 1;
+    dahl_enter(axis, DAHL_COMMISSION_SWEEPS);
+    next_sweep(axis);
+}
+
 void dahl_sweeps_tick(dahl_commission_t *axis)
 {
-    const float travel = axis->config.travel;
     if (axis->stage_ticks == 1) {
-        dahl_stroke_to(axis, travel, speeds[0], ACCELERATION);
+        next_sweep(axis);
     }
-    int is_end = axis->work.sweeps.stroke > STROKES ? evaluate_tick(axis) : sweep_tick(axis);
-    axis->work.sweeps.stroke = (uint8_t)(axis->work.sweeps.stroke + (is_end ? 1 : 0));
-    if (is_end && axis->work.sweeps.stroke <= STROKES) {
-        float end = axis->work.sweeps.stroke & 1 ? -travel : travel;
-        dahl_stroke_to(axis, end, speeds[axis->work.sweeps.speed], ACCELERATION);
+    const int is_end = axis->work.sweeps.stroke > STROKES ? evaluate_tick(axis) : sweep_tick(axis);
+    if (!is_end) {
+        return;
+    }
+    if ((float)axis->work.sweeps.reversals > MAX_REVERSED * (float)axis->stroke.cruise_ticks) {
+        sweep_faster(axis);
+        return;
+    }
+    if (++axis->work.sweeps.stroke <= STROKES) {
+        next_sweep(axis);
     }
 }

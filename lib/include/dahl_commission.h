@@ -194,6 +194,7 @@ typedef struct {
     uint8_t tries;                     /**< cycles that broke away */
     uint8_t is_held;                   /**< 1: the load moves the axis at rest, the loop holds it */
     uint8_t is_soft;                   /**< 1: the loop is too soft for the friction */
+    uint8_t is_fast;                   /**< 1: faster sweeps, because the loop shook the axis */
     struct {
         float start;             /* [rad] angle at the start of a push */
         float end;               /* [rad] last angle */
@@ -241,6 +242,7 @@ typedef struct {
             float reference; /* [N m] friction of the slowest speed: sum over the same bins */
             float change;    /* [N m] second pass minus first: sum over the bins */
             float square;    /* [N2 m2] square of the change: sum over the bins */
+            uint16_t reversals; /* ticks of this stroke in which the axis moved backward */
             uint8_t speed;   /* index of the speed */
             uint8_t stroke;  /* stroke of this speed */
             uint8_t bins;    /* bins in the sums */
@@ -270,6 +272,7 @@ typedef struct {
             float window[2];                         /* phase of the Hann window */
             float window_turn[2];                    /* turn of this phase in a tick */
             float mean_speed;                        /* [rad/s] speed of the strokes */
+            float share;                             /* of the sines, so that the axis never reverses */
             float inertia[DAHL_COMMISSION_SINES];    /* [kg m2] inertia at each sine */
             float error[DAHL_COMMISSION_SINES];      /* [kg m2] difference of the halves */
             float phase[DAHL_COMMISSION_SINES];      /* [rad] phase of torque over speed */
@@ -291,7 +294,8 @@ typedef struct {
             float low;       /* [rad] least angle of the window */
             float high;      /* [rad] largest angle of the window */
             float first;     /* [rad] first angle of the window */
-            float still;     /* [rad] range of an axis at rest */
+            float noise;     /* [rad] range of the noise */
+            float ring;      /* [rad/s] frequency of the axis on its bristles */
             float ranges[2]; /* [rad] ranges of the last two windows, newest first */
             uint8_t kick;    /* index of the push */
             uint8_t gain;    /* index of the gain */
