@@ -25,6 +25,7 @@
 #define SAMPLING_ERROR (1.0f / 12)     /* of the inertia, over (w period)^2: torque and speed are means over a tick */
 #define LAG_ERROR (1.0f / 16)          /* more, and its interval: a current lag of up to half a tick */
 #define INERTIA_ERROR 0.006f           /* of each sine, of the inertia */
+#define ELASTIC_ERROR 0.01f            /* more, of an elastic axis */
 #define COUNT_ERROR 0.018f             /* more, for a noise of a count over the amplitude of the sine */
 #define SOFTEST_OVER_SINE 1.15f        /* the load rings at least at this multiple of the slowest sine */
 #define ROTOR_SHARE 0.93f              /* of the bound: damping of the shaft, and friction on its load */
@@ -82,14 +83,20 @@ static void next_stroke(dahl_commission_t *axis)
     axis->work.inertia.window[1] = 0;
 }
 
+/** Return 1 if the axis almost stops, so that friction is no constant. */
+static int is_slow(const dahl_commission_t *axis)
+{
+    float direction = axis->stroke.speed < 0 ? -1.0f : 1.0f;
+    return direction * axis->speed < SLOW_SHARE * axis->work.inertia.mean_speed;
+}
+
 /** Return the share of the sines, 0 to 1. It rises in the first stroke and falls in the last one. A loop that amplifies the
  * sines must not reverse the axis, because friction then changes its sign. */
 static float envelope(dahl_commission_t *axis)
 {
     const uint32_t tick = axis->stroke.tick, first = axis->stroke.ramp_ticks + dahl_ticks(axis, SINE_SETTLE_S);
     const int is_cruise = tick > first && tick < axis->stroke.ramp_ticks + axis->stroke.cruise_ticks;
-    float direction = axis->stroke.speed < 0 ? -1.0f : 1.0f;
-    if (is_cruise && direction * axis->speed < SLOW_SHARE * axis->work.inertia.mean_speed) {
+    if (is_cruise && is_slow(axis)) {
         axis->work.inertia.share *= WEAKER;
     }
     float part = (float)tick / (float)(2 * axis->stroke.ramp_ticks + axis->stroke.cruise_ticks);
@@ -179,20 +186,47 @@ static int find_inertia(dahl_commission_t *axis, int k, float guess, float *phas
     const float sampling = 1 - (SAMPLING_ERROR + LAG_ERROR) * w * w * axis->config.period * axis->config.period;
     axis->work.inertia.inertia[k] = (along < 0 ? -size : size) * sampling / w;
     float difference = (half[1][0] - half[0][0]) * turn[0] + (half[1][1] - half[0][1]) * turn[1];
-    axis->work.inertia.error[k] = dahl_absolute(difference) / (2 * w);
+    axis->work.inertia.difference[k] = dahl_absolute(difference) / (2 * w);
     *phase = guess + angle_of(across / along);
     return dahl_absolute(across) < MAX_TANGENT * dahl_absolute(along);
 }
 
-/** Return the error of the inertia at a sine. */
-static float error_of(const dahl_commission_t *axis, int k)
+/** Return the error that a current lag of up to half a tick makes in the inertia at a sine. It has the same sign at all sines. */
+static float lag_error(const dahl_commission_t *axis, int k)
 {
-    const float w = frequency_of(axis, k), turn = w * axis->config.period;
-    const float amplitude = sine_shares[k] * axis->work.inertia.mean_speed / w;
+    const float turn = frequency_of(axis, k) * axis->config.period;
+    return LAG_ERROR * turn * turn * axis->work.inertia.inertia[0];
+}
+
+/** Return the error of the inertia at a sine that does not depend on the errors of the other sines. */
+static float own_error(const dahl_commission_t *axis, int k)
+{
+    const float amplitude = sine_shares[k] * axis->work.inertia.mean_speed / frequency_of(axis, k);
     const float counts = (float)(axis->result.noise + 1) * axis->config.theta_per_count / amplitude;
     const float *inertia = axis->work.inertia.inertia;
-    return (INERTIA_ERROR + LAG_ERROR * turn * turn + COUNT_ERROR * counts) * dahl_larger(inertia[0], dahl_absolute(inertia[k]))
-           + axis->work.inertia.error[k];
+    return (INERTIA_ERROR + COUNT_ERROR * counts) * dahl_larger(inertia[0], dahl_absolute(inertia[k]))
+           + axis->work.inertia.difference[k];
+}
+
+/** Write the errors of the sines, and that of the difference of the first and the last one. */
+static void find_errors(dahl_commission_t *axis)
+{
+    float own[SINES], *error = axis->work.inertia.error;
+    for (int k = 0; k < SINES; k++) {
+        own[k] = own_error(axis, k);
+        error[k] = own[k] + lag_error(axis, k);
+    }
+    axis->work.inertia.slope_error = dahl_root(own[0] * own[0] + own[2] * own[2]) + lag_error(axis, 2) - lag_error(axis, 0);
+}
+
+/** Widen the errors of an elastic axis: the damping of its shaft and friction on its load are not in the model. */
+static void widen_errors(dahl_commission_t *axis)
+{
+    float *error = axis->work.inertia.error;
+    for (int k = 0; k < SINES; k++) {
+        error[k] += ELASTIC_ERROR * axis->work.inertia.inertia[0];
+    }
+    axis->work.inertia.slope_error = error[0] + error[2];
 }
 
 /** Return the delay of an elastic axis. The damping of its shaft looks like viscous friction that grows with the frequency, so
@@ -222,11 +256,13 @@ static void find_delay(dahl_commission_t *axis)
     const float period = axis->config.period, w0 = frequency_of(axis, 0), w2 = frequency_of(axis, 2);
     const float *inertia = axis->work.inertia.inertia, *phase = axis->work.inertia.phase;
     float delay = (w2 * phase[2] - w0 * phase[0]) / (w2 * w2 - w0 * w0);
+    find_errors(axis);
     const float slow = inertia_without_friction(axis, 0, delay), fast = inertia_without_friction(axis, 2, delay);
-    const float spread = dahl_absolute(fast - slow), fastest = error_of(axis, 2);
+    const float spread = dahl_absolute(fast - slow), fastest = axis->work.inertia.error[2];
     float error = DELAY_ERROR_TICKS * period + fastest / (inertia[0] * w2);
-    axis->result.elastic = spread > fastest + error_of(axis, 0) / 2 || axis->work.inertia.set != 0;
+    axis->result.elastic = spread > fastest + axis->work.inertia.error[0] / 2 || axis->work.inertia.set != 0;
     if (axis->result.elastic) {
+        widen_errors(axis);
         delay = elastic_delay(axis);
         error += ELASTIC_DELAY_ERROR_TICKS * period;
     }
@@ -259,11 +295,11 @@ static void try_shaft(dahl_commission_t *axis, float a)
     }
     const float all = u[2] - u[0], part = (u[1] - u[0]) / all, heavier = inertia[2] - inertia[0];
     float gap = inertia[0] + part * heavier - inertia[1];
-    const float ends = dahl_absolute(part) * error_of(axis, 2) + dahl_absolute(1 - part) * error_of(axis, 0);
-    if (dahl_absolute(gap) > error_of(axis, 1) + ends) {
+    const float ends = dahl_absolute(part) * axis->work.inertia.error[2] + dahl_absolute(1 - part) * axis->work.inertia.error[0];
+    if (dahl_absolute(gap) > axis->work.inertia.error[1] + ends) {
         return;
     }
-    float load = heavier / all, error = (error_of(axis, 0) + error_of(axis, 2)) / dahl_absolute(all);
+    float load = heavier / all, error = axis->work.inertia.slope_error / dahl_absolute(all);
     float least = inertia[0] - (dahl_absolute(load) + error) * u[0], total = inertia[0] - load * (u[0] - 1);
     least = dahl_larger(least, total * a / (stiffest * stiffest));
     result->least = dahl_smaller(result->least, least);
@@ -323,7 +359,7 @@ static void search_tick(dahl_commission_t *axis)
         axis->work.inertia.shaft *= SHAFT_STEP;
         return;
     }
-    float ratio = result->best / axis->config.inertia, error = error_of(axis, 1) + INERTIA_ERROR * result->best;
+    float ratio = result->best / axis->config.inertia, error = axis->work.inertia.error[1] + INERTIA_ERROR * result->best;
     if (!(ratio > 1 / MAX_FACTOR && ratio < MAX_FACTOR && axis->work.inertia.gap < axis->work.inertia.inertia[0])) {
         try_slower(axis);
         return;

@@ -13,12 +13,13 @@
 #define PUSH_RAD 0.1f
 #define MAX_SPEED 2.5f          /* rad/s */
 #define WATCH_S 0.2f            /* of a window */
-#define CREEP_WINDOWS 6
+#define CREEP_WINDOWS 4
 #define SWING_WINDOWS 10
 #define MAX_WINDOWS 20
 #define SETTLING_SHARE 0.9f     /* range of a window over that of two windows before */
 #define MAX_EXCURSION_RAD 0.25f /* beyond the travel */
 #define REST_SPEED 0.02f        /* rad/s: drift and ring on the bristles together, as dahl_compensator.h states it */
+#define PEAK_OVER_CREEP 2.0f    /* a creep that rings until it almost stops */
 
 enum { PREPARE_ELEMENT, PREPARE_COMPENSATOR, FADE_IN, PUSH, SETTLE };
 
@@ -111,7 +112,7 @@ static window_t classify(const dahl_commission_t *axis, float range, float drift
     const float noise = axis->work.kick.noise;
     float ring = dahl_larger(0, range - drift - noise) / 2 * axis->work.kick.ring;
     float creep = dahl_larger(0, drift - noise) / WATCH_S;
-    if (ring + creep <= REST_SPEED) {
+    if (ring + PEAK_OVER_CREEP * creep <= REST_SPEED) {
         return RESTS;
     }
     if (range < SETTLING_SHARE * before) {

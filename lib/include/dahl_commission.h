@@ -274,7 +274,9 @@ typedef struct {
             float mean_speed;                        /* [rad/s] speed of the strokes */
             float share;                             /* of the sines, so that the axis never reverses */
             float inertia[DAHL_COMMISSION_SINES];    /* [kg m2] inertia at each sine */
-            float error[DAHL_COMMISSION_SINES];      /* [kg m2] difference of the halves */
+            float difference[DAHL_COMMISSION_SINES]; /* [kg m2] of the halves of the strokes */
+            float error[DAHL_COMMISSION_SINES];      /* [kg m2] error of each inertia */
+            float slope_error; /* [kg m2] error of the last inertia less the first one */
             float phase[DAHL_COMMISSION_SINES];      /* [rad] phase of torque over speed */
             float shaft;       /* [rad2/s2] square of the resonance that is tried; 0: none yet */
             float gap;         /* [kg m2] misfit of the best shaft */
