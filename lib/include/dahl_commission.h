@@ -263,26 +263,44 @@ typedef struct {
         } breakaway; /* BREAKAWAY */
         struct {
             dahl_commission_command_t base;          /* motion without the sines */
-            float sine[DAHL_COMMISSION_SINES][2];    /* cosine and sine of each phase */
-            float turn[DAHL_COMMISSION_SINES][2];    /* turn of each phase in a tick */
+            uint32_t phase[DAHL_COMMISSION_SINES];   /* phase of each sine; a turn is 2^32 */
+            uint32_t turn[DAHL_COMMISSION_SINES];    /* turn of each sine in a tick */
+            float frequency[DAHL_COMMISSION_SINES];  /* [rad/s] frequency of each sine */
+            float slowest;                           /* [rad/s] one turn in a window */
             /* [N m] demodulated torque, by half of the strokes, sine and part */
             float torque[2][DAHL_COMMISSION_SINES][2];
             /* [rad/s] demodulated speed, likewise */
             float speed[2][DAHL_COMMISSION_SINES][2];
-            float window[2];                         /* phase of the Hann window */
-            float window_turn[2];                    /* turn of this phase in a tick */
+            uint32_t window;                         /* phase of the Hann window */
+            uint32_t window_ticks;                   /* [tick] of the window */
+            uint32_t settle_ticks;                   /* [tick] before it */
+            float block_torque;                      /* [N m] sum over a block of ticks */
+            float fall_torque;                       /* [N m] the same with weights that fall to 1 */
+            float rise_torque;                       /* [N m] block before, weights that rise from 1 */
+            float block_load;                        /* [N m] load in the block */
+            int32_t block_counts;                    /* [count] the same sums of the counts */
+            int32_t fall_counts;                     /* [count] */
+            int32_t rise_counts;                     /* [count] */
+            float last_torque;                       /* [N m] last block under the window */
+            float last_speed;                        /* [rad/s] likewise */
             float mean_speed;                        /* [rad/s] speed of the strokes */
             float share;                             /* of the sines, so that the axis never reverses */
             float inertia[DAHL_COMMISSION_SINES];    /* [kg m2] inertia at each sine */
             float difference[DAHL_COMMISSION_SINES]; /* [kg m2] of the halves of the strokes */
             float error[DAHL_COMMISSION_SINES];      /* [kg m2] error of each inertia */
             float slope_error; /* [kg m2] error of the last inertia less the first one */
-            float phase[DAHL_COMMISSION_SINES];      /* [rad] phase of torque over speed */
+            float lag[DAHL_COMMISSION_SINES];        /* [rad] phase of torque over speed */
+            float stiff[DAHL_COMMISSION_SINES];      /* effect of the load at each sine on this shaft */
             float shaft;       /* [rad2/s2] square of the resonance that is tried; 0: none yet */
+            float stiffest;    /* [rad2/s2] largest of these */
+            float misfit;      /* [kg m2] misfit of this shaft */
             float gap;         /* [kg m2] misfit of the best shaft */
+            uint8_t block_ticks; /* ticks in the block */
+            uint8_t sine;      /* sine of the last block that is demodulated next */
             uint8_t stroke;    /* strokes that have started */
             uint8_t set;       /* set of frequencies */
-            uint8_t evaluated; /* sines that are evaluated */
+            uint8_t evaluated; /* steps of the evaluation that have ended */
+            uint8_t is_shaft;  /* 1: the shaft explains the sines */
         } inertia; /* INERTIA */
         struct {
             dahl_compensator_params_t params; /* parameters with the gain that is tried */
