@@ -94,21 +94,34 @@ static void find_friction(dahl_commission_t *axis)
     result->Fc.least = RIPPLE_SHARE * (axis->table.least - viscous) - unequal - axis->table.scatter;
     result->Fc.most = result->breakaway * BREAKAWAY_OVER_RAMP * (axis->table.most + unequal);
     result->load_error = unequal + axis->table.scatter + change + 0.03f * result->Fc.best;
+}
+
+static void find_most_load(dahl_commission_t *axis)
+{
+    dahl_commission_result_t *result = &axis->result;
     for (int bin = 0; bin < BINS; bin++) {
         result->load_most = dahl_larger(result->load_most, dahl_absolute(result->load[bin]) + result->load_error);
+    }
+}
+
+/** Write one of the three stiffnesses. */
+static void find_stiffness(dahl_commission_t *axis, int which)
+{
+    dahl_commission_result_t *result = &axis->result;
+    const float rounding = ROUNDING_COUNTS * axis->config.theta_per_count, travel = axis->cycle_travel;
+    if (which == 0) {
+        result->sigma0.best = stiffness(axis, travel, result->breakaway);
+    } else if (which == 1) {
+        result->sigma0.least = stiffness(axis, travel + rounding, result->breakaway * BREAKAWAY_OVER_RAMP);
+    } else {
+        result->sigma0.most = STEEPEST_OVER_CYCLE * stiffness(axis, dahl_larger(travel - rounding, travel / 3), 1);
     }
 }
 
 static void find_length(dahl_commission_t *axis)
 {
     dahl_commission_result_t *result = &axis->result;
-    const float breakaway = result->breakaway, highest = breakaway * BREAKAWAY_OVER_RAMP;
-    const float rounding = ROUNDING_COUNTS * axis->config.theta_per_count;
-    const float travel = axis->cycle_travel, least_travel = dahl_larger(travel - rounding, travel / 3);
-    result->sigma0.best = stiffness(axis, travel, breakaway);
-    result->sigma0.least = stiffness(axis, travel + rounding, highest);
-    result->sigma0.most = STEEPEST_OVER_CYCLE * stiffness(axis, least_travel, 1);
-    result->length.best = breakaway * result->Fc.best / result->sigma0.best;
+    result->length.best = result->breakaway * result->Fc.best / result->sigma0.best;
     result->length.least = result->Fc.least / result->sigma0.most;
     result->length.most = result->Fc.most / result->sigma0.least;
 }
@@ -139,6 +152,10 @@ static void evaluate_breakaway(dahl_commission_t *axis)
     } else if (evaluated == 1) {
         find_friction(axis);
     } else if (evaluated == 2) {
+        find_most_load(axis);
+    } else if (evaluated < 6) {
+        find_stiffness(axis, evaluated - 3);
+    } else if (evaluated == 6) {
         find_length(axis);
     } else {
         finish_breakaway(axis);

@@ -24,6 +24,9 @@
 /** Speeds, and those after the loop shook the axis at the slowest one. */
 static const float speeds[2][SPEEDS] = {{0.6f, 1.2f, DAHL_COMMISSION_SPEED_MAX}, {1.2f, 1.8f, DAHL_COMMISSION_SPEED_MAX}};
 
+/** Steps of the evaluation of a speed, after its bins. */
+enum { FIND_LEVEL = BINS, LOWER_LIMIT, CHECK_REPEAT, NEXT_SPEED, FIT_LINE, FIND_VISCOUS };
+
 static int bin_of(const dahl_commission_t *axis, float angle)
 {
     float x = (angle + axis->config.travel) * (0.5f * BINS) / axis->config.travel;
@@ -162,53 +165,36 @@ static int check_repeat(dahl_commission_t *axis)
     return level > 0 && dahl_absolute(shift) <= MAX_SHIFT * level && scatter <= MAX_SCATTER * level;
 }
 
-/** Evaluate one speed. Return 0 if the loop does not reach it, or after a refusal. */
-static int finish_speed(dahl_commission_t *axis)
-{
-    const int speed = axis->work.sweeps.speed;
-    const float bins = (float)axis->work.sweeps.bins;
-    if (speed == 0 && has_gap(axis)) {
-        dahl_refuse(axis, DAHL_COMMISSION_NO_DATA);
-        return 0;
-    }
-    if (axis->work.sweeps.bins < MIN_BINS) {
-        return 0;
-    }
-    if (speed == 0) {
-        fill_ends(axis);
-        lower_torque_limit(axis);
-        axis->table.level[0] = axis->work.sweeps.friction / bins;
-    } else {
-        axis->table.level[speed] = axis->table.level[0] + (axis->work.sweeps.friction - axis->work.sweeps.reference) / bins;
-    }
-    if (!check_repeat(axis)) {
-        dahl_refuse(axis, DAHL_COMMISSION_VARIES);
-        return 0;
-    }
-    return 1;
-}
-
-/** Fit a straight line to friction over speed. The interval of its slope covers scatter and lack of fit. */
+/** Fit a straight line to friction over speed. */
 static void fit_line(dahl_commission_t *axis)
 {
     const float *speed = speeds[axis->is_fast];
-    float n = 0, v = 0, f = 0, vv = 0, vf = 0, error = 0, fastest = speed[0];
+    float n = 0, v = 0, f = 0, vv = 0, vf = 0;
     for (int k = 0; k < SPEEDS && axis->table.level[k] > 0; k++) {
         n += 1;
         v += speed[k];
         f += axis->table.level[k];
         vv += speed[k] * speed[k];
         vf += speed[k] * axis->table.level[k];
-        fastest = speed[k];
     }
-    float slope = n > 1 ? (n * vf - v * f) / (n * vv - v * v) : 0;
+    const float slope = n > 1 ? (n * vf - v * f) / (n * vv - v * v) : 0;
+    axis->work.sweeps.slope = slope;
+    axis->work.sweeps.intercept = (f - slope * v) / n;
     axis->result.Fc.best = (f - dahl_larger(0, slope) * v) / n;
+}
+
+/** Write the slope with its interval, which covers scatter and lack of fit. */
+static void find_viscous(dahl_commission_t *axis)
+{
+    const float *speed = speeds[axis->is_fast], slope = axis->work.sweeps.slope;
+    float error = 0, range = 0;
     for (int k = 0; k < SPEEDS && axis->table.level[k] > 0; k++) {
-        float gap = axis->table.level[k] - f / n - slope * (speed[k] - v / n);
+        float gap = axis->table.level[k] - axis->work.sweeps.intercept - slope * speed[k];
         error = dahl_larger(error, dahl_absolute(gap) + axis->table.noise[k]);
+        range = speed[k] - speed[0];
     }
     error += LEVEL_ERROR * axis->result.Fc.best;
-    error = n > 1 ? 2 * error / (fastest - speed[0]) : axis->result.Fc.best / speed[0];
+    error = range > 0 ? 2 * error / range : axis->result.Fc.best / speed[0];
     axis->result.viscous.best = dahl_larger(0, slope);
     axis->result.viscous.least = dahl_larger(0, slope - error);
     axis->result.viscous.most = dahl_larger(0, slope + error);
@@ -221,37 +207,64 @@ static void set_count_time(dahl_commission_t *axis)
     axis->watch.count_ticks = dahl_ticks(axis, COUNT_WAITS * dahl_root(2 * axis->config.theta_per_count / acceleration));
 }
 
-/** After the strokes of one speed, evaluate it, then start the next speed or the next stage. */
-static void next_speed(dahl_commission_t *axis)
+/** Find the level of one speed. If the loop does not reach the speed, the line has fewer points. */
+static void find_level(dahl_commission_t *axis)
 {
-    int is_reached = finish_speed(axis);
-    if (axis->command.stage == DAHL_COMMISSION_REFUSED) {
-        return;
+    const int speed = axis->work.sweeps.speed;
+    const float bins = (float)axis->work.sweeps.bins;
+    if (speed == 0 && has_gap(axis)) {
+        dahl_refuse(axis, DAHL_COMMISSION_NO_DATA);
+    } else if (axis->work.sweeps.bins < MIN_BINS) {
+        axis->work.sweeps.bin = FIT_LINE;
+    } else if (speed == 0) {
+        fill_ends(axis);
+        axis->table.level[0] = axis->work.sweeps.friction / bins;
+    } else {
+        axis->table.level[speed] = axis->table.level[0] + (axis->work.sweeps.friction - axis->work.sweeps.reference) / bins;
     }
-    uint8_t speed = (uint8_t)(axis->work.sweeps.speed + 1);
-    if (is_reached && speed < SPEEDS) {
-        axis->work.sweeps.friction = axis->work.sweeps.reference = 0;
-        axis->work.sweeps.change = axis->work.sweeps.square = 0;
-        axis->work.sweeps.bins = axis->work.sweeps.bin = 0;
-        axis->work.sweeps.speed = speed;
-        axis->work.sweeps.stroke = 0;
-        return;
-    }
-    fit_line(axis);
-    set_count_time(axis);
-    dahl_enter(axis, DAHL_COMMISSION_CYCLE);
-    dahl_return_to_middle(axis);
 }
 
-/** After the strokes of a speed, evaluate one bin in each tick. Return 1 at the end. */
-static int evaluate_tick(dahl_commission_t *axis)
+/** Start the next speed. Return 0 after the last one. */
+static int next_speed(dahl_commission_t *axis)
 {
-    if (axis->work.sweeps.bin < BINS) {
-        use_bin(axis, axis->work.sweeps.bin++);
+    uint8_t speed = (uint8_t)(axis->work.sweeps.speed + 1);
+    if (speed == SPEEDS) {
         return 0;
     }
-    next_speed(axis);
-    return axis->command.stage == DAHL_COMMISSION_SWEEPS;
+    axis->work.sweeps.friction = axis->work.sweeps.reference = 0;
+    axis->work.sweeps.change = axis->work.sweeps.square = 0;
+    axis->work.sweeps.bins = axis->work.sweeps.bin = 0;
+    axis->work.sweeps.speed = speed;
+    axis->work.sweeps.stroke = 0;
+    return 1;
+}
+
+/** After the strokes of a speed, evaluate one bin or one step in each tick. Return 1 if the next speed starts. */
+static int evaluate_tick(dahl_commission_t *axis)
+{
+    const uint8_t step = axis->work.sweeps.bin++;
+    if (step < BINS) {
+        use_bin(axis, step);
+    } else if (step == FIND_LEVEL) {
+        find_level(axis);
+    } else if (step == LOWER_LIMIT) {
+        lower_torque_limit(axis);
+    } else if (step == CHECK_REPEAT) {
+        if (!check_repeat(axis)) {
+            dahl_refuse(axis, DAHL_COMMISSION_VARIES);
+        }
+    } else if (step == NEXT_SPEED) {
+        return next_speed(axis);
+    } else if (step == FIT_LINE) {
+        fit_line(axis);
+    } else if (step == FIND_VISCOUS) {
+        find_viscous(axis);
+    } else {
+        set_count_time(axis);
+        dahl_enter(axis, DAHL_COMMISSION_CYCLE);
+        dahl_return_to_middle(axis);
+    }
+    return 0;
 }
 
 /** Return 1 at the end of a stroke. */

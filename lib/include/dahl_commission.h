@@ -242,11 +242,13 @@ typedef struct {
             float reference; /* [N m] friction of the slowest speed: sum over the same bins */
             float change;    /* [N m] second pass minus first: sum over the bins */
             float square;    /* [N2 m2] square of the change: sum over the bins */
+            float slope;     /* [N m s/rad] slope of the friction over the speed */
+            float intercept; /* [N m] friction of this line at speed 0 */
             uint16_t reversals; /* ticks of this stroke in which the axis moved backward */
             uint8_t speed;   /* index of the speed */
             uint8_t stroke;  /* stroke of this speed */
             uint8_t bins;    /* bins in the sums */
-            uint8_t bin;     /* next bin to evaluate */
+            uint8_t bin;     /* next bin to evaluate, then next step */
         } sweeps; /* SWEEPS */
         struct {
             float sum[16];        /* [rad] angle from `start` by phase */
