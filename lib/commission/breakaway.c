@@ -38,14 +38,14 @@ static float stiffness(const dahl_commission_t *axis, float travel, float breaka
  * in both of them. */
 static float unequal_friction(const dahl_commission_t *axis)
 {
-    float mean = 0, slope = 0, weight = 0;
+    const float share = 1.0f / BINS, weight = (float)(BINS * BINS - 1) / (3 * BINS); /* sum of x^2 over the bins */
+    float mean = 0, slope = 0, x = share - 1;
     for (int bin = 0; bin < BINS; bin++) {
-        float x = (float)(2 * bin + 1) / DAHL_COMMISSION_BINS - 1;
-        mean += axis->result.load[bin] / DAHL_COMMISSION_BINS;
+        mean += axis->result.load[bin];
         slope += axis->result.load[bin] * x;
-        weight += x * x;
+        x += 2 * share;
     }
-    float most = dahl_absolute(mean) + HIDDEN_LOAD_RAD * dahl_absolute(slope / weight) / axis->config.travel;
+    float most = dahl_absolute(mean) * share + HIDDEN_LOAD_RAD / weight * dahl_absolute(slope) / axis->config.travel;
     return dahl_smaller(most, UNEQUAL_SHARE * axis->result.Fc.best);
 }
 

@@ -289,15 +289,12 @@ static float own_error(const dahl_commission_t *axis, int k)
            + axis->work.inertia.difference[k];
 }
 
-/** Write the errors of the sines, and that of the difference of the first and the last one. */
-static void find_errors(dahl_commission_t *axis)
+/** Write the error of the difference of the first inertia and the last one. The lag moves both. */
+static void find_slope_error(dahl_commission_t *axis)
 {
-    float own[SINES], *error = axis->work.inertia.error;
-    for (int k = 0; k < SINES; k++) {
-        own[k] = own_error(axis, k);
-        error[k] = own[k] + lag_error(axis, k);
-    }
-    axis->work.inertia.slope_error = dahl_root(own[0] * own[0] + own[2] * own[2]) + lag_error(axis, 2) - lag_error(axis, 0);
+    const float *error = axis->work.inertia.error, lag0 = lag_error(axis, 0), lag2 = lag_error(axis, 2);
+    const float own0 = error[0] - lag0, own2 = error[2] - lag2;
+    axis->work.inertia.slope_error = dahl_root(own0 * own0 + own2 * own2) + lag2 - lag0;
 }
 
 /** Widen the errors of an elastic axis: the damping of its shaft and friction on its load are not in the model. */
@@ -437,13 +434,15 @@ static void evaluate_step(dahl_commission_t *axis)
         if (!find_difference(axis, k)) {
             try_slower(axis);
         }
-    } else if (step == 2 * SINES) {
-        find_errors(axis);
-    } else if (step == 2 * SINES + 1) {
+    } else if (step < 3 * SINES) {
+        axis->work.inertia.error[k] = own_error(axis, k) + lag_error(axis, k);
+    } else if (step == 3 * SINES) {
+        find_slope_error(axis);
+    } else if (step == 3 * SINES + 1) {
         find_elastic(axis);
-    } else if (step == 2 * SINES + 2) {
+    } else if (step == 3 * SINES + 2) {
         find_delay(axis);
-    } else if (step < 4 * SINES) {
+    } else if (step < 5 * SINES) {
         axis->work.inertia.inertia[k] = inertia_without_friction(axis, k, axis->result.delay.best);
     } else {
         start_search(axis);

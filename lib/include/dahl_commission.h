@@ -255,6 +255,8 @@ typedef struct {
             float start;          /* [rad] angle at the start */
             float rotor[2];       /* cosine and sine of the phase */
             float turn[2];        /* turn of the phase in a tick */
+            float low;            /* [rad] least mean of a phase */
+            float high;           /* [rad] largest mean of a phase */
             uint16_t samples[16]; /* samples by phase */
         } cycle; /* CYCLE */
         struct {
