@@ -36,6 +36,7 @@
 #define SHAFT_STEP 1.03f               /* from one w^2 of a shaft to the next */
 #define SLOW_SHARE 0.42f               /* of the mean speed, after its low-pass: then the axis does not reverse */
 #define WEAKER 0.97f                   /* sines in a tick in which the axis is slower */
+#define LEAST_SHARE 0.55f              /* of the sines; less would not show an elastic axis whose loop is soft */
 #define LOUD_SPEED_SHARE 0.6f          /* of the speed limit: beyond it a resonance is near, and the sines stop */
 #define DELAY_ERROR_TICKS 0.05f        /* the error of the fastest sine comes on top */
 #define ELASTIC_DELAY_ERROR_TICKS 0.1f /* more, of an elastic axis */
@@ -126,7 +127,7 @@ static float envelope(dahl_commission_t *axis)
     const uint8_t stroke = axis->work.inertia.stroke;
     const float along = axis->stroke.speed < 0 ? -axis->speed : axis->speed;
     if (is_cruise(axis) && along < SLOW_SHARE * axis->work.inertia.mean_speed) {
-        axis->work.inertia.share *= WEAKER;
+        axis->work.inertia.share = dahl_larger(LEAST_SHARE, WEAKER * axis->work.inertia.share);
     }
     if (stroke > 1 && stroke <= SINE_STROKES) {
         return axis->work.inertia.share;
