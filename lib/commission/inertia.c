@@ -27,7 +27,7 @@
 #define SAMPLING_ERROR (1.0f / 12)     /* of the inertia, over (w period)^2: torque and speed are means over a tick */
 #define LAG_ERROR (1.0f / 16)          /* more, and its interval: a current lag of up to half a tick */
 #define INERTIA_ERROR 0.006f           /* of each sine, of the inertia */
-#define ELASTIC_ERROR 0.01f            /* more, of an elastic axis */
+#define ELASTIC_ERROR 0.005f           /* more, of an elastic axis */
 #define COUNT_ERROR 0.018f             /* more, for a noise of a count over the amplitude of the sine */
 #define SOFTEST_OVER_SINE 1.15f        /* the load rings at least at this multiple of the slowest sine */
 #define ROTOR_SHARE 0.93f              /* of the bound: damping of the shaft, and friction on its load */

@@ -116,7 +116,8 @@ typedef enum {
     DAHL_COMMISSION_DISTURBED = -50,   /**< the axis moved when it had to rest: a hand? */
     DAHL_COMMISSION_TIMEOUT = -51,     /**< a stage took too long */
     DAHL_COMMISSION_NO_DATA = -52,     /**< too few samples in the bins of angle */
-    DAHL_COMMISSION_VARIES = -53,      /**< friction differs between two passes */
+    DAHL_COMMISSION_VARIES = -53,      /**< the loop shakes the axis, or friction differs between
+                                            two passes: check config.inertia, tune it softer */
     DAHL_COMMISSION_BAD_INERTIA = -54, /**< the fit of the inertia fails: correct config.inertia */
     DAHL_COMMISSION_COARSE = -55,      /**< presliding of less than 2 counts, or none */
     DAHL_COMMISSION_LIGHT = -56,       /**< the rotor is too light for period and delay */
