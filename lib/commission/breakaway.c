@@ -14,7 +14,7 @@
 #define MAX_RAMP_TORQUE 1.9f      /* of the largest friction of a bin */
 #define BREAKAWAY_OVER_RAMP 1.36f /* largest breakaway torque over that of the ramp: a slow Stribeck curve */
 #define STEEPEST_OVER_CYCLE 1.32f /* largest stiffness over that of the cycle: slip elements */
-#define HIDDEN_LOAD_RAD 0.6f      /* mean of a load over its slope, if unequal friction cancels the load */
+#define HIDDEN_LOAD_RAD 0.8f      /* mean of a load over its slope, if unequal friction cancels the load */
 #define RIPPLE_SHARE 0.985f       /* friction at the ripple within a bin, over that of the bin */
 #define TURN_LENGTHS 6.0f         /* presliding lengths after a turn, in which slip elements grow to Fc */
 #define MIN_CYCLE_COUNTS 1.5f

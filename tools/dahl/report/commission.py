@@ -82,7 +82,7 @@ class Report:
             return f"friction and load are known; a table cannot show {missing}"
         gain = self.done.axis.result["gain"]
         words = f"all bounds are known; the axis came to rest after all kicks at gain {gain:.2g}"
-        return words + ("; its load exceeds its friction" if self._needs_load_table else "")
+        return words + ("; its load may exceed its friction" if self._needs_load_table else "")
 
     @property
     def _needs_load_table(self) -> bool:
