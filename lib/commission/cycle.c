@@ -6,8 +6,8 @@
 #include "commission.h"
 
 #define CYCLE_HZ 2.0f
-#define CYCLES 5u
-#define SETTLING_CYCLES 2u /* not evaluated: the bristles settle */
+#define CYCLES 4u
+#define SETTLING_CYCLES 1u /* not evaluated: the bristles settle */
 #define PHASES 16u         /* bins of a cycle */
 #define CYCLE_SHARE 0.55f  /* torque of the cycle over Fc */
 #define RETRY_SHARE 0.75f  /* of the torque, after a breakaway */

@@ -8,18 +8,19 @@
 #define GAINS 3
 #define MAX_FAILS 5
 #define LENGTH_FACTOR 1.6f      /* of length_long after a swing */
-#define FADE_S 0.1f             /* the compensator fades in */
+#define FADE_S 0.06f            /* the compensator fades in, in 0.05 s */
 #define PUSH_S 0.05f            /* longest push */
 #define PUSH_RAD 0.1f
 #define MAX_SPEED 2.5f          /* rad/s */
 #define WATCH_S 0.2f            /* of a window */
-#define CREEP_WINDOWS 4
+#define CREEP_WINDOWS 3
+#define FIRST_WINDOWS 2         /* the same at the highest gain, which leaves the least friction */
 #define SWING_WINDOWS 10
 #define MAX_WINDOWS 20
 #define SETTLING_SHARE 0.9f     /* range of a window over that of two windows before */
 #define MAX_EXCURSION_RAD 0.25f /* beyond the travel */
 #define REST_SPEED 0.02f        /* rad/s: drift and ring on the bristles together, as dahl_compensator.h states it */
-#define PEAK_OVER_CREEP 2.0f    /* a creep that rings until it almost stops */
+#define PEAK_OVER_CREEP 2.5f    /* a creep rings until it almost stops, and is faster at other angles */
 
 enum { PREPARE_ELEMENT, PREPARE_COMPENSATOR, FADE_IN, PUSH, SETTLE };
 
@@ -194,7 +195,7 @@ static void settle_tick(dahl_commission_t *axis)
     const uint8_t windows = axis->work.kick.windows;
     if (window == RESTS) {
         pass_kick(axis);
-    } else if (window == CREEPS && windows >= CREEP_WINDOWS) {
+    } else if (window == CREEPS && windows >= (axis->work.kick.gain == GAINS - 1 ? FIRST_WINDOWS : CREEP_WINDOWS)) {
         lower_gain(axis);
     } else if (excursion > MAX_EXCURSION_RAD || (window == SWINGS && windows >= SWING_WINDOWS)
                || windows >= MAX_WINDOWS) {
