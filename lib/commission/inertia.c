@@ -182,7 +182,8 @@ static void finish_block(dahl_commission_t *axis)
         axis->work.inertia.sine = 0;
     }
     axis->work.inertia.rise_counts = (BLOCK_TICKS + 1) * axis->work.inertia.block_counts - axis->work.inertia.fall_counts;
-    axis->work.inertia.rise_torque = (BLOCK_TICKS + 1) * axis->work.inertia.block_torque - axis->work.inertia.fall_torque - load;
+    axis->work.inertia.rise_torque =
+        (BLOCK_TICKS + 1) * axis->work.inertia.block_torque - axis->work.inertia.fall_torque - load;
     axis->work.inertia.window += UINT32_MAX / axis->work.inertia.window_ticks * BLOCK_TICKS;
     start_block(axis);
 }
@@ -273,7 +274,7 @@ static int find_difference(dahl_commission_t *axis, int k)
     return 1;
 }
 
-/** Return the error that a current lag of up to half a tick makes in the inertia at a sine. It has the same sign at all sines. */
+/** Return the error that a current lag of up to half a tick makes in the inertia at a sine. Its sign is that of all sines. */
 static float lag_error(const dahl_commission_t *axis, int k)
 {
     const float turn = axis->work.inertia.frequency[k] * axis->config.period;

@@ -19,10 +19,11 @@
 #define COUNT_WAITS 4.0f         /* wait of the watch on the encoder, over the time of the first count */
 #define MAX_ACCELERATION 225.0f  /* rad/s2 that the limit must allow */
 
-#define MAX_REVERSED 0.05f       /* part of a stroke in which a loop that shakes the axis moves it backward: friction then cancels */
+#define MAX_REVERSED 0.05f       /* of a stroke: a loop that shakes the axis moves it backward, and friction cancels */
 
 /** Speeds, and those after the loop shook the axis at the slowest one. */
-static const float speeds[2][SPEEDS] = {{0.6f, 1.2f, DAHL_COMMISSION_SPEED_MAX}, {1.2f, 1.8f, DAHL_COMMISSION_SPEED_MAX}};
+static const float speeds[2][SPEEDS] = {{0.6f, 1.2f, DAHL_COMMISSION_SPEED_MAX},
+                                        {1.2f, 1.8f, DAHL_COMMISSION_SPEED_MAX}};
 
 /** Steps of the evaluation of a speed, after its bins. */
 enum { FIND_LEVEL = BINS, LOWER_LIMIT, CHECK_REPEAT, NEXT_SPEED, FIT_LINE, FIND_VISCOUS };
@@ -116,7 +117,8 @@ static int is_empty(const dahl_commission_t *axis, int bin)
 /** Return 1 if a bin that a stroke must reach is empty: an end stop. */
 static int has_gap(const dahl_commission_t *axis)
 {
-    const int is_narrow = axis->config.travel < NARROW_BIN_RAD * 0.5f * BINS, ends = (is_narrow || axis->is_fast) + 4 * axis->is_soft;
+    const int is_narrow = axis->config.travel < NARROW_BIN_RAD * 0.5f * BINS || axis->is_fast;
+    const int ends = is_narrow + 4 * axis->is_soft;
     int gaps = 0;
     for (int bin = ends; bin < BINS - ends; bin++) {
         gaps += is_empty(axis, bin);

@@ -59,8 +59,8 @@
  * to 15 % looks like a load; Fc.least and length.most allow for it.
  *
  * @par Properties
- * Floats, no heap, no global variable, no libm. Long evaluations take a tick for each bin, sine or
- * shaft. The longest tick prepares the compensator: docs/microcontroller.md has its cost by core.
+ * Floats, no heap, no global variable, no libm. Long evaluations take one tick for each step. The
+ * longest ticks evaluate a sine or prepare the compensator: docs/microcontroller.md has the cost.
  * Because of the floats, results may differ between cores in their last bits.
  */
 #ifndef DAHL_COMMISSION_H
@@ -280,8 +280,8 @@ typedef struct {
             uint32_t window_ticks;                   /* [tick] of the window */
             uint32_t settle_ticks;                   /* [tick] before it */
             float block_torque;                      /* [N m] sum over a block of ticks */
-            float fall_torque;                       /* [N m] the same with weights that fall to 1 */
-            float rise_torque;                       /* [N m] block before, weights that rise from 1 */
+            float fall_torque;                       /* [N m] with weights that fall to 1 */
+            float rise_torque;                       /* [N m] block before, rising weights */
             float block_load;                        /* [N m] load in the block */
             int32_t block_counts;                    /* [count] the same sums of the counts */
             int32_t fall_counts;                     /* [count] */
@@ -289,13 +289,13 @@ typedef struct {
             float last_torque;                       /* [N m] last block under the window */
             float last_speed;                        /* [rad/s] likewise */
             float mean_speed;                        /* [rad/s] speed of the strokes */
-            float share;                             /* of the sines, so that the axis never reverses */
+            float share;                             /* of the sines: the axis never reverses */
             float inertia[DAHL_COMMISSION_SINES];    /* [kg m2] inertia at each sine */
             float difference[DAHL_COMMISSION_SINES]; /* [kg m2] of the halves of the strokes */
             float error[DAHL_COMMISSION_SINES];      /* [kg m2] error of each inertia */
             float slope_error; /* [kg m2] error of the last inertia less the first one */
             float lag[DAHL_COMMISSION_SINES];        /* [rad] phase of torque over speed */
-            float stiff[DAHL_COMMISSION_SINES];      /* effect of the load at each sine on this shaft */
+            float stiff[DAHL_COMMISSION_SINES];      /* effect of a load on this shaft */
             float shaft;       /* [rad2/s2] square of the resonance that is tried; 0: none yet */
             float stiffest;    /* [rad2/s2] largest of these */
             float misfit;      /* [kg m2] misfit of this shaft */
