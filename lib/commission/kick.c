@@ -24,7 +24,7 @@
 
 enum { PREPARE_ELEMENT, PREPARE_COMPENSATOR, FADE_IN, PUSH, SETTLE };
 
-static const float gains[GAINS] = {0.5f, 0.9f, 0.95f};
+static const float gains[GAINS] = {0.5f, 0.9f, COMMISSION_MAX_GAIN};
 
 static void finish_kicks(dahl_commission_t *axis)
 {
