@@ -3,6 +3,7 @@
  *
  * The axis must come to rest after each push. If it swings, length_long grows. After MAX_FAILS swings, the result is the last
  * gain that passed. If the axis creeps, because the load differs from its table, the gain falls. */
+#include "../arith/compiler.h"
 #include "commission.h"
 
 #define GAINS 3
@@ -108,7 +109,7 @@ static void start_window(dahl_commission_t *axis)
 /** Motion of the axis in a window. */
 typedef enum { NOT_ENDED, RESTS, SETTLES, CREEPS, SWINGS } window_t;
 
-static window_t classify(const dahl_commission_t *axis, float range, float drift, float before)
+static DAHL_COLD window_t classify(const dahl_commission_t *axis, float range, float drift, float before)
 {
     const float noise = axis->work.kick.noise;
     float ring = dahl_larger(0, range - drift - noise) / 2 * axis->work.kick.ring;
