@@ -14,10 +14,11 @@
 #define MAX_RAMP_TORQUE 1.9f      /* of the largest friction of a bin */
 #define BREAKAWAY_OVER_RAMP 1.36f /* largest breakaway torque over that of the ramp: a slow Stribeck curve */
 #define STEEPEST_OVER_CYCLE 1.32f /* largest stiffness over that of the cycle: slip elements */
-#define HIDDEN_LOAD_RAD 0.6f      /* mean of a load over its slope, if unequal friction cancels the load */
+#define HIDDEN_LOAD_RAD 0.8f      /* mean of a load over its slope, if unequal friction cancels the load */
 #define RIPPLE_SHARE 0.985f       /* friction at the ripple within a bin, over that of the bin */
 #define TURN_LENGTHS 6.0f         /* presliding lengths after a turn, in which slip elements grow to Fc */
 #define MIN_CYCLE_COUNTS 1.5f
+#define ROUNDING_COUNTS 0.75f        /* error of the travel, a difference of two means; worst of 450 axes: 0.52 */
 
 /** Return atanh(ratio)/ratio within 0.5 %: sigma0 over the mean slope of a Dahl loop up to `ratio` of Fc. */
 static float loop_slope(float ratio)
@@ -37,14 +38,14 @@ static float stiffness(const dahl_commission_t *axis, float travel, float breaka
  * in both of them. */
 static float unequal_friction(const dahl_commission_t *axis)
 {
-    float mean = 0, slope = 0, weight = 0;
+    const float share = 1.0f / BINS, weight = (float)(BINS * BINS - 1) / (3 * BINS); /* sum of x^2 over the bins */
+    float mean = 0, slope = 0, x = share - 1;
     for (int bin = 0; bin < BINS; bin++) {
-        float x = (float)(2 * bin + 1) / DAHL_COMMISSION_BINS - 1;
-        mean += axis->result.load[bin] / DAHL_COMMISSION_BINS;
+        mean += axis->result.load[bin];
         slope += axis->result.load[bin] * x;
-        weight += x * x;
+        x += 2 * share;
     }
-    float most = dahl_absolute(mean) + HIDDEN_LOAD_RAD * dahl_absolute(slope / weight) / axis->config.travel;
+    float most = dahl_absolute(mean) * share + HIDDEN_LOAD_RAD / weight * dahl_absolute(slope) / axis->config.travel;
     return dahl_smaller(most, UNEQUAL_SHARE * axis->result.Fc.best);
 }
 
@@ -93,21 +94,34 @@ static void find_friction(dahl_commission_t *axis)
     result->Fc.least = RIPPLE_SHARE * (axis->table.least - viscous) - unequal - axis->table.scatter;
     result->Fc.most = result->breakaway * BREAKAWAY_OVER_RAMP * (axis->table.most + unequal);
     result->load_error = unequal + axis->table.scatter + change + 0.03f * result->Fc.best;
+}
+
+static void find_most_load(dahl_commission_t *axis)
+{
+    dahl_commission_result_t *result = &axis->result;
     for (int bin = 0; bin < BINS; bin++) {
         result->load_most = dahl_larger(result->load_most, dahl_absolute(result->load[bin]) + result->load_error);
+    }
+}
+
+/** Write one of the three stiffnesses. */
+static void find_stiffness(dahl_commission_t *axis, int which)
+{
+    dahl_commission_result_t *result = &axis->result;
+    const float rounding = ROUNDING_COUNTS * axis->config.theta_per_count, travel = axis->cycle_travel;
+    if (which == 0) {
+        result->sigma0.best = stiffness(axis, travel, result->breakaway);
+    } else if (which == 1) {
+        result->sigma0.least = stiffness(axis, travel + rounding, result->breakaway * BREAKAWAY_OVER_RAMP);
+    } else {
+        result->sigma0.most = STEEPEST_OVER_CYCLE * stiffness(axis, dahl_larger(travel - rounding, travel / 3), 1);
     }
 }
 
 static void find_length(dahl_commission_t *axis)
 {
     dahl_commission_result_t *result = &axis->result;
-    const float breakaway = result->breakaway, highest = breakaway * BREAKAWAY_OVER_RAMP;
-    const float rounding = (float)(result->noise != 0 ? 2 : 1) * axis->config.theta_per_count;
-    const float travel = axis->cycle_travel, least_travel = dahl_larger(travel - rounding, travel / 3);
-    result->sigma0.best = stiffness(axis, travel, breakaway);
-    result->sigma0.least = stiffness(axis, travel + rounding, highest);
-    result->sigma0.most = STEEPEST_OVER_CYCLE * stiffness(axis, least_travel, 1);
-    result->length.best = breakaway * result->Fc.best / result->sigma0.best;
+    result->length.best = result->breakaway * result->Fc.best / result->sigma0.best;
     result->length.least = result->Fc.least / result->sigma0.most;
     result->length.most = result->Fc.most / result->sigma0.least;
 }
@@ -138,6 +152,10 @@ static void evaluate_breakaway(dahl_commission_t *axis)
     } else if (evaluated == 1) {
         find_friction(axis);
     } else if (evaluated == 2) {
+        find_most_load(axis);
+    } else if (evaluated < 6) {
+        find_stiffness(axis, evaluated - 3);
+    } else if (evaluated == 6) {
         find_length(axis);
     } else {
         finish_breakaway(axis);

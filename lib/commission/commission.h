@@ -7,6 +7,8 @@
 
 #define AXIS_TWO_PI 6.28318531f
 #define BINS DAHL_COMMISSION_BINS
+/** Largest part of Fc_low - load that the compensator may cancel, rounded down. */
+#define COMMISSION_MAX_GAIN (0.95f * (1 - 1e-6f))
 /** Directions of a LuGre or worn axis differ by at most this part of Fc. */
 #define UNEQUAL_SHARE 0.15f
 /** [rad] If the load moves the axis by this at rest, the loop holds it. */

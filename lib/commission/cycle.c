@@ -6,8 +6,8 @@
 #include "commission.h"
 
 #define CYCLE_HZ 2.0f
-#define CYCLES 5u
-#define SETTLING_CYCLES 2u /* not evaluated: the bristles settle */
+#define CYCLES 4u
+#define SETTLING_CYCLES 1u /* not evaluated: the bristles settle */
 #define PHASES 16u         /* bins of a cycle */
 #define CYCLE_SHARE 0.55f  /* torque of the cycle over Fc */
 #define RETRY_SHARE 0.75f  /* of the torque, after a breakaway */
@@ -32,17 +32,17 @@ static void start_cycle(dahl_commission_t *axis)
     dahl_next_step(axis);
 }
 
-static void finish_cycle(dahl_commission_t *axis)
+/** Evaluate one phase in each tick. The last one ends the stage. */
+static void evaluate_phase(dahl_commission_t *axis, uint32_t phase)
 {
-    float low = 0, high = 0;
-    for (uint32_t phase = 0; phase < PHASES; phase++) {
-        float mean = axis->work.cycle.sum[phase] / (float)axis->work.cycle.samples[phase];
-        low = phase == 0 ? mean : dahl_smaller(low, mean);
-        high = phase == 0 ? mean : dahl_larger(high, mean);
+    const float mean = axis->work.cycle.sum[phase] / (float)axis->work.cycle.samples[phase];
+    axis->work.cycle.low = phase == 0 ? mean : dahl_smaller(axis->work.cycle.low, mean);
+    axis->work.cycle.high = phase == 0 ? mean : dahl_larger(axis->work.cycle.high, mean);
+    if (phase + 1 == PHASES) {
+        axis->cycle_travel = axis->work.cycle.high - axis->work.cycle.low;
+        dahl_enter(axis, DAHL_COMMISSION_BREAKAWAY);
+        dahl_return_to_middle(axis);
     }
-    axis->cycle_travel = high - low;
-    dahl_enter(axis, DAHL_COMMISSION_BREAKAWAY);
-    dahl_return_to_middle(axis);
 }
 
 static void try_weaker(dahl_commission_t *axis)
@@ -72,12 +72,11 @@ void dahl_cycle_tick(dahl_commission_t *axis)
         try_weaker(axis);
         return;
     }
-    if (tick >= SETTLING_CYCLES * period) {
+    if (tick >= CYCLES * period) {
+        evaluate_phase(axis, tick - CYCLES * period);
+    } else if (tick >= SETTLING_CYCLES * period) {
         uint32_t phase = tick % period * PHASES / period;
         axis->work.cycle.sum[phase] += moved;
         axis->work.cycle.samples[phase]++;
-    }
-    if (tick + 1 >= CYCLES * period) {
-        finish_cycle(axis);
     }
 }

@@ -18,41 +18,66 @@
 #define SINE_ACCELERATION 60.0f        /* rad/s2 of a stroke */
 #define SINE_SETTLE_S 0.04f
 #define AXIS_WINDOW_S 0.25f
+#define BLOCK_TICKS 5                  /* a block of ticks is demodulated at once, one sine in each tick */
+#define LOAD_TICK 4                    /* of the block: reads the load at the angle of the tick before */
 #define MIN_SHARE 0.1f                 /* least speed of a sine over that of its reference */
 #define MAX_FACTOR 5.0f                /* of the inertia over that of the configuration */
 #define MAX_TANGENT 1.2f               /* of the phase less the guess */
 #define MAX_GUESS_RAD 1.3f
-#define INERTIA_ERROR 0.01f            /* of each sine, of the inertia */
+#define SAMPLING_ERROR (1.0f / 12)     /* of the inertia, over (w period)^2: torque and speed are means over a tick */
+#define LAG_ERROR (1.0f / 16)          /* more, and its interval: a current lag of up to half a tick */
+#define INERTIA_ERROR 0.006f           /* of each sine, of the inertia */
+#define ELASTIC_ERROR 0.005f           /* more, of an elastic axis */
 #define COUNT_ERROR 0.018f             /* more, for a noise of a count over the amplitude of the sine */
 #define SOFTEST_OVER_SINE 1.15f        /* the load rings at least at this multiple of the slowest sine */
 #define ROTOR_SHARE 0.93f              /* of the bound: damping of the shaft, and friction on its load */
 #define STIFFEST_HZ 160.0f             /* resonance of the stiffest shaft of an elastic axis */
 #define HIDDEN_HZ 110.0f               /* the same of an axis whose sines show no shaft */
-#define SHAFT_STEP 1.015f              /* from one w^2 of a shaft to the next */
+#define SHAFT_STEP 1.03f               /* from one w^2 of a shaft to the next */
+#define SLOW_SHARE 0.42f               /* of the mean speed, after its low-pass: then the axis does not reverse */
+#define WEAKER 0.97f                   /* sines in a tick in which the axis is slower */
+#define LEAST_SHARE 0.55f              /* of the sines; less would not show an elastic axis whose loop is soft */
 #define LOUD_SPEED_SHARE 0.6f          /* of the speed limit: beyond it a resonance is near, and the sines stop */
 #define DELAY_ERROR_TICKS 0.05f        /* the error of the fastest sine comes on top */
 #define ELASTIC_DELAY_ERROR_TICKS 0.1f /* more, of an elastic axis */
 
-enum { SINES = DAHL_COMMISSION_SINES, SETS = 2 };
+enum { SINES = DAHL_COMMISSION_SINES, SETS = 2, NONE = SINES };
 
-static const float periods[SETS][SINES] = {{4, 7, 11}, {3, 5, 7}}; /* in a window: 16, 28, 44 Hz; 12, 20, 28 Hz */
-static const float sine_shares[SINES] = {0.2f, 0.12f, 0.12f};      /* speed of the sines over the mean speed */
+/** Periods of the sines in a window: 16, 28, 44 Hz; 12, 20, 28 Hz. */
+static const uint8_t periods[SETS][SINES] = {{4, 7, 11}, {3, 5, 7}};
+static const float sine_shares[SINES] = {0.2f, 0.12f, 0.12f}; /* speed of the sines over the mean speed */
 
-/** Return the frequency of a sine in rad/s. */
-static float frequency_of(const dahl_commission_t *axis, int k)
+/* Weights of the sines in Q13 of these shares: speed, angle (over the periods), acceleration (times the periods). */
+#define Q13(x) (int32_t)((x) * 8192.0f + 0.5f)
+static const int32_t speed_weights[SINES] = {Q13(0.2f), Q13(0.12f), Q13(0.12f)};
+static const int32_t angle_weights[SETS][SINES] = {{Q13(0.2f / 4), Q13(0.12f / 7), Q13(0.12f / 11)},
+                                                   {Q13(0.2f / 3), Q13(0.12f / 5), Q13(0.12f / 7)}};
+static const int32_t acceleration_weights[SETS][SINES] = {{Q13(0.2f * 4), Q13(0.12f * 7), Q13(0.12f * 11)},
+                                                          {Q13(0.2f * 3), Q13(0.12f * 5), Q13(0.12f * 7)}};
+
+/** Return the sine of a phase in Q15, within 1.2e-4. A turn is 2^32. */
+static int32_t sine_q15(uint32_t phase)
 {
-    const uint32_t ticks = dahl_ticks(axis, AXIS_WINDOW_S);
-    return AXIS_TWO_PI * periods[axis->work.inertia.set][k] / ((float)ticks * axis->config.period);
+    int32_t x = (int32_t)(phase >> 16);
+    x = x < 16384 ? x : x < 49152 ? 32768 - x : x - 65536; /* Q14 of a quarter of a turn */
+    const int32_t square = x * x / 16384;
+    return x * (25733 - square * (10539 - square * 1191 / 16384) / 16384) / 8192;
+}
+
+static int32_t cosine_q15(uint32_t phase)
+{
+    return sine_q15(phase + 0x40000000u);
 }
 
 static void start_motion(dahl_commission_t *axis)
 {
     const uint32_t ticks = dahl_ticks(axis, AXIS_WINDOW_S);
-    const float speed = dahl_smaller(MEAN_SPEED, SPEED_PER_TRAVEL * axis->config.travel);
+    const float slowest = AXIS_TWO_PI / ((float)ticks * axis->config.period);
     for (int k = 0; k < SINES; k++) {
-        axis->work.inertia.sine[k][0] = 1;
-        axis->work.inertia.sine[k][1] = 0;
-        dahl_small_turn(frequency_of(axis, k) * axis->config.period, axis->work.inertia.turn[k]);
+        const uint8_t turns = periods[axis->work.inertia.set][k];
+        axis->work.inertia.phase[k] = 0;
+        axis->work.inertia.turn[k] = UINT32_MAX / ticks * turns;
+        axis->work.inertia.frequency[k] = slowest * (float)turns;
         for (int half = 0; half < 2; half++) {
             for (int part = 0; part < 2; part++) {
                 axis->work.inertia.torque[half][k][part] = 0;
@@ -60,11 +85,22 @@ static void start_motion(dahl_commission_t *axis)
             }
         }
     }
-    dahl_small_turn(AXIS_TWO_PI / (float)ticks, axis->work.inertia.window_turn);
+    axis->work.inertia.slowest = slowest;
+    axis->work.inertia.window_ticks = ticks;
+    axis->work.inertia.settle_ticks = dahl_ticks(axis, SINE_SETTLE_S);
     axis->work.inertia.stroke = 0;
-    axis->work.inertia.mean_speed = speed;
+    axis->work.inertia.mean_speed = dahl_smaller(MEAN_SPEED, SPEED_PER_TRAVEL * axis->config.travel);
+    axis->work.inertia.share = 1;
+    axis->work.inertia.sine = NONE;
     axis->work.inertia.base = axis->command;
     dahl_next_step(axis);
+}
+
+static void start_block(dahl_commission_t *axis)
+{
+    axis->work.inertia.block_ticks = 0;
+    axis->work.inertia.block_counts = axis->work.inertia.fall_counts = 0;
+    axis->work.inertia.block_torque = axis->work.inertia.fall_torque = 0;
 }
 
 /** Start the next stroke of the base motion. The last one goes to the middle. */
@@ -73,51 +109,105 @@ static void next_stroke(dahl_commission_t *axis)
     uint8_t stroke = ++axis->work.inertia.stroke;
     float end = stroke & 1 ? axis->config.travel : -axis->config.travel;
     dahl_stroke_to(axis, stroke > SINE_STROKES ? 0 : end, axis->work.inertia.mean_speed, SINE_ACCELERATION);
-    axis->work.inertia.window[0] = 1;
-    axis->work.inertia.window[1] = 0;
+    axis->work.inertia.window = 0;
+    start_block(axis);
 }
 
-/** Return the share of the sines, 0 to 1. It rises in the first stroke and falls in the last one. */
-static float envelope(const dahl_commission_t *axis)
+/** Return 1 in the ticks of a stroke in which the axis moves at constant speed. */
+static int is_cruise(const dahl_commission_t *axis)
 {
-    float ticks = (float)(2 * axis->stroke.ramp_ticks + axis->stroke.cruise_ticks);
-    float share = dahl_smaller(1, (float)axis->stroke.tick / ticks);
-    return axis->work.inertia.stroke == 1 ? share : axis->work.inertia.stroke > SINE_STROKES ? 1 - share : 1;
+    const uint32_t tick = axis->stroke.tick, ramp = axis->stroke.ramp_ticks;
+    return tick > ramp + axis->work.inertia.settle_ticks && tick < ramp + axis->stroke.cruise_ticks;
+}
+
+/** Return the share of the sines, 0 to 1. It rises in the first stroke and falls in the last one. A loop that amplifies the
+ * sines must not reverse the axis, because friction then changes its sign. */
+static float envelope(dahl_commission_t *axis)
+{
+    const uint8_t stroke = axis->work.inertia.stroke;
+    const float along = axis->stroke.speed < 0 ? -axis->speed : axis->speed;
+    if (is_cruise(axis) && along < SLOW_SHARE * axis->work.inertia.mean_speed) {
+        axis->work.inertia.share = dahl_larger(LEAST_SHARE, WEAKER * axis->work.inertia.share);
+    }
+    if (stroke > 1 && stroke <= SINE_STROKES) {
+        return axis->work.inertia.share;
+    }
+    float part = (float)axis->stroke.tick / (float)(2 * axis->stroke.ramp_ticks + axis->stroke.cruise_ticks);
+    return (stroke == 1 ? part : 1 - part) * axis->work.inertia.share;
 }
 
 /** Add the sines to the base motion. */
 static void add_sines(dahl_commission_t *axis)
 {
+    const float speed = envelope(axis) * axis->work.inertia.mean_speed * 0x1p-28f, slowest = axis->work.inertia.slowest;
+    const uint8_t set = axis->work.inertia.set;
+    int32_t angles = 0, speeds = 0, accelerations = 0;
     for (int k = 0; k < SINES; k++) {
-        const float speed = sine_shares[k] * envelope(axis) * axis->work.inertia.mean_speed;
-        float *sine = axis->work.inertia.sine[k];
-        const float frequency = frequency_of(axis, k);
-        dahl_rotate(sine, axis->work.inertia.turn[k]);
-        axis->command.angle += speed / frequency * sine[1];
-        axis->command.speed += speed * sine[0];
-        axis->command.acceleration -= speed * frequency * sine[1];
+        axis->work.inertia.phase[k] += axis->work.inertia.turn[k];
+        const int32_t sine = sine_q15(axis->work.inertia.phase[k]);
+        angles += angle_weights[set][k] * sine;
+        speeds += speed_weights[k] * cosine_q15(axis->work.inertia.phase[k]);
+        accelerations -= acceleration_weights[set][k] * sine;
     }
+    axis->command.angle += speed / slowest * (float)angles;
+    axis->command.speed += speed * (float)speeds;
+    axis->command.acceleration += speed * slowest * (float)accelerations;
 }
 
-/** Demodulate one tick: the torque less the load, and the speed less that of the base motion. */
-static void add_to_sines(dahl_commission_t *axis, int32_t dcounts, float base_speed)
+/** Demodulate the last block at one sine. All sines have a fixed phase to the block, which cancels in torque over speed. */
+static void demodulate(dahl_commission_t *axis)
 {
-    float speed = (float)dcounts * axis->config.theta_per_count / axis->config.period - base_speed;
-    float torque = axis->torque - dahl_commission_load(axis, axis->theta);
-    uint32_t first = axis->stroke.ramp_ticks + dahl_ticks(axis, SINE_SETTLE_S);
-    uint32_t tick = axis->stroke.tick, stroke = axis->work.inertia.stroke;
-    if (stroke < 2 || stroke > SINE_STROKES || tick < first || tick >= first + dahl_ticks(axis, AXIS_WINDOW_S)) {
+    const uint8_t k = axis->work.inertia.sine++, half = axis->work.inertia.stroke > 1 + SINE_STROKES / 2;
+    const float sine = (float)sine_q15(axis->work.inertia.phase[k]) * 0x1p-15f;
+    const float cosine = (float)cosine_q15(axis->work.inertia.phase[k]) * 0x1p-15f;
+    float *torque = axis->work.inertia.torque[half][k], *speed = axis->work.inertia.speed[half][k];
+    torque[0] += axis->work.inertia.last_torque * cosine;
+    torque[1] -= axis->work.inertia.last_torque * sine;
+    speed[0] += axis->work.inertia.last_speed * cosine;
+    speed[1] -= axis->work.inertia.last_speed * sine;
+}
+
+/** End a block. Torque and counts of two neighbouring blocks have the weights 1 to BLOCK_TICKS and back, so that the noise of
+ * the counts averages out. The load and the speed of the base motion are subtracted, and the window multiplies them. */
+static void finish_block(dahl_commission_t *axis)
+{
+    const float weights = (BLOCK_TICKS + 1) * BLOCK_TICKS / 2.0f, load = weights * axis->work.inertia.block_load;
+    const int32_t counts = axis->work.inertia.rise_counts + axis->work.inertia.fall_counts;
+    const float torque = axis->work.inertia.rise_torque + axis->work.inertia.fall_torque - load;
+    const float speed = (float)counts * axis->config.theta_per_count / axis->config.period;
+    const float weight = (1 - (float)cosine_q15(axis->work.inertia.window) * 0x1p-15f) / (BLOCK_TICKS + 1);
+    if (axis->work.inertia.window != 0) {
+        axis->work.inertia.last_torque = weight * torque;
+        axis->work.inertia.last_speed = weight * (speed - 2 * weights * axis->work.inertia.base.speed);
+        axis->work.inertia.sine = 0;
+    }
+    axis->work.inertia.rise_counts = (BLOCK_TICKS + 1) * axis->work.inertia.block_counts - axis->work.inertia.fall_counts;
+    axis->work.inertia.rise_torque =
+        (BLOCK_TICKS + 1) * axis->work.inertia.block_torque - axis->work.inertia.fall_torque - load;
+    axis->work.inertia.window += UINT32_MAX / axis->work.inertia.window_ticks * BLOCK_TICKS;
+    start_block(axis);
+}
+
+/** Sum torque and counts over a block of ticks. The sines of the block before follow in its first ticks, one in each. */
+static void add_to_block(dahl_commission_t *axis, int32_t dcounts)
+{
+    const uint32_t first = axis->stroke.ramp_ticks + axis->work.inertia.settle_ticks;
+    const uint32_t tick = axis->stroke.tick, stroke = axis->work.inertia.stroke;
+    if (axis->work.inertia.sine < SINES) {
+        demodulate(axis);
+    }
+    if (stroke < 2 || stroke > SINE_STROKES || tick < first || tick >= first + axis->work.inertia.window_ticks) {
         return;
     }
-    const int half = stroke > 1 + SINE_STROKES / 2;
-    float weight = 1 - axis->work.inertia.window[0];
-    dahl_rotate(axis->work.inertia.window, axis->work.inertia.window_turn);
-    for (int k = 0; k < SINES; k++) {
-        const float *sine = axis->work.inertia.sine[k];
-        axis->work.inertia.torque[half][k][0] += weight * torque * sine[0];
-        axis->work.inertia.torque[half][k][1] -= weight * torque * sine[1];
-        axis->work.inertia.speed[half][k][0] += weight * speed * sine[0];
-        axis->work.inertia.speed[half][k][1] -= weight * speed * sine[1];
+    axis->work.inertia.block_torque += axis->torque;
+    axis->work.inertia.fall_torque += axis->work.inertia.block_torque;
+    axis->work.inertia.block_counts += dcounts;
+    axis->work.inertia.fall_counts += axis->work.inertia.block_counts;
+    axis->work.inertia.block_ticks++;
+    if (axis->work.inertia.block_ticks == LOAD_TICK) {
+        axis->work.inertia.block_load = dahl_commission_load(axis, axis->theta);
+    } else if (axis->work.inertia.block_ticks == BLOCK_TICKS) {
+        finish_block(axis);
     }
 }
 
@@ -132,8 +222,7 @@ static float angle_of(float tangent)
 static int find_ratio(const dahl_commission_t *axis, const float torque[2], const float speed[2], float least, float ratio[2])
 {
     float square = speed[0] * speed[0] + speed[1] * speed[1];
-    const uint32_t ticks = dahl_ticks(axis, AXIS_WINDOW_S);
-    least *= axis->work.inertia.mean_speed * (float)ticks;
+    least *= axis->work.inertia.mean_speed * (float)axis->work.inertia.window_ticks;
     if (!(square > least * least)) {
         return 0;
     }
@@ -142,42 +231,82 @@ static int find_ratio(const dahl_commission_t *axis, const float torque[2], cons
     return 1;
 }
 
-/** Write the inertia that the sine shows, its phase near `guess`, and the difference of the halves of the strokes. The inertia
- * is negative if the load swings against the rotor. Return 0 if the sine did not move the axis, or if its phase is too large. */
-static int find_inertia(dahl_commission_t *axis, int k, float guess, float *phase)
+/** Return the least amplitude of a sine, in both halves of the strokes together. */
+static float least_speed(int k)
 {
-    const float w = frequency_of(axis, k), least = MIN_SHARE * sine_shares[k] * (SINE_STROKES - 1) / 4;
-    float half[2][2], all[2], turn[2], torque[2], speed[2];
+    return MIN_SHARE * sine_shares[k] * (SINE_STROKES - 1) / 2;
+}
+
+/** Write the inertia that the sine shows, and its phase near `guess`. The inertia is negative if the load swings against the
+ * rotor. Return 0 if the sine did not move the axis, or if its phase is too large. */
+static int find_inertia(dahl_commission_t *axis, int k, float guess)
+{
+    const float w = axis->work.inertia.frequency[k];
+    float all[2], turn[2], torque[2], speed[2];
     for (int part = 0; part < 2; part++) {
         torque[part] = axis->work.inertia.torque[0][k][part] + axis->work.inertia.torque[1][k][part];
         speed[part] = axis->work.inertia.speed[0][k][part] + axis->work.inertia.speed[1][k][part];
     }
-    if (!find_ratio(axis, torque, speed, 2 * least, all)) {
+    if (!find_ratio(axis, torque, speed, least_speed(k), all)) {
         return 0;
-    }
-    for (int h = 0; h < 2; h++) {
-        if (!find_ratio(axis, axis->work.inertia.torque[h][k], axis->work.inertia.speed[h][k], least / 2, half[h])) {
-            return 0;
-        }
     }
     dahl_small_turn(guess, turn);
     float along = all[0] * turn[0] + all[1] * turn[1], across = all[1] * turn[0] - all[0] * turn[1];
     float size = dahl_root(all[0] * all[0] + all[1] * all[1]);
-    axis->work.inertia.inertia[k] = (along < 0 ? -size : size) / w;
-    float difference = (half[1][0] - half[0][0]) * turn[0] + (half[1][1] - half[0][1]) * turn[1];
-    axis->work.inertia.error[k] = dahl_absolute(difference) / (2 * w);
-    *phase = guess + angle_of(across / along);
+    const float sampling = 1 - (SAMPLING_ERROR + LAG_ERROR) * w * w * axis->config.period * axis->config.period;
+    axis->work.inertia.inertia[k] = (along < 0 ? -size : size) * sampling / w;
+    axis->work.inertia.lag[k] = guess + angle_of(across / along);
     return dahl_absolute(across) < MAX_TANGENT * dahl_absolute(along);
 }
 
-/** Return the error of the inertia at a sine. */
-static float error_of(const dahl_commission_t *axis, int k)
+/** Write the difference of the inertias in both halves of the strokes. Return 0 if the sine did not move the axis. */
+static int find_difference(dahl_commission_t *axis, int k)
 {
-    const float amplitude = sine_shares[k] * axis->work.inertia.mean_speed / frequency_of(axis, k);
+    float half[2][2], turn[2];
+    for (int h = 0; h < 2; h++) {
+        if (!find_ratio(axis, axis->work.inertia.torque[h][k], axis->work.inertia.speed[h][k], least_speed(k) / 4, half[h])) {
+            return 0;
+        }
+    }
+    dahl_small_turn(axis->work.inertia.lag[k], turn);
+    float difference = (half[1][0] - half[0][0]) * turn[0] + (half[1][1] - half[0][1]) * turn[1];
+    axis->work.inertia.difference[k] = dahl_absolute(difference) / (2 * axis->work.inertia.frequency[k]);
+    return 1;
+}
+
+/** Return the error that a current lag of up to half a tick makes in the inertia at a sine. Its sign is that of all sines. */
+static float lag_error(const dahl_commission_t *axis, int k)
+{
+    const float turn = axis->work.inertia.frequency[k] * axis->config.period;
+    return LAG_ERROR * turn * turn * axis->work.inertia.inertia[0];
+}
+
+/** Return the error of the inertia at a sine that does not depend on the errors of the other sines. */
+static float own_error(const dahl_commission_t *axis, int k)
+{
+    const float amplitude = sine_shares[k] * axis->work.inertia.mean_speed / axis->work.inertia.frequency[k];
     const float counts = (float)(axis->result.noise + 1) * axis->config.theta_per_count / amplitude;
     const float *inertia = axis->work.inertia.inertia;
     return (INERTIA_ERROR + COUNT_ERROR * counts) * dahl_larger(inertia[0], dahl_absolute(inertia[k]))
-           + axis->work.inertia.error[k];
+           + axis->work.inertia.difference[k];
+}
+
+/** Write the error of the difference of the first inertia and the last one. The lag moves both. */
+static void find_slope_error(dahl_commission_t *axis)
+{
+    const float *error = axis->work.inertia.error, lag0 = lag_error(axis, 0), lag2 = lag_error(axis, 2);
+    const float own0 = error[0] - lag0, own2 = error[2] - lag2;
+    axis->work.inertia.slope_error = dahl_root(own0 * own0 + own2 * own2) + lag2 - lag0;
+}
+
+/** Widen the errors of an elastic axis: the damping of its shaft and friction on its load are not in the model. */
+static void widen_errors(dahl_commission_t *axis)
+{
+    float *error = axis->work.inertia.error;
+    for (int k = 0; k < SINES; k++) {
+        error[k] += ELASTIC_ERROR * axis->work.inertia.inertia[0];
+    }
+    axis->work.inertia.slope_error = error[0] + error[2];
 }
 
 /** Return the delay of an elastic axis. The damping of its shaft looks like viscous friction that grows with the frequency, so
@@ -187,22 +316,40 @@ static float elastic_delay(const dahl_commission_t *axis)
     const float *inertia = axis->work.inertia.inertia;
     float delay = 0;
     for (int k = inertia[1] > 0 ? 1 : 0; k < SINES && inertia[k] > 0; k++) {
-        float w = frequency_of(axis, k);
-        delay = dahl_larger(delay, (axis->work.inertia.phase[k] + axis->result.viscous.best / (w * inertia[k])) / w);
+        float w = axis->work.inertia.frequency[k];
+        delay = dahl_larger(delay, (axis->work.inertia.lag[k] + axis->result.viscous.best / (w * inertia[k])) / w);
     }
     return delay;
 }
 
-/** Write the delay and whether the axis is elastic. */
+/** Return the inertia that a sine shows without the viscous friction, which has the phase that the delay leaves. */
+static float inertia_without_friction(const dahl_commission_t *axis, int k, float delay)
+{
+    float turn[2];
+    dahl_small_turn(dahl_axis_clamp(axis->work.inertia.lag[k] - axis->work.inertia.frequency[k] * delay, 1), turn);
+    return axis->work.inertia.inertia[k] * turn[0];
+}
+
+/** Write the delay of a rigid axis, and whether the axis is elastic. */
+static void find_elastic(dahl_commission_t *axis)
+{
+    const float w0 = axis->work.inertia.frequency[0], w2 = axis->work.inertia.frequency[2];
+    const float *lag = axis->work.inertia.lag, *error = axis->work.inertia.error;
+    const float delay = (w2 * lag[2] - w0 * lag[0]) / (w2 * w2 - w0 * w0);
+    const float slow = inertia_without_friction(axis, 0, delay), fast = inertia_without_friction(axis, 2, delay);
+    axis->result.delay.best = delay;
+    axis->result.elastic = dahl_absolute(fast - slow) > error[2] + error[0] / 2 || axis->work.inertia.set != 0;
+}
+
+/** Write the delay with its interval. */
 static void find_delay(dahl_commission_t *axis)
 {
-    const float period = axis->config.period, w0 = frequency_of(axis, 0), w2 = frequency_of(axis, 2);
-    const float *inertia = axis->work.inertia.inertia, *phase = axis->work.inertia.phase;
-    const float spread = dahl_absolute(inertia[2] - inertia[0]), fastest = error_of(axis, 2);
-    float delay = (w2 * phase[2] - w0 * phase[0]) / (w2 * w2 - w0 * w0);
-    float error = DELAY_ERROR_TICKS * period + fastest / (inertia[0] * w2);
-    axis->result.elastic = spread > fastest + error_of(axis, 0) / 2 || axis->work.inertia.set != 0;
+    const float period = axis->config.period;
+    float delay = axis->result.delay.best;
+    float error = axis->work.inertia.error[2] / (axis->work.inertia.inertia[0] * axis->work.inertia.frequency[2]);
+    error += DELAY_ERROR_TICKS * period;
     if (axis->result.elastic) {
+        widen_errors(axis);
         delay = elastic_delay(axis);
         error += ELASTIC_DELAY_ERROR_TICKS * period;
     }
@@ -210,44 +357,42 @@ static void find_delay(dahl_commission_t *axis)
     axis->result.delay = (dahl_commission_range_t){dahl_larger(0, delay - error), delay, delay + error};
 }
 
-/** Take the viscous friction off the inertia, and start the search of the shaft. */
+/** Start the search of the shaft. */
 static void start_search(dahl_commission_t *axis)
 {
-    float *inertia = axis->work.inertia.inertia, w = SOFTEST_OVER_SINE * frequency_of(axis, 0);
-    for (int k = 0; k < SINES; k++) {
-        float turn[2];
-        dahl_small_turn(dahl_axis_clamp(axis->work.inertia.phase[k] - frequency_of(axis, k) * axis->result.delay.best, 1), turn);
-        inertia[k] *= turn[0];
-    }
-    axis->result.inertia = (dahl_commission_range_t){inertia[0], inertia[0], inertia[0]};
-    axis->work.inertia.gap = inertia[0];
+    const float least = axis->work.inertia.inertia[0], w = SOFTEST_OVER_SINE * axis->work.inertia.frequency[0];
+    const float stiffest = AXIS_TWO_PI * (axis->result.elastic ? STIFFEST_HZ : HIDDEN_HZ);
+    axis->result.inertia = (dahl_commission_range_t){least, least, least};
+    axis->work.inertia.gap = least;
     axis->work.inertia.shaft = w * w;
+    axis->work.inertia.stiffest = stiffest * stiffest;
 }
 
-/** Take a shaft on which the load alone rings at w^2 = a. If it explains the three sines, widen the result. */
-static void try_shaft(dahl_commission_t *axis, float a)
+/** Take a shaft on which the load alone rings at w^2 = a. Return 1 if it explains the three sines within their errors. */
+static int is_shaft(dahl_commission_t *axis, float a)
 {
-    const float *inertia = axis->work.inertia.inertia;
-    const float stiffest = AXIS_TWO_PI * (axis->result.elastic ? STIFFEST_HZ : HIDDEN_HZ);
-    dahl_commission_range_t *result = &axis->result.inertia;
-    float u[SINES];
+    const float *inertia = axis->work.inertia.inertia, *error = axis->work.inertia.error;
+    float *u = axis->work.inertia.stiff;
     for (int k = 0; k < SINES; k++) {
-        float w = frequency_of(axis, k);
+        float w = axis->work.inertia.frequency[k];
         u[k] = a / (a - w * w);
     }
-    const float all = u[2] - u[0], part = (u[1] - u[0]) / all, heavier = inertia[2] - inertia[0];
-    float gap = inertia[0] + part * heavier - inertia[1];
-    const float ends = dahl_absolute(part) * error_of(axis, 2) + dahl_absolute(1 - part) * error_of(axis, 0);
-    if (dahl_absolute(gap) > error_of(axis, 1) + ends) {
-        return;
-    }
-    float load = heavier / all, error = (error_of(axis, 0) + error_of(axis, 2)) / dahl_absolute(all);
-    float least = inertia[0] - (dahl_absolute(load) + error) * u[0], total = inertia[0] - load * (u[0] - 1);
-    least = dahl_larger(least, total * a / (stiffest * stiffest));
-    result->least = dahl_smaller(result->least, least);
+    const float part = (u[1] - u[0]) / (u[2] - u[0]);
+    axis->work.inertia.misfit = dahl_absolute(inertia[0] + part * (inertia[2] - inertia[0]) - inertia[1]);
+    return axis->work.inertia.misfit <= error[1] + dahl_absolute(part) * error[2] + dahl_absolute(1 - part) * error[0];
+}
+
+/** Widen the result by the shaft of is_shaft(). */
+static void widen_result(dahl_commission_t *axis, float a)
+{
+    const float *inertia = axis->work.inertia.inertia, *u = axis->work.inertia.stiff, all = u[2] - u[0];
+    dahl_commission_range_t *result = &axis->result.inertia;
+    const float load = (inertia[2] - inertia[0]) / all, error = axis->work.inertia.slope_error / dahl_absolute(all);
+    const float least = inertia[0] - (dahl_absolute(load) + error) * u[0], total = inertia[0] - load * (u[0] - 1);
+    result->least = dahl_smaller(result->least, dahl_larger(least, total * a / axis->work.inertia.stiffest));
     result->most = dahl_larger(result->most, total);
-    if (dahl_absolute(gap) < axis->work.inertia.gap) {
-        axis->work.inertia.gap = dahl_absolute(gap);
+    if (axis->work.inertia.misfit < axis->work.inertia.gap) {
+        axis->work.inertia.gap = axis->work.inertia.misfit;
         result->best = total;
     }
 }
@@ -262,7 +407,7 @@ static void try_slower(dahl_commission_t *axis)
     dahl_return_to_middle(axis);
 }
 
-/** After the strokes, evaluate one sine in each tick, then the delay, then one shaft in each tick. */
+/** After the strokes, evaluate one step in each tick, then one shaft. */
 static void start_evaluation(dahl_commission_t *axis)
 {
     axis->work.inertia.evaluated = 0;
@@ -272,36 +417,45 @@ static void start_evaluation(dahl_commission_t *axis)
     axis->command.torque = dahl_commission_load(axis, axis->theta);
 }
 
-static void evaluate_sine(dahl_commission_t *axis)
+/** Evaluate a sine. Its phase is near that of the first one, scaled by the frequency. */
+static void evaluate_sine(dahl_commission_t *axis, int k)
 {
-    const uint8_t k = axis->work.inertia.evaluated++;
-    float *phase = axis->work.inertia.phase, guess = 0;
-    if (k == SINES) {
-        find_delay(axis);
-        return;
-    }
-    if (k > SINES) {
-        start_search(axis);
-        return;
-    }
-    if (k > 0) {
-        guess = dahl_smaller(MAX_GUESS_RAD, phase[0] * frequency_of(axis, k) / frequency_of(axis, 0));
-    }
-    if (!find_inertia(axis, k, guess, &phase[k]) || !(axis->work.inertia.inertia[0] > 0)) {
+    const float *frequency = axis->work.inertia.frequency;
+    float guess = k == 0 ? 0 : dahl_smaller(MAX_GUESS_RAD, axis->work.inertia.lag[0] * frequency[k] / frequency[0]);
+    if (!find_inertia(axis, k, guess) || !(axis->work.inertia.inertia[0] > 0)) {
         try_slower(axis);
     }
 }
 
-static void search_tick(dahl_commission_t *axis)
+static void evaluate_step(dahl_commission_t *axis)
+{
+    const int step = axis->work.inertia.evaluated++, k = step % SINES;
+    if (step < SINES) {
+        evaluate_sine(axis, k);
+    } else if (step < 2 * SINES) {
+        if (!find_difference(axis, k)) {
+            try_slower(axis);
+        }
+    } else if (step < 3 * SINES) {
+        axis->work.inertia.error[k] = own_error(axis, k) + lag_error(axis, k);
+    } else if (step == 3 * SINES) {
+        find_slope_error(axis);
+    } else if (step == 3 * SINES + 1) {
+        find_elastic(axis);
+    } else if (step == 3 * SINES + 2) {
+        find_delay(axis);
+    } else if (step < 5 * SINES) {
+        axis->work.inertia.inertia[k] = inertia_without_friction(axis, k, axis->result.delay.best);
+    } else {
+        start_search(axis);
+    }
+}
+
+/** Leave the stage, or repeat it with slower sines. */
+static void finish_search(dahl_commission_t *axis)
 {
     dahl_commission_range_t *result = &axis->result.inertia;
-    const float stiffest = AXIS_TWO_PI * (axis->result.elastic ? STIFFEST_HZ : HIDDEN_HZ);
-    if (axis->work.inertia.shaft < stiffest * stiffest) {
-        try_shaft(axis, axis->work.inertia.shaft);
-        axis->work.inertia.shaft *= SHAFT_STEP;
-        return;
-    }
-    float ratio = result->best / axis->config.inertia, error = error_of(axis, 1) + INERTIA_ERROR * result->best;
+    float ratio = result->best / axis->config.inertia, error = axis->work.inertia.error[1] + INERTIA_ERROR * result->best;
     if (!(ratio > 1 / MAX_FACTOR && ratio < MAX_FACTOR && axis->work.inertia.gap < axis->work.inertia.inertia[0])) {
         try_slower(axis);
         return;
@@ -315,12 +469,29 @@ static void search_tick(dahl_commission_t *axis)
     dahl_return_to_middle(axis);
 }
 
+/** Try a shaft. If it explains the sines, widen the result in the next tick. */
+static void search_tick(dahl_commission_t *axis)
+{
+    const float shaft = axis->work.inertia.shaft;
+    if (axis->work.inertia.is_shaft) {
+        widen_result(axis, shaft);
+    } else if (!(shaft < axis->work.inertia.stiffest)) {
+        finish_search(axis);
+        return;
+    } else if (is_shaft(axis, shaft)) {
+        axis->work.inertia.is_shaft = 1;
+        return;
+    }
+    axis->work.inertia.is_shaft = 0;
+    axis->work.inertia.shaft = shaft * SHAFT_STEP;
+}
+
 static void shaft_tick(dahl_commission_t *axis)
 {
     if (axis->work.inertia.shaft > 0) {
         search_tick(axis);
     } else {
-        evaluate_sine(axis);
+        evaluate_step(axis);
     }
 }
 
@@ -341,7 +512,7 @@ void dahl_inertia_tick(dahl_commission_t *axis, int32_t dcounts)
         try_slower(axis);
         return;
     }
-    add_to_sines(axis, dcounts, axis->work.inertia.base.speed);
+    add_to_block(axis, dcounts);
     axis->command.angle = axis->work.inertia.base.angle;
     axis->command.speed = axis->work.inertia.base.speed;
     int is_end = dahl_stroke_tick(axis);

@@ -3,27 +3,29 @@
  *
  * The axis must come to rest after each push. If it swings, length_long grows. After MAX_FAILS swings, the result is the last
  * gain that passed. If the axis creeps, because the load differs from its table, the gain falls. */
+#include "../arith/compiler.h"
 #include "commission.h"
 
 #define GAINS 3
 #define MAX_FAILS 5
 #define LENGTH_FACTOR 1.6f      /* of length_long after a swing */
-#define FADE_S 0.1f             /* the compensator fades in */
+#define FADE_S 0.06f            /* the compensator fades in, in 0.05 s */
 #define PUSH_S 0.05f            /* longest push */
 #define PUSH_RAD 0.1f
 #define MAX_SPEED 2.5f          /* rad/s */
 #define WATCH_S 0.2f            /* of a window */
-#define CREEP_WINDOWS 6
+#define CREEP_WINDOWS 3
+#define FIRST_WINDOWS 2         /* the same at the highest gain, which leaves the least friction */
 #define SWING_WINDOWS 10
 #define MAX_WINDOWS 20
-#define CREEP_RAD 0.003f        /* less drift in a window is rest */
 #define SETTLING_SHARE 0.9f     /* range of a window over that of two windows before */
 #define MAX_EXCURSION_RAD 0.25f /* beyond the travel */
-#define STILL_SPEED 0.04f       /* rad/s of the ring on the bristles */
+#define REST_SPEED 0.02f        /* rad/s: drift and ring on the bristles together, as dahl_compensator.h states it */
+#define PEAK_OVER_CREEP 2.5f    /* a creep rings until it almost stops, and is faster at other angles */
 
 enum { PREPARE_ELEMENT, PREPARE_COMPENSATOR, FADE_IN, PUSH, SETTLE };
 
-static const float gains[GAINS] = {0.5f, 0.9f, 0.94f};
+static const float gains[GAINS] = {0.5f, 0.9f, COMMISSION_MAX_GAIN};
 
 static void finish_kicks(dahl_commission_t *axis)
 {
@@ -72,10 +74,10 @@ static void start_kick(dahl_commission_t *axis)
     write_params(axis);
     float left = 1 - gains[axis->work.kick.gain] * result->Fc.least / result->Fc.best;
     float braking = left * result->Fc.best / result->inertia.best;
-    float ring = dahl_root(result->sigma0.best / result->inertia.best);
     axis->work.kick.speed = dahl_smaller(MAX_SPEED, dahl_root(braking * axis->config.travel));
     axis->work.kick.push = (kick & 1 ? -1.0f : 1.0f) * (kick < 2 ? 1.0f : 2.0f) * result->Fc.best;
-    axis->work.kick.still = (float)(2 * result->noise + 1) * axis->config.theta_per_count + STILL_SPEED / ring;
+    axis->work.kick.noise = (float)(2 * result->noise + 1) * axis->config.theta_per_count;
+    axis->work.kick.ring = dahl_root(result->sigma0.best / result->inertia.best);
     axis->work.kick.start = axis->theta;
     axis->work.kick.phase = PREPARE_ELEMENT;
     axis->work.kick.windows = 0;
@@ -107,16 +109,18 @@ static void start_window(dahl_commission_t *axis)
 /** Motion of the axis in a window. */
 typedef enum { NOT_ENDED, RESTS, SETTLES, CREEPS, SWINGS } window_t;
 
-static window_t classify(const dahl_commission_t *axis, float range, float drift, float before)
+static DAHL_COLD window_t classify(const dahl_commission_t *axis, float range, float drift, float before)
 {
-    const int swings = range - drift > axis->work.kick.still;
-    if (!swings && drift <= CREEP_RAD + axis->work.kick.still) {
+    const float noise = axis->work.kick.noise;
+    float ring = dahl_larger(0, range - drift - noise) / 2 * axis->work.kick.ring;
+    float creep = dahl_larger(0, drift - noise) / WATCH_S;
+    if (ring + PEAK_OVER_CREEP * creep <= REST_SPEED) {
         return RESTS;
     }
     if (range < SETTLING_SHARE * before) {
         return SETTLES;
     }
-    return swings ? SWINGS : CREEPS;
+    return ring > REST_SPEED ? SWINGS : CREEPS;
 }
 
 static window_t check_window(dahl_commission_t *axis)
@@ -192,7 +196,7 @@ static void settle_tick(dahl_commission_t *axis)
     const uint8_t windows = axis->work.kick.windows;
     if (window == RESTS) {
         pass_kick(axis);
-    } else if (window == CREEPS && windows >= CREEP_WINDOWS) {
+    } else if (window == CREEPS && windows >= (axis->work.kick.gain == GAINS - 1 ? FIRST_WINDOWS : CREEP_WINDOWS)) {
         lower_gain(axis);
     } else if (excursion > MAX_EXCURSION_RAD || (window == SWINGS && windows >= SWING_WINDOWS)
                || windows >= MAX_WINDOWS) {

@@ -1,23 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 /** Numbers without libm. */
+#include "../arith/fixed.h"
 #include "commission.h"
 
-/** Return a first value of the root of x > 0, at most 25 % too large. */
+/** Return a first value of the root of x > 0, at most 4 % off: half of the exponent. */
 static float guess_root(float x)
 {
-    float root = 1, scaled = x;
-    for (int k = 0; k < 64; k++) {
-        if (scaled > 4) {
-            scaled *= 0.25f;
-            root *= 2;
-        } else if (scaled < 1) {
-            scaled *= 4;
-            root *= 0.5f;
-        } else {
-            break;
-        }
-    }
-    return root * (0.5f + 0.5f * scaled);
+    return dahl_float_of((dahl_bits_of(x) >> 1) + 0x1FBD1DF6u);
 }
 
 float dahl_root(float x)
@@ -26,7 +15,7 @@ float dahl_root(float x)
         return 0;
     }
     float root = guess_root(x);
-    for (int step = 0; step < 3; step++) {
+    for (int step = 0; step < 2; step++) {
         root = 0.5f * (root + x / root);
     }
     return root;

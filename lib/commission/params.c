@@ -5,7 +5,6 @@
 #define SLEW_PER_FC 100.0f   /* 1/s */
 #define SLEW_PER_RING 0.1f   /* of Fc sqrt(sigma0/inertia): a light rotor needs more */
 #define JUMP_SPEED 100.0f    /* rad/s */
-#define MAX_SHARE 0.95f      /* of Fc_low - load that the compensator may cancel */
 #define ROUNDING 1e-6f
 
 void dahl_write_params(const dahl_commission_t *axis, dahl_compensator_params_t *params, int has_load)
@@ -24,7 +23,7 @@ void dahl_write_params(const dahl_commission_t *axis, dahl_compensator_params_t 
         .inertia = result->inertia.least,
         .delay = result->delay.most,
         .elastic = result->elastic,
-        .gain = dahl_larger(0, dahl_smaller(result->gain, MAX_SHARE * (1 - ROUNDING) * (1 - load / Fc))),
+        .gain = dahl_larger(0, dahl_smaller(result->gain, COMMISSION_MAX_GAIN * (1 - load / Fc))),
         .limit = 1.2f * Fc,
         .slew = dahl_larger(SLEW_PER_FC * Fc, SLEW_PER_RING * ring),
         .period = axis->config.period,

@@ -74,7 +74,8 @@ static void become_soft(dahl_commission_t *axis)
 static int is_backward(const dahl_commission_t *axis)
 {
     const int is_first = axis->command.stage == DAHL_COMMISSION_SWEEPS && !(axis->table.level[0] > 0);
-    return is_first && axis->work.sweeps.stroke == 0 && !axis->is_held && axis->theta < -BACKWARD_RAD - FALL_RAD;
+    const int is_stroke = is_first && axis->work.sweeps.stroke == 0 && !axis->is_fast;
+    return is_stroke && !axis->is_held && axis->theta < -BACKWARD_RAD - FALL_RAD;
 }
 
 static dahl_commission_refusal_t check_loop(dahl_commission_t *axis, int32_t dcounts)

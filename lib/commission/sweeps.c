@@ -19,7 +19,14 @@
 #define COUNT_WAITS 4.0f         /* wait of the watch on the encoder, over the time of the first count */
 #define MAX_ACCELERATION 225.0f  /* rad/s2 that the limit must allow */
 
-static const float speeds[SPEEDS] = {0.6f, 1.2f, DAHL_COMMISSION_SPEED_MAX};
+#define MAX_REVERSED 0.05f       /* of a stroke: a loop that shakes the axis moves it backward, and friction cancels */
+
+/** Speeds, and those after the loop shook the axis at the slowest one. */
+static const float speeds[2][SPEEDS] = {{0.6f, 1.2f, DAHL_COMMISSION_SPEED_MAX},
+                                        {1.2f, 1.8f, DAHL_COMMISSION_SPEED_MAX}};
+
+/** Steps of the evaluation of a speed, after its bins. */
+enum { FIND_LEVEL = BINS, LOWER_LIMIT, CHECK_REPEAT, NEXT_SPEED, FIT_LINE, FIND_VISCOUS };
 
 static int bin_of(const dahl_commission_t *axis, float angle)
 {
@@ -51,6 +58,7 @@ static void add_to_bin(dahl_commission_t *axis)
     }
     int kind = (axis->command.speed > 0 ? 1 : 0) + (axis->work.sweeps.stroke > 2 ? 2 : 0);
     int bin = bin_of(axis, axis->theta);
+    axis->work.sweeps.reversals = (uint16_t)(axis->work.sweeps.reversals + (axis->command.speed * axis->speed < 0));
     axis->work.sweeps.sum[kind][bin] += axis->torque;
     axis->work.sweeps.samples[kind][bin]++;
 }
@@ -109,7 +117,8 @@ static int is_empty(const dahl_commission_t *axis, int bin)
 /** Return 1 if a bin that a stroke must reach is empty: an end stop. */
 static int has_gap(const dahl_commission_t *axis)
 {
-    const int is_narrow = axis->config.travel < NARROW_BIN_RAD * 0.5f * BINS, ends = is_narrow + 4 * axis->is_soft;
+    const int is_narrow = axis->config.travel < NARROW_BIN_RAD * 0.5f * BINS || axis->is_fast;
+    const int ends = is_narrow + 4 * axis->is_soft;
     int gaps = 0;
     for (int bin = ends; bin < BINS - ends; bin++) {
         gaps += is_empty(axis, bin);
@@ -158,52 +167,36 @@ static int check_repeat(dahl_commission_t *axis)
     return level > 0 && dahl_absolute(shift) <= MAX_SHIFT * level && scatter <= MAX_SCATTER * level;
 }
 
-/** Evaluate one speed. Return 0 if the loop does not reach it, or after a refusal. */
-static int finish_speed(dahl_commission_t *axis)
-{
-    const int speed = axis->work.sweeps.speed;
-    const float bins = (float)axis->work.sweeps.bins;
-    if (speed == 0 && has_gap(axis)) {
-        dahl_refuse(axis, DAHL_COMMISSION_NO_DATA);
-        return 0;
-    }
-    if (axis->work.sweeps.bins < MIN_BINS) {
-        return 0;
-    }
-    if (speed == 0) {
-        fill_ends(axis);
-        lower_torque_limit(axis);
-        axis->table.level[0] = axis->work.sweeps.friction / bins;
-    } else {
-        axis->table.level[speed] = axis->table.level[0] + (axis->work.sweeps.friction - axis->work.sweeps.reference) / bins;
-    }
-    if (!check_repeat(axis)) {
-        dahl_refuse(axis, DAHL_COMMISSION_VARIES);
-        return 0;
-    }
-    return 1;
-}
-
-/** Fit a straight line to friction over speed. The interval of its slope covers scatter and lack of fit. */
+/** Fit a straight line to friction over speed. */
 static void fit_line(dahl_commission_t *axis)
 {
-    float n = 0, v = 0, f = 0, vv = 0, vf = 0, error = 0, fastest = speeds[0];
+    const float *speed = speeds[axis->is_fast];
+    float n = 0, v = 0, f = 0, vv = 0, vf = 0;
     for (int k = 0; k < SPEEDS && axis->table.level[k] > 0; k++) {
         n += 1;
-        v += speeds[k];
+        v += speed[k];
         f += axis->table.level[k];
-        vv += speeds[k] * speeds[k];
-        vf += speeds[k] * axis->table.level[k];
-        fastest = speeds[k];
+        vv += speed[k] * speed[k];
+        vf += speed[k] * axis->table.level[k];
     }
-    float slope = n > 1 ? (n * vf - v * f) / (n * vv - v * v) : 0;
+    const float slope = n > 1 ? (n * vf - v * f) / (n * vv - v * v) : 0;
+    axis->work.sweeps.slope = slope;
+    axis->work.sweeps.intercept = (f - slope * v) / n;
     axis->result.Fc.best = (f - dahl_larger(0, slope) * v) / n;
+}
+
+/** Write the slope with its interval, which covers scatter and lack of fit. */
+static void find_viscous(dahl_commission_t *axis)
+{
+    const float *speed = speeds[axis->is_fast], slope = axis->work.sweeps.slope;
+    float error = 0, range = 0;
     for (int k = 0; k < SPEEDS && axis->table.level[k] > 0; k++) {
-        float gap = axis->table.level[k] - f / n - slope * (speeds[k] - v / n);
+        float gap = axis->table.level[k] - axis->work.sweeps.intercept - slope * speed[k];
         error = dahl_larger(error, dahl_absolute(gap) + axis->table.noise[k]);
+        range = speed[k] - speed[0];
     }
     error += LEVEL_ERROR * axis->result.Fc.best;
-    error = n > 1 ? 2 * error / (fastest - speeds[0]) : axis->result.Fc.best / speeds[0];
+    error = range > 0 ? 2 * error / range : axis->result.Fc.best / speed[0];
     axis->result.viscous.best = dahl_larger(0, slope);
     axis->result.viscous.least = dahl_larger(0, slope - error);
     axis->result.viscous.most = dahl_larger(0, slope + error);
@@ -216,37 +209,64 @@ static void set_count_time(dahl_commission_t *axis)
     axis->watch.count_ticks = dahl_ticks(axis, COUNT_WAITS * dahl_root(2 * axis->config.theta_per_count / acceleration));
 }
 
-/** After the strokes of one speed, evaluate it, then start the next speed or the next stage. */
-static void next_speed(dahl_commission_t *axis)
+/** Find the level of one speed. If the loop does not reach the speed, the line has fewer points. */
+static void find_level(dahl_commission_t *axis)
 {
-    int is_reached = finish_speed(axis);
-    if (axis->command.stage == DAHL_COMMISSION_REFUSED) {
-        return;
+    const int speed = axis->work.sweeps.speed;
+    const float bins = (float)axis->work.sweeps.bins;
+    if (speed == 0 && has_gap(axis)) {
+        dahl_refuse(axis, DAHL_COMMISSION_NO_DATA);
+    } else if (axis->work.sweeps.bins < MIN_BINS) {
+        axis->work.sweeps.bin = FIT_LINE;
+    } else if (speed == 0) {
+        fill_ends(axis);
+        axis->table.level[0] = axis->work.sweeps.friction / bins;
+    } else {
+        axis->table.level[speed] = axis->table.level[0] + (axis->work.sweeps.friction - axis->work.sweeps.reference) / bins;
     }
-    uint8_t speed = (uint8_t)(axis->work.sweeps.speed + 1);
-    if (is_reached && speed < SPEEDS) {
-        axis->work.sweeps.friction = axis->work.sweeps.reference = 0;
-        axis->work.sweeps.change = axis->work.sweeps.square = 0;
-        axis->work.sweeps.bins = axis->work.sweeps.bin = 0;
-        axis->work.sweeps.speed = speed;
-        axis->work.sweeps.stroke = 0;
-        return;
-    }
-    fit_line(axis);
-    set_count_time(axis);
-    dahl_enter(axis, DAHL_COMMISSION_CYCLE);
-    dahl_return_to_middle(axis);
 }
 
-/** After the strokes of a speed, evaluate one bin in each tick. Return 1 at the end. */
-static int evaluate_tick(dahl_commission_t *axis)
+/** Start the next speed. Return 0 after the last one. */
+static int next_speed(dahl_commission_t *axis)
 {
-    if (axis->work.sweeps.bin < BINS) {
-        use_bin(axis, axis->work.sweeps.bin++);
+    uint8_t speed = (uint8_t)(axis->work.sweeps.speed + 1);
+    if (speed == SPEEDS) {
         return 0;
     }
-    next_speed(axis);
-    return axis->command.stage == DAHL_COMMISSION_SWEEPS;
+    axis->work.sweeps.friction = axis->work.sweeps.reference = 0;
+    axis->work.sweeps.change = axis->work.sweeps.square = 0;
+    axis->work.sweeps.bins = axis->work.sweeps.bin = 0;
+    axis->work.sweeps.speed = speed;
+    axis->work.sweeps.stroke = 0;
+    return 1;
+}
+
+/** After the strokes of a speed, evaluate one bin or one step in each tick. Return 1 if the next speed starts. */
+static int evaluate_tick(dahl_commission_t *axis)
+{
+    const uint8_t step = axis->work.sweeps.bin++;
+    if (step < BINS) {
+        use_bin(axis, step);
+    } else if (step == FIND_LEVEL) {
+        find_level(axis);
+    } else if (step == LOWER_LIMIT) {
+        lower_torque_limit(axis);
+    } else if (step == CHECK_REPEAT) {
+        if (!check_repeat(axis)) {
+            dahl_refuse(axis, DAHL_COMMISSION_VARIES);
+        }
+    } else if (step == NEXT_SPEED) {
+        return next_speed(axis);
+    } else if (step == FIT_LINE) {
+        fit_line(axis);
+    } else if (step == FIND_VISCOUS) {
+        find_viscous(axis);
+    } else {
+        set_count_time(axis);
+        dahl_enter(axis, DAHL_COMMISSION_CYCLE);
+        dahl_return_to_middle(axis);
+    }
+    return 0;
 }
 
 /** Return 1 at the end of a stroke. */
@@ -256,16 +276,40 @@ static int sweep_tick(dahl_commission_t *axis)
     return dahl_stroke_tick(axis);
 }
 
+/** Start the next stroke of a speed. */
+static void next_sweep(dahl_commission_t *axis)
+{
+    float end = axis->work.sweeps.stroke & 1 ? -axis->config.travel : axis->config.travel;
+    axis->work.sweeps.reversals = 0;
+    dahl_stroke_to(axis, end, speeds[axis->is_fast][axis->work.sweeps.speed], ACCELERATION);
+}
+
+/** Sweep again at higher speeds, because the loop shakes the axis. Refuse if it still does. */
+static void sweep_faster(dahl_commission_t *axis)
+{
+    if (axis->is_fast || axis->work.sweeps.speed > 0) {
+        dahl_refuse(axis, DAHL_COMMISSION_VARIES);
+        return;
+    }
+    axis->is_fast = 1;
+    dahl_enter(axis, DAHL_COMMISSION_SWEEPS);
+    next_sweep(axis);
+}
+
 void dahl_sweeps_tick(dahl_commission_t *axis)
 {
-    const float travel = axis->config.travel;
     if (axis->stage_ticks == 1) {
-        dahl_stroke_to(axis, travel, speeds[0], ACCELERATION);
+        next_sweep(axis);
     }
-    int is_end = axis->work.sweeps.stroke > STROKES ? evaluate_tick(axis) : sweep_tick(axis);
-    axis->work.sweeps.stroke = (uint8_t)(axis->work.sweeps.stroke + (is_end ? 1 : 0));
-    if (is_end && axis->work.sweeps.stroke <= STROKES) {
-        float end = axis->work.sweeps.stroke & 1 ? -travel : travel;
-        dahl_stroke_to(axis, end, speeds[axis->work.sweeps.speed], ACCELERATION);
+    const int is_end = axis->work.sweeps.stroke > STROKES ? evaluate_tick(axis) : sweep_tick(axis);
+    if (!is_end) {
+        return;
+    }
+    if ((float)axis->work.sweeps.reversals > MAX_REVERSED * (float)axis->stroke.cruise_ticks) {
+        sweep_faster(axis);
+        return;
+    }
+    if (++axis->work.sweeps.stroke <= STROKES) {
+        next_sweep(axis);
     }
 }

@@ -59,8 +59,8 @@
  * to 15 % looks like a load; Fc.least and length.most allow for it.
  *
  * @par Properties
- * Floats, no heap, no global variable, no libm. Long evaluations take a tick for each bin, sine or
- * shaft. The longest tick prepares the compensator: docs/microcontroller.md has its cost by core.
+ * Floats, no heap, no global variable, no libm. Long evaluations take one tick for each step. The
+ * longest ticks evaluate a sine or prepare the compensator: docs/microcontroller.md has the cost.
  * Because of the floats, results may differ between cores in their last bits.
  */
 #ifndef DAHL_COMMISSION_H
@@ -116,7 +116,8 @@ typedef enum {
     DAHL_COMMISSION_DISTURBED = -50,   /**< the axis moved when it had to rest: a hand? */
     DAHL_COMMISSION_TIMEOUT = -51,     /**< a stage took too long */
     DAHL_COMMISSION_NO_DATA = -52,     /**< too few samples in the bins of angle */
-    DAHL_COMMISSION_VARIES = -53,      /**< friction differs between two passes */
+    DAHL_COMMISSION_VARIES = -53,      /**< the loop shakes the axis, or friction differs between
+                                            two passes: check config.inertia, tune it softer */
     DAHL_COMMISSION_BAD_INERTIA = -54, /**< the fit of the inertia fails: correct config.inertia */
     DAHL_COMMISSION_COARSE = -55,      /**< presliding of less than 2 counts, or none */
     DAHL_COMMISSION_LIGHT = -56,       /**< the rotor is too light for period and delay */
@@ -194,6 +195,7 @@ typedef struct {
     uint8_t tries;                     /**< cycles that broke away */
     uint8_t is_held;                   /**< 1: the load moves the axis at rest, the loop holds it */
     uint8_t is_soft;                   /**< 1: the loop is too soft for the friction */
+    uint8_t is_fast;                   /**< 1: faster sweeps, because the loop shook the axis */
     struct {
         float start;             /* [rad] angle at the start of a push */
         float end;               /* [rad] last angle */
@@ -242,16 +244,21 @@ typedef struct {
             float reference; /* [N m] friction of the slowest speed: sum over the same bins */
             float change;    /* [N m] second pass minus first: sum over the bins */
             float square;    /* [N2 m2] square of the change: sum over the bins */
+            float slope;     /* [N m s/rad] slope of the friction over the speed */
+            float intercept; /* [N m] friction of this line at speed 0 */
+            uint16_t reversals; /* ticks of this stroke in which the axis moved backward */
             uint8_t speed;   /* index of the speed */
             uint8_t stroke;  /* stroke of this speed */
             uint8_t bins;    /* bins in the sums */
-            uint8_t bin;     /* next bin to evaluate */
+            uint8_t bin;     /* next bin to evaluate, then next step */
         } sweeps; /* SWEEPS */
         struct {
             float sum[16];        /* [rad] angle from `start` by phase */
             float start;          /* [rad] angle at the start */
             float rotor[2];       /* cosine and sine of the phase */
             float turn[2];        /* turn of the phase in a tick */
+            float low;            /* [rad] least mean of a phase */
+            float high;           /* [rad] largest mean of a phase */
             uint16_t samples[16]; /* samples by phase */
         } cycle; /* CYCLE */
         struct {
@@ -262,23 +269,44 @@ typedef struct {
         } breakaway; /* BREAKAWAY */
         struct {
             dahl_commission_command_t base;          /* motion without the sines */
-            float sine[DAHL_COMMISSION_SINES][2];    /* cosine and sine of each phase */
-            float turn[DAHL_COMMISSION_SINES][2];    /* turn of each phase in a tick */
+            uint32_t phase[DAHL_COMMISSION_SINES];   /* phase of each sine; a turn is 2^32 */
+            uint32_t turn[DAHL_COMMISSION_SINES];    /* turn of each sine in a tick */
+            float frequency[DAHL_COMMISSION_SINES];  /* [rad/s] frequency of each sine */
+            float slowest;                           /* [rad/s] one turn in a window */
             /* [N m] demodulated torque, by half of the strokes, sine and part */
             float torque[2][DAHL_COMMISSION_SINES][2];
             /* [rad/s] demodulated speed, likewise */
             float speed[2][DAHL_COMMISSION_SINES][2];
-            float window[2];                         /* phase of the Hann window */
-            float window_turn[2];                    /* turn of this phase in a tick */
+            uint32_t window;                         /* phase of the Hann window */
+            uint32_t window_ticks;                   /* [tick] of the window */
+            uint32_t settle_ticks;                   /* [tick] before it */
+            float block_torque;                      /* [N m] sum over a block of ticks */
+            float fall_torque;                       /* [N m] with weights that fall to 1 */
+            float rise_torque;                       /* [N m] block before, rising weights */
+            float block_load;                        /* [N m] load in the block */
+            int32_t block_counts;                    /* [count] the same sums of the counts */
+            int32_t fall_counts;                     /* [count] */
+            int32_t rise_counts;                     /* [count] */
+            float last_torque;                       /* [N m] last block under the window */
+            float last_speed;                        /* [rad/s] likewise */
             float mean_speed;                        /* [rad/s] speed of the strokes */
+            float share;                             /* of the sines: the axis never reverses */
             float inertia[DAHL_COMMISSION_SINES];    /* [kg m2] inertia at each sine */
-            float error[DAHL_COMMISSION_SINES];      /* [kg m2] difference of the halves */
-            float phase[DAHL_COMMISSION_SINES];      /* [rad] phase of torque over speed */
+            float difference[DAHL_COMMISSION_SINES]; /* [kg m2] of the halves of the strokes */
+            float error[DAHL_COMMISSION_SINES];      /* [kg m2] error of each inertia */
+            float slope_error; /* [kg m2] error of the last inertia less the first one */
+            float lag[DAHL_COMMISSION_SINES];        /* [rad] phase of torque over speed */
+            float stiff[DAHL_COMMISSION_SINES];      /* effect of a load on this shaft */
             float shaft;       /* [rad2/s2] square of the resonance that is tried; 0: none yet */
+            float stiffest;    /* [rad2/s2] largest of these */
+            float misfit;      /* [kg m2] misfit of this shaft */
             float gap;         /* [kg m2] misfit of the best shaft */
+            uint8_t block_ticks; /* ticks in the block */
+            uint8_t sine;      /* sine of the last block that is demodulated next */
             uint8_t stroke;    /* strokes that have started */
             uint8_t set;       /* set of frequencies */
-            uint8_t evaluated; /* sines that are evaluated */
+            uint8_t evaluated; /* steps of the evaluation that have ended */
+            uint8_t is_shaft;  /* 1: the shaft explains the sines */
         } inertia; /* INERTIA */
         struct {
             dahl_compensator_params_t params; /* parameters with the gain that is tried */
@@ -292,7 +320,8 @@ typedef struct {
             float low;       /* [rad] least angle of the window */
             float high;      /* [rad] largest angle of the window */
             float first;     /* [rad] first angle of the window */
-            float still;     /* [rad] range of an axis at rest */
+            float noise;     /* [rad] range of the noise */
+            float ring;      /* [rad/s] frequency of the axis on its bristles */
             float ranges[2]; /* [rad] ranges of the last two windows, newest first */
             uint8_t kick;    /* index of the push */
             uint8_t gain;    /* index of the gain */

@@ -136,6 +136,43 @@ static void test_bounds_of_random_axes(void)
     }
 }
 
+/* Axes that an earlier rule refused or judged wrongly: each must pass every line. */
+static void test_axes_at_the_edge_of_the_rules(void)
+{
+    static const uint64_t numbers[] = {
+        1235,  /* the loop shakes it in the slow sweeps */
+        40156, /* likewise */
+        1116,  /* the loop amplifies the sines until the axis reverses */
+        1068,  /* light: its inertia must have a narrow interval */
+        30298, /* likewise */
+        40153, /* creeps at 0.014 rad/s, with peaks above 0.02 */
+    };
+    for (size_t k = 0; k < sizeof numbers / sizeof numbers[0]; k++) {
+        axis_t axis = random_axis(numbers[k]);
+        motion_t motion;
+        int passed[LINES] = {0};
+        dahl_commission_t state = commission_axis(&axis, &motion, 60);
+        TEST_ASSERT_EQUAL(DAHL_COMMISSION_OK, state.command.refusal);
+        TEST_ASSERT_FALSE(state.result.elastic);
+        count_axis(&axis, &state, passed);
+        for (int line = BOUNDS; line < LINES; line++) {
+            printf("  axis %d, %s: %d\n", (int)numbers[k], lines[line].name, passed[line]);
+            TEST_ASSERT_TRUE(passed[line] || line == SECONDS || line == LOAD);
+        }
+    }
+}
+
+/* An inertia that is far too large makes the loop shake the axis: refused in the sweeps, with the code that names it. */
+static void test_a_wrong_inertia_shakes_the_axis(void)
+{
+    axis_t axis = random_axis(FIRST_AXIS);
+    motion_t motion;
+    axis.loop_inertia *= 8;
+    dahl_commission_t state = commission_axis(&axis, &motion, 60);
+    printf("  code %d after %.1f s\n", state.command.refusal, motion.time);
+    TEST_ASSERT_TRUE(state.command.refusal == DAHL_COMMISSION_VARIES || state.command.refusal == DAHL_COMMISSION_SPEED);
+}
+
 /* An axis with another encoder, tick, delay or travel is refused, or its bounds are true. */
 static void test_bounds_of_other_axes(void)
 {

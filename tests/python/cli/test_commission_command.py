@@ -24,6 +24,7 @@ from dahl.binding.commission import REASONS, SWEEP_SPEEDS, Command
 from dahl.binding.compensator import Compensator
 from dahl.binding.library import c
 from dahl.can import drives
+from dahl.report.commission import Report
 from dahl.sim import axis as simulation
 from dahl.sim.axis import COUNTS_PER_TURN, FC, GRAVITY, INERTIA, SIGMA0, VISCOUS, Shaft
 from identify_tools import complaint
@@ -160,6 +161,21 @@ def test_a_recording_that_does_not_fit_is_refused(names, change, said, dahl, rec
     write("log.csv", names, *change(*recording))
     code, line = complaint(dahl("commission", "log.csv", "-o", "out"))
     assert code == 2 and said in line and not Path("out/axis.json").exists()
+
+
+def test_a_result_is_no_recording(dahl) -> None:
+    assert dahl("commission", "--simulate", "-o", "out").returncode == 0
+    code, line = complaint(dahl("commission", "out/axis.json"))
+    assert code == 2 and "out/axis.json" in line and "not a recording" in line
+
+
+@pytest.mark.parametrize(("gravity", "is_heavy"), [(0.0, False), (1.3 * FC, True)])
+def test_a_load_above_the_friction_is_said_in_the_verdict(gravity: float, is_heavy: bool) -> None:
+    done = simulation.commission(simulation.simulated(), Shaft(gravity=gravity))
+    report = Report(done, "simulated axis")
+    assert (report.numbers()["compensator_without_load_table"]["gain"] == 0) == is_heavy
+    assert ("load may exceed" in report.verdict) == is_heavy
+    assert ("load table" in report.next_step) == is_heavy
 
 
 def test_a_table_does_not_overwrite_a_file_of_the_user(dahl) -> None:

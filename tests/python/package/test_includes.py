@@ -16,7 +16,7 @@ MAY_USE = {  # docs/architecture.md; a public header belongs to the room that im
     "lib/model": "lib/arith",
     "lib/parts": "lib/arith lib/model",
     "lib/compensator": "lib/arith lib/model",
-    "lib/commission": "lib/model lib/compensator",
+    "lib/commission": "lib/arith lib/model lib/compensator",
     "lib/cores": "lib/arith lib/model lib/parts",
     "lib/batch": "lib/model lib/parts",
     "lib/float": "lib/model",

@@ -52,8 +52,8 @@ REASONS = {  # of each refusal: what happened, and the next step; docs/commissio
         "widen travel, or check the position loop",
     ),
     "VARIES": (
-        "the friction differs between two passes",
-        "halve the bandwidth of the loop, or run the axis warm",
+        "the loop shakes the axis, or the friction differs between two passes",
+        "check the inertia, then halve the bandwidth of the loop",
     ),
     "BAD_INERTIA": ("the inertia cannot be fitted", "correct the inertia of the configuration"),
     "COARSE": ("the presliding cannot be measured", "use an encoder with more counts"),

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import math
 import sys
 from pathlib import Path
@@ -200,6 +201,16 @@ def _write_table(args: argparse.Namespace) -> int:
     return 0
 
 
+def _refuse_result(path: Path) -> None:
+    """Raise dahl.Error if the file is a result of dahl commission or dahl identify."""
+    try:
+        found = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return  # no JSON: the reader says what it is
+    if isinstance(found, dict):
+        raise InputError(f"{path}: a result, not a recording; give the recording of --table as LOG")
+
+
 def _read(args: argparse.Namespace) -> Report:
     from dahl.binding.commission import Commission
     from dahl.identify import loop_log
@@ -207,6 +218,7 @@ def _read(args: argparse.Namespace) -> Report:
     from dahl.report.commission import Report
     from dahl.sim import sweep_table
 
+    _refuse_result(args.log)
     log = readers.read(args.log, source_of(args))
     if log.questions:
         raise InputError(f"{args.log}: {next(iter(log.questions.values()))}")

@@ -81,7 +81,13 @@ class Report:
             missing = ", ".join(NEEDS_DRIVE)
             return f"friction and load are known; a table cannot show {missing}"
         gain = self.done.axis.result["gain"]
-        return f"all bounds are known; the axis came to rest after all kicks at gain {gain:.2g}"
+        words = f"all bounds are known; the axis came to rest after all kicks at gain {gain:.2g}"
+        return words + ("; its load may exceed its friction" if self._needs_load_table else "")
+
+    @property
+    def _needs_load_table(self) -> bool:
+        """Return whether compensation without the load table would drive the axis."""
+        return not self.done.axis.c_params(True).gain > 0
 
     @property
     def next_step(self) -> str:
@@ -90,6 +96,8 @@ class Report:
             return REASONS[self.refusal][1]
         if self.stage != "done":
             return "let dahl commission drive the axis over CAN, or use dahl_commission.h in it"
+        if self._needs_load_table:
+            return "add the load table in the firmware; without it, the gain must be 0"
         if self.done.axis.result["gain"] < FULL_GAIN:
             return "use this gain; a stiffer shaft or a finer encoder may allow more"
         return "build the header into the firmware, and start with gain 0.3"
