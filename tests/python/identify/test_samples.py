@@ -75,20 +75,20 @@ def test_each_treatment_suits_its_turns():
 
 
 @pytest.mark.parametrize("speed", [0.05, 0.3, 0.7, 1.3, 3.0])  # counts per row
-def test_edges_show_whether_strokes_end_at_speed(speed):
-    """A triangle does; so does one whose corners are round within a count. A sine does not."""
+def test_edges_show_whether_strokes_turn_smoothly(speed):
+    """A sine does if a turn has rows enough. A triangle does not, with corners round in a count."""
     phase = np.pi * speed * np.arange(max(int(4000 / speed), 12_000)) / 120.74
     saw = 60.37 * np.arcsin(np.sin(phase)) * 2 / np.pi
     rows = max(round(1 / speed), 1)
-    for theta, at_speed in (
-        (saw, True),
-        (np.convolve(saw, np.ones(rows) / rows, "valid"), True),
-        (60.37 * np.sin(phase), False),
-        (60.37 * np.sin(phase) * np.sin(phase / 7.3), False),
+    for theta, is_smooth in (
+        (saw, False),
+        (np.convolve(saw, np.ones(rows) / rows, "valid"), False),
+        (60.37 * np.sin(phase), speed < 1),
+        (60.37 * np.sin(phase) * np.sin(phase / 7.3), speed < 1),
     ):
-        assert angle.ends_at_speed(read(theta * COUNT), COUNT) is at_speed
+        assert angle.turns_smoothly(read(theta * COUNT), COUNT) is is_smooth
         (log,) = [log_of(theta * COUNT, dahl_torque(theta * COUNT))]
-        assert ("sharp turns" in samples_of([log]).angles) is at_speed
+        assert ("sharp turns" in samples_of([log]).angles) is not is_smooth
 
 
 @pytest.mark.parametrize("counts", [0.0, 1.0, 5.0])

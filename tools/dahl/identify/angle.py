@@ -21,7 +21,7 @@ ALLOWED_OFF = 0.65  # counts from the reading; .5 is exact, the rest is for nois
 MAX_OFF_ROWS = 0.01  # part of the rows that may be further off
 MAX_GROWTH = 1.03  # of the distance from the reading against the next narrower cubic
 EDGES_AT_TURN = 7  # edges on either side of a turn that a parabola is drawn through
-MAX_SLOWER = 1.5  # times the rows of a count further in, that one at the end of a stroke takes
+MIN_SLOWER = 1.5  # times the rows of a count further in, that one at a smooth turn takes
 MAX_TURNS = 400  # of a log; above it, sharp turns would cost seconds
 WHITE_CORRELATION = -0.3  # third differences of white noise have -.75; of a smooth motion, above 0
 THIRD_DIFFERENCE_GAIN = 20.0  # 1 + 9 + 9 + 1: variance of a third difference of white noise
@@ -54,10 +54,11 @@ def _within_count(inner: np.ndarray, theta: np.ndarray, count: float) -> np.ndar
     return clipped
 
 
-def ends_at_speed(theta: np.ndarray, count: float) -> bool:
-    """Whether strokes may end at speed: a count at their ends takes no longer than further in.
+def turns_smoothly(theta: np.ndarray, count: float) -> bool:
+    """Whether strokes slow down before they turn, and the turns have rows enough for two cubics.
 
-    With a constant acceleration at the turns, it takes at least twice as long.
+    A count at the end of a stroke then takes longer than one further in: at least twice as long
+    with a constant acceleration, and as long if the stroke ends at speed.
     """
     edges, turns, _ = _edges_of(theta)
     angles = (theta[edges] + theta[edges + 1]) / 2
@@ -68,7 +69,10 @@ def ends_at_speed(theta: np.ndarray, count: float) -> bool:
             for side in (rows_per_count, rows_per_count[::-1]):
                 at_ends.append(side[0])
                 inside += side[EDGES_AT_TURN - 2 : EDGES_AT_TURN].tolist()
-    return not at_ends or float(np.mean(at_ends)) < MAX_SLOWER * float(np.mean(inside))
+    turns = turns[(turns > 1) & (turns < len(edges) - 1)]
+    if not at_ends or np.median(edges[turns + 1] - edges[turns - 2]) < 2 * WIDTHS[-1]:
+        return False
+    return float(np.mean(at_ends)) > MIN_SLOWER * float(np.mean(inside))
 
 
 def _edges_of(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

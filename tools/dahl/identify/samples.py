@@ -431,7 +431,7 @@ def _columns_of(
     }
     has_counts = log.resolution > 0 and not noise
     is_asked = has_counts and "sharp turns" in angles
-    if is_asked and treatments.ends_at_speed(log.theta, log.resolution):
+    if is_asked and not treatments.turns_smoothly(log.theta, log.resolution):
         table["sharp turns"] = treatments.with_sharp_turns(log.theta, log.resolution)
     if has_counts or (noise and treatments.has_corners(log.theta, noise)):
         table["as read"] = log.theta
