@@ -91,6 +91,11 @@ def test_edges_show_whether_strokes_turn_smoothly(speed):
         assert ("sharp turns" in samples_of([log]).angles) is not is_smooth
 
 
+def test_few_strokes_show_no_smooth_turn():
+    for theta in (np.r_[1, 0:15, 13], np.r_[0:30], np.r_[0:30, 28:0:-1], np.zeros(9)):
+        assert not angle.turns_smoothly(theta * COUNT, COUNT)
+
+
 @pytest.mark.parametrize("counts", [0.0, 1.0, 5.0])
 def test_noise_beyond_the_counts_is_measured_and_smoothed(counts):
     noisy = read(SINE + counts * COUNT * noise_of(4, 3000))

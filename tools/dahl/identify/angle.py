@@ -70,7 +70,8 @@ def turns_smoothly(theta: np.ndarray, count: float) -> bool:
                 at_ends.append(side[0])
                 inside += side[EDGES_AT_TURN - 2 : EDGES_AT_TURN].tolist()
     turns = turns[(turns > 1) & (turns < len(edges) - 1)]
-    if not at_ends or np.median(edges[turns + 1] - edges[turns - 2]) < 2 * WIDTHS[-1]:
+    rows = edges[turns + 1] - edges[turns - 2]  # of a turn and a count on both sides
+    if not (at_ends and len(rows) and np.median(rows) >= 2 * WIDTHS[-1]):
         return False
     return float(np.mean(at_ends)) > MIN_SLOWER * float(np.mean(inside))
 
