@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from dahl.identify import Source
 from dahl.identify import read as read_log
-from log_reading import read, refused
+from log_reading import read, refused, run
 
 ROWS = 40
 UP = np.arange(float(ROWS)) / 64
@@ -418,6 +418,9 @@ def test_a_clock_may_start_anew_but_not_go_back_by_a_row(kind, tmp_path):
     path = written_as(tmp_path, columns)
     if is_read:
         assert read(path).time == pytest.approx(0.01 * rows)
+        guess = "--sigma0 100 --fc 0.5 --counts-per-turn 16384 --bandwidth 9 --loop".split()
+        for words in (["commission"], ["excite", *guess]):  # which need one run
+            assert "the clock goes backward" in run(*words, path).stderr
     else:
         assert "the clock goes backward: split the log there, or sort its rows" in refused(path)
 

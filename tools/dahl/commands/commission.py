@@ -207,7 +207,7 @@ def _read(args: argparse.Namespace) -> Report:
     from dahl.report.commission import Report
     from dahl.sim import sweep_table
 
-    log = readers.read(args.log, source_of(args))
+    log = readers.read(args.log, source_of(args), may_restart=False)
     if log.questions:
         raise InputError(f"{args.log}: {next(iter(log.questions.values()))}")
     table = sweep_table.motion(args.travel or 0.35)

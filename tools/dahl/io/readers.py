@@ -85,11 +85,12 @@ class Source:
         return {"angle": self.angle, "torque": self.torque, **self.loads}
 
 
-def read(path: Path, source: Source) -> Log:
+def read(path: Path, source: Source, may_restart: bool = True) -> Log:
+    """Read a log. Raises dahl.Error, also if its clock starts anew and that is not allowed."""
     _check_file(path)
     notes: list[str] = []
     if path.suffix.lower() not in can_logs.CAN_LOGS:
-        columns = _read_table(path, source, notes)
+        columns = _read_table(path, source, notes, may_restart)
     elif source.dbc is None and path.suffix.lower() == ".mf4":
         columns = _read_channels(path, source, notes)
     else:
@@ -143,7 +144,7 @@ def _read_channels(path: Path, source: Source, notes: list[str]) -> Columns:
 # --- tables ---------------------------------------------------------------------------------------
 
 
-def _read_table(path: Path, source: Source, notes: list[str]) -> Columns:
+def _read_table(path: Path, source: Source, notes: list[str], may_restart: bool) -> Columns:
     """Read angle, torque, loads and, if there is one, the time. Raises dahl.Error."""
     table = open_table(path)
     places = find_columns(table.head, source, table.names, tuple(ROLES), notes)
@@ -152,7 +153,7 @@ def _read_table(path: Path, source: Source, notes: list[str]) -> Columns:
         notes.append(f"time read from '{table.names[clock]}' by its unit (--time)")
     if "time" in places and (rest := _nanoseconds(table.names, places["time"])) is not None:
         places["nanoseconds"] = rest
-    names, values = _columns_at(table, places, source.skip_gaps, may_restart=True)
+    names, values = _columns_at(table, places, source.skip_gaps, may_restart)
     if "nanoseconds" in values:
         values["time"] = values["time"] + 1e-9 * values.pop("nanoseconds")
     return names, values
