@@ -274,6 +274,37 @@ def test_a_spring_alone_is_not_swapped():
     assert not any(result.claimed) and "swapped" not in result.verdict
 
 
+def part(x: np.ndarray) -> np.ndarray:
+    return FC * x / np.abs(x).max()
+
+
+SPEED, ACCELERATION = np.gradient(PATH), np.gradient(np.gradient(PATH))
+NO_FRICTION = {  # torques along PATH, noise in Fc, counts; whether friction is missing
+    "spring": (part(PATH), 0.01, COUNT, True),
+    "exact spring": (part(PATH), 0.0, 0.0, True),
+    "exact spring, read by counts": (part(PATH), 0.0, COUNT, True),
+    "spring with noise": (part(PATH), 0.2, 0.0, True),
+    "stiffening spring": (part(PATH + 400 * PATH**3), 0.01, COUNT, True),
+    "gravity": (part(np.sin(20 * PATH + 0.4)), 0.01, COUNT, True),
+    "spring and inertia": (part(PATH) + part(ACCELERATION), 0.02, COUNT, True),
+    "viscous": (part(SPEED), 0.01, COUNT, True),
+    "friction": (dahl_torque(PATH), 0.02, COUNT, False),
+    "friction in noise": (dahl_torque(PATH), 3.0, COUNT, False),
+    "a spring and friction": (4 * part(PATH) + dahl_torque(PATH), 0.5, COUNT, False),
+    "noise alone": (0 * PATH, 1.0, COUNT, False),
+}
+
+
+@pytest.mark.parametrize("kind", NO_FRICTION)
+def test_missing_friction_is_the_reason_if_it_is_missing(kind):
+    torque, noise, count, is_missing = NO_FRICTION[kind]
+    result = identify([log_of(PATH, torque, noise, count)])
+    step = refusals.next_step("no friction")
+    assert [step in one for one in result.refusals.values()] == [is_missing] * len(result.refusals)
+    assert ("no friction is seen" in result.verdict) is is_missing
+    assert not (is_missing and any(result.claimed))
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_claimed_fit_has_no_negative_inertia(seed):
     """The torque is early, which a negative inertia would describe."""

@@ -113,6 +113,13 @@ def test_a_few_logs_are_claimed_and_true():
         assert (found["verdict"] == verdict).sum() <= 1, found.to_string()
 
 
+@pytest.mark.parametrize("seed", [93005, 110018])
+def test_noise_with_a_memory_is_no_lag(seed):
+    """It rounds the turns as a filter does; sharp turns behind a filter must not explain it."""
+    for row in outcomes("known", "AR .95, 5 %", seed):
+        assert row["verdict"] == "right", row
+
+
 def test_the_bound_is_that_of_a_mean_and_a_slope():
     x = np.linspace(-1, 1, 101)
     line = {"mean": 2.0, "slope": 5.0}

@@ -13,7 +13,8 @@ import pytest
 from dahl.identify import Log, diagnose, estimate, select, simulate
 from dahl.identify.diagnose import Lack, lack_of_fit
 from dahl.identify.fit import Fit, Fitter, Hypothesis, parameters_of
-from dahl.identify.lags import NONE
+from dahl.identify.lags import NONE, PLAY
+from dahl.identify.refusals import next_step
 from dahl.identify.result import Intervals, _against_sigma0
 from dahl.identify.samples import samples_of
 from identify_tools import (
@@ -340,10 +341,13 @@ def test_laws_and_lags_that_leave_no_slope_at_rest(fits, wanted):
     )
     found = list(_against_sigma0(seen, i))
     assert len(found) == wanted
+    is_play = fits[-1].hypothesis.lag is PLAY
+    assert ("law and play" in {reason for _, reason, _ in found}) is (is_play and wanted > 0)
+    assert not (is_play and any("filter" in next_step(reason) for _, reason, _ in found))
     for against, reason, _ in found:
         assert against == (
             True,
-            reason == "law and lag"
+            reason == ("law and play" if fits[-1].hypothesis.lag is PLAY else "law and lag")
             and fits[0].hypothesis.law.name != "breakaway"
             and all(fit.hypothesis.lag is not NONE for fit in fits),
         )

@@ -237,6 +237,23 @@ def test_a_log_is_split_at_the_gaps_of_its_clock():
     assert [piece.rows for piece in pieces] == [2000, 2900] and "720 rows" in notes
 
 
+def test_a_log_is_split_where_its_clock_starts_anew():
+    """Also at a gap, and if a row was written at each edge; the angle may have moved meanwhile."""
+    rows = np.arange(6000)
+    time = 1e-3 * (rows % 2500 + 500 * (rows >= 1000))
+    log = replace(synthetic(1, rows=6000, cycles=12), time=time)
+    log.theta[2500:] += 1.0
+    pieces, notes = repaired(log)
+    assert [piece.rows for piece in pieces] == [1000, 1500, 2500, 1000]
+    assert all((np.diff(piece.time) > 0).all() for piece in pieces)
+    assert numbers(notes, "starts anew") == [1, 0.501, 1000, 2, 2500, 4]  # one gap, two restarts
+    edges = np.arange(200) % 100
+    theta = COUNT * np.minimum(edges, 100 - edges)
+    torque = dahl_torque(theta) + 0.01 * FC * noise_of(1, 200)
+    pieces, _ = repaired(Log("x", theta, torque, np.r_[0:100, 0:100] * 0.01, resolution=COUNT))
+    assert [piece.rows for piece in pieces] == [100, 100]
+
+
 @pytest.mark.parametrize("repeats", [0, 1, 7])
 def test_rows_after_a_gap_that_repeat_the_one_before_it_are_left_out(repeats):
     log = without(SHAFT, (1000, 1400))
@@ -251,6 +268,7 @@ DRAW = np.random.default_rng(1)
 CLOCKS = {  # that have no gap: the time, and a word of the note
     "jitter": (np.cumsum(DRAW.uniform(0.5e-3, 1.5e-3, 6000)), ""),
     "errors of .4 rows": (1e-3 * (ROWS + DRAW.uniform(-0.4, 0.4, 6000)), "the times jitter"),
+    "errors of a row": (1e-3 * (ROWS + DRAW.uniform(-0.9, 0.9, 6000)), "the times jitter"),
     "bursts": (np.cumsum(np.where(ROWS % 10, 1e-4, 1e-3)), ""),
     "coarse": (np.floor(ROWS * 1e-3 / 0.004) * 0.004, "spread"),
     "each time twice": (ROWS // 2 * 2e-3, "time of the row before"),

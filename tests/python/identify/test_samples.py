@@ -74,6 +74,28 @@ def test_each_treatment_suits_its_turns():
     assert abs(error_at_turns(angle.between_counts(read(SINE), COUNT), SINE)) < 0.12
 
 
+@pytest.mark.parametrize("speed", [0.05, 0.3, 0.7, 1.3, 3.0])  # counts per row
+def test_edges_show_whether_strokes_turn_smoothly(speed):
+    """A sine does if a turn has rows enough. A triangle does not, with corners round in a count."""
+    phase = np.pi * speed * np.arange(max(int(4000 / speed), 12_000)) / 120.74
+    saw = 60.37 * np.arcsin(np.sin(phase)) * 2 / np.pi
+    rows = max(round(1 / speed), 1)
+    for theta, is_smooth in (
+        (saw, False),
+        (np.convolve(saw, np.ones(rows) / rows, "valid"), False),
+        (60.37 * np.sin(phase), speed < 1),
+        (60.37 * np.sin(phase) * np.sin(phase / 7.3), speed < 1),
+    ):
+        assert angle.turns_smoothly(read(theta * COUNT), COUNT) is is_smooth
+        (log,) = [log_of(theta * COUNT, dahl_torque(theta * COUNT))]
+        assert ("sharp turns" in samples_of([log]).angles) is not is_smooth
+
+
+def test_few_strokes_show_no_smooth_turn():
+    for theta in (np.r_[1, 0:15, 13], np.r_[0:30], np.r_[0:30, 28:0:-1], np.zeros(9)):
+        assert not angle.turns_smoothly(theta * COUNT, COUNT)
+
+
 @pytest.mark.parametrize("counts", [0.0, 1.0, 5.0])
 def test_noise_beyond_the_counts_is_measured_and_smoothed(counts):
     noisy = read(SINE + counts * COUNT * noise_of(4, 3000))

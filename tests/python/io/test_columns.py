@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from dahl.identify import Source
 from dahl.identify import read as read_log
-from log_reading import read, refused
+from log_reading import read, refused, run
 
 ROWS = 40
 UP = np.arange(float(ROWS)) / 64
@@ -73,9 +73,9 @@ FORCES = {
 }
 TIMES = {
     1.0: "time_s|t|T(s)|t_sec|Time (seconds)|Zeit [s]|Uhrzeit [s]",
-    1e-3: "time_ms|t [ms]|t_msec|time [Milliseconds]",
-    1e-6: "t_us|time [µs]",
-    1e-9: "time_ns",
+    1e-3: "time_ms|t [ms]|t_msec|time [Milliseconds]|ms|ms_today",
+    1e-6: "t_us|time [µs]|us_since_boot",
+    1e-9: "time_ns|ns",
 }
 UNNAMED = "angle|theta_m|angle_in|torque|Torque_Nm [V]|force_n|t".split("|")
 LINEAR = {"angle": "pos_m", "torque": "force_N", "time": "t_s"}
@@ -203,6 +203,26 @@ def test_a_motor_current_needs_a_torque_constant(names, tmp_path):
         assert log.questions == {} and any("current" in note for note in log.notes)
     assert "Nm" in refused(path, "--torque-constant", 0.5, "--torque-unit", "Nm")
     assert read(path, "--torque-unit", "Nm").torque == pytest.approx(WAVE)
+
+
+VESC = """ms_today;input_voltage;temp_mos_max;temp_motor;current_motor;current_in;d_axis_current
+q_axis_current;erpm;duty_cycle;amp_hours_used;tachometer;tachometer_abs;encoder_position;fault_code
+d_axis_voltage;q_axis_voltage;ms_today_setup;battery_level;current_in_setup;current_motor_setup
+speed_meters_per_sec;tacho_meters;num_vescs;ms_today_imu;roll;pitch;gyroX;gnss_posTime;gnss_alt;"""
+
+
+def test_a_log_of_vesc_tool_has_its_clock_in_milliseconds(tmp_path):
+    """The first of three; each line ends with a semicolon."""
+    names = VESC.replace("\n", ";").split(";")[:-1]
+    columns = {name: np.cos(np.arange(ROWS) * k) for k, name in enumerate(names)}
+    columns |= {"ms_today": 43_200_000 + 10 * np.arange(ROWS), "current_motor": WAVE}
+    columns["encoder_position"] = 1 + 40 * UP
+    path = tmp_path / "vesc.csv"
+    pd.DataFrame(columns | {"": np.nan}).to_csv(path, sep=";", index=False)
+    log = read(path, "--torque-constant", 0.5)
+    assert np.diff(log.time) == pytest.approx(0.01) and log.torque == pytest.approx(0.5 * WAVE)
+    assert log.theta == pytest.approx(np.radians(1 + 40 * UP))
+    assert not any("time" in note for note in log.notes), log.notes
 
 
 @pytest.mark.parametrize(("unit", "size"), [("s", 1), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
@@ -378,6 +398,31 @@ def test_a_column_that_rises_in_a_unit_of_time_is_the_clock(tmp_path):
     log = read(written_as(tmp_path, columns | {"t_s": 2 * UP}))
     assert log.time == pytest.approx(2 * UP) and log.notes == []
     assert read(written_as(tmp_path, columns | {"Tid [ms]": np.ones(ROWS)})).time is None
+
+
+RESTARTS = {  # times of 100 rows that go back, and whether the log is read
+    "one": (np.arange(100) % 60, True),
+    "two": (7 + np.arange(100) % 33, True),
+    "of a recorder that runs on": (np.r_[1000:1060, 5:45], True),
+    "a row in the wrong place": (np.r_[0:50, 48, 51:100], False),
+    "two loggers in one file": (np.arange(100) // 2 + 1000 * (np.arange(100) % 2), False),
+    "both": (np.r_[0:50, 48, 51:70, 0:30], False),
+}
+
+
+@pytest.mark.parametrize("kind", RESTARTS)
+def test_a_clock_may_start_anew_but_not_go_back_by_a_row(kind, tmp_path):
+    rows, is_read = RESTARTS[kind]
+    angle = np.sin(np.arange(100))
+    columns = {"t_s": 0.01 * rows, "angle_rad": angle, "torque_Nm": np.cos(angle)}
+    path = written_as(tmp_path, columns)
+    if is_read:
+        assert read(path).time == pytest.approx(0.01 * rows)
+        guess = "--sigma0 100 --fc 0.5 --counts-per-turn 16384 --bandwidth 9 --loop".split()
+        for words in (["commission"], ["excite", *guess]):  # which need one run
+            assert "the clock goes backward" in run(*words, path).stderr
+    else:
+        assert "the clock goes backward: split the log there, or sort its rows" in refused(path)
 
 
 # --- counters -------------------------------------------------------------------------------------

@@ -219,7 +219,7 @@ def _read(args: argparse.Namespace) -> Report:
     from dahl.sim import sweep_table
 
     _refuse_result(args.log)
-    log = readers.read(args.log, source_of(args))
+    log = readers.read(args.log, source_of(args), may_restart=False)
     if log.questions:
         raise InputError(f"{args.log}: {next(iter(log.questions.values()))}")
     table = sweep_table.motion(args.travel or 0.35)

@@ -129,7 +129,8 @@ def _loop_of(args: argparse.Namespace) -> tuple[float, float]:
 def _read_loop(args: argparse.Namespace, angle: str = "") -> Log:
     from dahl.io.readers import Source, read
 
-    log = read(args.loop, Source(angle=angle, torque_constant=args.torque_constant))
+    source = Source(angle=angle, torque_constant=args.torque_constant)
+    log = read(args.loop, source, may_restart=False)
     if log.questions or log.linear != args.mm:
         asked = [*log.questions.values(), "are its turns and millimetres those of --mm?"]
         raise InputError(f"{args.loop}: {asked[0]}")

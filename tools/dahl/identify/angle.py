@@ -9,6 +9,8 @@ motion that rests between counts, or with noise that stops abruptly.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import savgol_filter
@@ -19,6 +21,7 @@ ALLOWED_OFF = 0.65  # counts from the reading; .5 is exact, the rest is for nois
 MAX_OFF_ROWS = 0.01  # part of the rows that may be further off
 MAX_GROWTH = 1.03  # of the distance from the reading against the next narrower cubic
 EDGES_AT_TURN = 7  # edges on either side of a turn that a parabola is drawn through
+MIN_SLOWER = 1.5  # times the rows of a count further in, that one at a smooth turn takes
 MAX_TURNS = 400  # of a log; above it, sharp turns would cost seconds
 WHITE_CORRELATION = -0.3  # third differences of white noise have -.75; of a smooth motion, above 0
 THIRD_DIFFERENCE_GAIN = 20.0  # 1 + 9 + 9 + 1: variance of a third difference of white noise
@@ -51,17 +54,46 @@ def _within_count(inner: np.ndarray, theta: np.ndarray, count: float) -> np.ndar
     return clipped
 
 
+def turns_smoothly(theta: np.ndarray, count: float) -> bool:
+    """Whether strokes slow down before they turn, and the turns have rows enough for two cubics.
+
+    A count at the end of a stroke then takes longer than one further in: at least twice as long
+    with a constant acceleration, and as long if the stroke ends at speed.
+    """
+    edges, turns, _ = _edges_of(theta)
+    angles = (theta[edges] + theta[edges + 1]) / 2
+    at_ends, inside = [], []
+    for i, j in pairwise(turns.tolist()):
+        if j - i >= 2 * EDGES_AT_TURN:
+            rows_per_count = np.diff(edges[i:j]) * count / np.abs(np.diff(angles[i:j]))
+            for side in (rows_per_count, rows_per_count[::-1]):
+                at_ends.append(side[0])
+                inside += side[EDGES_AT_TURN - 2 : EDGES_AT_TURN].tolist()
+    turns = turns[(turns > 1) & (turns < len(edges) - 1)]
+    rows = edges[turns + 1] - edges[turns - 2]  # of a turn and a count on both sides
+    if not (at_ends and len(rows) and np.median(rows) >= 2 * WIDTHS[-1]):
+        return False
+    return float(np.mean(at_ends)) > MIN_SLOWER * float(np.mean(inside))
+
+
+def _edges_of(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the rows before each edge, the first edge of each stroke but the first, and the
+    direction of each edge.
+    """
+    edges = np.flatnonzero(np.diff(theta))
+    direction = np.sign(theta[edges + 1] - theta[edges])
+    return edges, np.flatnonzero(np.diff(direction)) + 1, direction
+
+
 def with_sharp_turns(theta: np.ndarray, count: float) -> np.ndarray:
     """The angle of strokes that end at speed.
 
     The edges of each stroke are extrapolated to where they meet those of the next stroke. Then the
     angle is smoothed within each stroke alone.
     """
-    edges = np.flatnonzero(np.diff(theta))
+    edges, turns, direction = _edges_of(theta)
     if not count or len(edges) < 8:
         return theta
-    direction = np.sign(theta[edges + 1] - theta[edges])
-    turns = np.flatnonzero(np.diff(direction)) + 1  # index of the first edge of each new stroke
     if len(turns) > MAX_TURNS:
         return between_counts(theta, count)
     inner, cuts = _meet_at_turns(theta, edges, turns, direction)

@@ -17,7 +17,7 @@ from dahl.errors import InputError
 from dahl.identify.angle import white_noise
 from dahl.identify.models import turning_points
 from dahl.io import encoder_grid
-from dahl.io.log import HEAD_ROWS, Log, resolution_of
+from dahl.io.log import HEAD_ROWS, Log, resolution_of, restarts
 
 MIN_ROWS = 30  # of a log or a piece
 MIN_CLIPPED_PART = 0.02  # of all rows, at one extreme torque
@@ -303,7 +303,9 @@ def wrap_period(log: Log, jumps: np.ndarray) -> float:
 
 
 def split_at_gaps(log: Log) -> list[Log]:
-    """Split a log at the gaps of its clock, and leave out pieces too short or at rest."""
+    """Split a log at the gaps and restarts of its clock, and leave out pieces too short or at
+    rest.
+    """
     after = gaps(log)
     if len(after) == 0:
         return [log]
@@ -312,16 +314,27 @@ def split_at_gaps(log: Log) -> list[Log]:
     starts = [0, *(_first_new_row(log, row) for row in after.tolist())]
     pieces = [slice(start, end) for start, end in zip(starts, ends, strict=True)]
     kept = [rows for rows in pieces if _is_usable(log, rows)]
-    lost = float(np.sum(log.time[after] - log.time[after - 1]))
     left = log.rows - sum(rows.stop - rows.start for rows in kept)
-    note = (
-        f"the clock has {len(after)} gap{'s' * (len(after) != 1)} ({lost:.3g} s in all, the first"
-        f" after row {after[0]}): split there into {len(kept)} pieces"
-        + (f"; {left} rows in pieces too short left out" if left else "")
+    note = f"{_breaks(log.time, after)}: split there into {len(kept)} pieces" + (
+        f"; {left} rows in pieces too short left out" if left else ""
     )
     if not kept:
         raise InputError(f"{log.name}: {note}")
     return [log.part(rows, [] if i else [*log.notes, note]) for i, rows in enumerate(kept)]
+
+
+def _breaks(time: np.ndarray, after: np.ndarray) -> str:
+    """Return the words for breaks of a clock before these rows."""
+    steps, words = time[after] - time[after - 1], []
+    forward, back = after[steps > 0], after[steps < 0]
+    if len(forward):
+        lost, many = float(steps[steps > 0].sum()), "s" * (len(forward) > 1)
+        place = f"the first after row {forward[0]}"
+        words.append(f"has {len(forward)} gap{many} ({lost:.3g} s in all, {place})")
+    if len(back):
+        times = f" {len(back)} times, first" if len(back) > 1 else ""
+        words.append(f"starts anew{times} after row {back[0]}")
+    return "the clock " + " and ".join(words)
 
 
 def _first_new_row(log: Log, row: int) -> int:
@@ -336,10 +349,19 @@ def _is_usable(log: Log, rows: slice) -> bool:
 
 
 def gaps(log: Log) -> np.ndarray:
-    """Return the first row after each gap, a time step far above the usual ones."""
-    if log.time is None or _is_written_at_edges(log):
+    """Return the first row after each gap, a time step far above the usual ones, and after each
+    restart of the clock.
+    """
+    if log.time is None:
         return np.zeros(0, dtype=int)
-    steps = np.diff(log.time)
+    return np.union1d(restarts(log.time), _long_steps(log, log.time))
+
+
+def _long_steps(log: Log, time: np.ndarray) -> np.ndarray:
+    """Return the first row after each time step far above the usual ones."""
+    if _is_written_at_edges(log):
+        return np.zeros(0, dtype=int)
+    steps = np.diff(time)
     forward = steps[steps > 0]
     if len(forward) < MIN_ROWS:
         return np.zeros(0, dtype=int)

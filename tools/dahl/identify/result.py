@@ -12,7 +12,7 @@ import numpy as np
 
 from dahl.identify.fit import Fit, Fitter, Hypothesis, Optimum, parameters_of
 from dahl.identify.lags import NONE, PLAY
-from dahl.identify.least_squares import solve
+from dahl.identify.least_squares import cost_of, solve
 from dahl.identify.refusals import SOURCES as STEPS_OF_SOURCES
 from dahl.identify.refusals import next_step
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, samples_of
@@ -31,6 +31,8 @@ MIN_REACHED = 0.8  # of Fc, by the friction in a log; Dahl's law alone may extra
 MIN_PLAY_COUNTS = 1.5  # of a play that is not the travel hidden by a count
 BOUND_MARGIN = 1.1  # of bounds from intervals that are not claimed
 MUCH_MORE = 3.0  # times the gain of a row of diagnose.py, from which another row is the cause
+MIN_LEFT = 0.9  # of the cost that other torques leave, that friction leaves too if there is none
+NOISELESS = 1e-8  # of the variance of a torque: less is rounding
 MIN_R2 = 0.5  # on cycles left out; below it most of the torque is not friction
 POWERS_OF_REACH = {"spring": 1, "cubic": 3}  # by which samples.py divides the angle of these terms
 SOURCES = {  # of the width of an interval, in the order in which they are added
@@ -381,7 +383,6 @@ def claims_of(result: Result) -> Result:
     """Apply the rule: enough cycles, enough explained, a narrow interval, nothing withdrawn."""
     i = _without_hidden_presliding(result)
     objections = [
-        *_against_units(result),
         *_against_log(result),
         *_against_widths(result, i),
         *_against_lacks(result),
@@ -389,6 +390,9 @@ def claims_of(result: Result) -> Result:
         *_against_short_strokes(result),
         *_against_ends(i),
     ]
+    if all(any(against[k] for against, _, _ in objections) for k in range(len(NAMES))):
+        objections = [*_against_missing_friction(result), *objections]
+    objections = [*_against_units(result), *objections]
     first = [next((one for one in objections if one[0][k]), None) for k in range(len(NAMES))]
     refusals = {
         name: (one[2], next_step(one[1]))
@@ -398,6 +402,21 @@ def claims_of(result: Result) -> Result:
     claimed = (first[0] is None, first[1] is None)
     reasons = list(dict.fromkeys(text for _, _, text in objections if text))
     return replace(result, intervals=i, claimed=claimed, reasons=reasons, refusals=refusals)
+
+
+def _against_missing_friction(result: Result) -> Iterator[Objection]:
+    """Objections to a log without friction: torques by angle, speed and acceleration explain it."""
+    samples = result.samples
+    table = np.column_stack([*samples.terms.values(), samples.waves])
+    gram, columns = samples.grams(table).sum(axis=0), range(table.shape[1])
+    c = solve(gram, columns)
+    left, whole = float(cost_of(gram, columns, c)), float(cost_of(gram, [0], solve(gram, [0])))
+    by_count = c[list(samples.terms).index("spring")] * samples.count / samples.reference.reach
+    unseen = float(samples.used.sum()) * (by_count**2 / 12 + whole * NOISELESS)
+    is_missing = left < unseen or result.plausible.best.total > MIN_LEFT * left
+    if is_missing and left < (1 - MIN_R2) * whole:
+        text = "a torque by the angle, viscous torque or inertia explains all: no friction is seen"
+        yield (True, True), "no friction", text
 
 
 def _against_lacks(result: Result) -> Iterator[Objection]:
@@ -487,7 +506,10 @@ def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
         if not law.is_one_element:
             what, reason = "the steepest part of the fitted law is", "steepest at rest"
         yield (True, False), reason, f"{what} shorter than a count or a move of one row"
-    if is_unusual or has_play:
+    if (is_unusual and best.lag is PLAY) or has_play:
+        text = "a play and an unusual law both round the loop at a reversal"
+        yield (True, is_unusual), "law and play", f"{text}: no log separates them"
+    elif is_unusual:
         text = "law and lag both round the loop at a reversal, and both are unusual"
         yield (True, is_unusual), "law and lag", f"{text}: no log separates them"
     if any(fit.hypothesis.law.is_steepest_at_rest(fit.p) for fit in result.plausible.fits):

@@ -430,7 +430,8 @@ def _columns_of(
         "direction": _direction(log.theta, NOISE_PLAY * noise or ROUNDING * np.ptp(log.theta)),
     }
     has_counts = log.resolution > 0 and not noise
-    if has_counts and "sharp turns" in angles:  # slow
+    is_asked = has_counts and "sharp turns" in angles
+    if is_asked and not treatments.turns_smoothly(log.theta, log.resolution):
         table["sharp turns"] = treatments.with_sharp_turns(log.theta, log.resolution)
     if has_counts or (noise and treatments.has_corners(log.theta, noise)):
         table["as read"] = log.theta

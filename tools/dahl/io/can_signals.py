@@ -220,11 +220,13 @@ def _with_unit(name: str, unit: str | None) -> str:
     return f"{name} [{unit}]" if unit else name
 
 
-def check_clock(time: np.ndarray, place: Callable[[int], str]) -> None:
-    """Raise dahl.Error if a time goes backward, with the place of its row."""
-    back = np.flatnonzero(np.diff(time) < 0)
+def check_clock(
+    time: np.ndarray, place: Callable[[int], str], restarts: Sequence[int] | np.ndarray = ()
+) -> None:
+    """Raise dahl.Error if a time goes backward, but for restarts, with the place of its row."""
+    back = np.setdiff1d(np.flatnonzero(np.diff(time) < 0) + 1, restarts)
     if len(back):
-        row = int(back[0]) + 1
+        row = int(back[0])
         before, now = time[row - 1], time[row]
         raise InputError(
             f"{place(row)}: {now:g} after {before:g}, the clock goes backward: split the log there,"

@@ -10,6 +10,7 @@ import numpy as np
 BY_ROW = ("theta", "torque", "time", "weight", "load")  # arrays of a Log, one entry for each row
 HEAD_ROWS = 100_000  # first rows of a log: enough to see its grid, readings and strokes
 TERMS = ("offset", "spring", "viscous", "inertia")  # that --terms may name
+MIN_RESTART_ROWS = 30  # that a clock goes back if it starts anew, and between two restarts
 MIN_SPAN_IN_M = 1.0  # m: a shorter linear motion is shown in mm
 
 
@@ -64,6 +65,15 @@ class Log:
         """The unit of the angle in pictures: its size in rad (m), and its name."""
         small = self.linear and float(np.ptp(self.theta)) < MIN_SPAN_IN_M
         return (1e-3, "mm") if small else (1.0, self.angle_unit)
+
+
+def restarts(time: np.ndarray) -> np.ndarray:
+    """Return the rows at which a clock starts anew: it goes far back, and then on for many rows."""
+    steps = np.diff(time)
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    rows = np.flatnonzero(steps < -MIN_RESTART_ROWS * usual) + 1
+    apart = np.diff(rows, prepend=0, append=len(time))
+    return rows if np.median(apart) >= MIN_RESTART_ROWS else rows[:0]
 
 
 def resolution_of(theta: np.ndarray) -> float:

@@ -28,7 +28,7 @@ from dahl.io.can_signals import (
     check_clock,
     read_channels,
 )
-from dahl.io.log import Log, resolution_of
+from dahl.io.log import Log, resolution_of, restarts
 from dahl.io.tables import open_table, row_of
 from dahl.io.text_tables import Table
 
@@ -48,7 +48,7 @@ ROLES = {  # patterns of the names of columns
     r"|(?<![a-z])i_?q(?![a-z])|current(?![._ ]?(pos|angle|vel|speed|temp|time|state|mode))|amps",
     # not T and T_degC, which are temperatures
     "time": r"^_*time|stamp|^(uhr)?zeit|^(?-i:t)$|^t[\s_(\[]+[mun]?s(ec|econds)?(?![a-z])"
-    r"|^(milli|micro)s(?![a-z])",
+    r"|^(milli|micro|[mun])s(?![a-z])",
 }
 DERIVED = r"(?<![a-z])(vel|speed|rate|d+ot|acc(el|$|[^a-z])|err(or)?(?![a-z]))|theta_?d+ot"
 SETPOINT = r"(?<![a-z])(ref|set|target|cmd|command|desired|demand)"
@@ -85,11 +85,12 @@ class Source:
         return {"angle": self.angle, "torque": self.torque, **self.loads}
 
 
-def read(path: Path, source: Source) -> Log:
+def read(path: Path, source: Source, may_restart: bool = True) -> Log:
+    """Read a log. Raises dahl.Error, also if its clock starts anew and that is not allowed."""
     _check_file(path)
     notes: list[str] = []
     if path.suffix.lower() not in can_logs.CAN_LOGS:
-        columns = _read_table(path, source, notes)
+        columns = _read_table(path, source, notes, may_restart)
     elif source.dbc is None and path.suffix.lower() == ".mf4":
         columns = _read_channels(path, source, notes)
     else:
@@ -143,7 +144,7 @@ def _read_channels(path: Path, source: Source, notes: list[str]) -> Columns:
 # --- tables ---------------------------------------------------------------------------------------
 
 
-def _read_table(path: Path, source: Source, notes: list[str]) -> Columns:
+def _read_table(path: Path, source: Source, notes: list[str], may_restart: bool) -> Columns:
     """Read angle, torque, loads and, if there is one, the time. Raises dahl.Error."""
     table = open_table(path)
     places = find_columns(table.head, source, table.names, tuple(ROLES), notes)
@@ -152,7 +153,7 @@ def _read_table(path: Path, source: Source, notes: list[str]) -> Columns:
         notes.append(f"time read from '{table.names[clock]}' by its unit (--time)")
     if "time" in places and (rest := _nanoseconds(table.names, places["time"])) is not None:
         places["nanoseconds"] = rest
-    names, values = _columns_at(table, places, source.skip_gaps)
+    names, values = _columns_at(table, places, source.skip_gaps, may_restart)
     if "nanoseconds" in values:
         values["time"] = values["time"] + 1e-9 * values.pop("nanoseconds")
     return names, values
@@ -166,7 +167,9 @@ def _nanoseconds(names: Sequence[str], seconds: int) -> int | None:
     return next(found, None)
 
 
-def _columns_at(table: Table, places: dict[str, int], skip_gaps: bool = False) -> Columns:
+def _columns_at(
+    table: Table, places: dict[str, int], skip_gaps: bool = False, may_restart: bool = False
+) -> Columns:
     """Return the columns at the places of the roles. Raises dahl.Error."""
     names = {role: table.names[place] for role, place in places.items()}
     columns = {role: table.frame.iloc[:, place] for role, place in places.items()}
@@ -174,7 +177,7 @@ def _columns_at(table: Table, places: dict[str, int], skip_gaps: bool = False) -
     if seconds is not None:
         columns["time"] = seconds
     values = {role: _numbers(table, names[role], column) for role, column in columns.items()}
-    values = _without_gaps(table.place, skip_gaps, names, values)
+    values = _without_gaps(table.place, skip_gaps, names, values, may_restart)
     return names | ({} if seconds is None else {"time": TIME_COLUMN}), values
 
 
@@ -227,6 +230,7 @@ def _without_gaps(
     skip_gaps: bool,
     names: dict[str, str],
     values: dict[str, np.ndarray],
+    may_restart: bool = False,
 ) -> dict[str, np.ndarray]:
     """Leave out rows without a number if that is allowed, and check the clock."""
     whole = np.all([np.isfinite(column) for column in values.values()], axis=0)
@@ -242,7 +246,8 @@ def _without_gaps(
     rows = np.flatnonzero(whole)
     if "time" in values:
         column = f"column '{names['time']}'"
-        check_clock(values["time"][rows], lambda row: f"{place(int(rows[row]))}: {column}")
+        time, where = values["time"][rows], lambda row: f"{place(int(rows[row]))}: {column}"
+        check_clock(time, where, restarts(time) if may_restart else ())
     return {role: column[rows] for role, column in values.items()} if missing else values
 
 

@@ -54,6 +54,7 @@ IGNORED = str.maketrans({**dict.fromkeys(" *-.·⋅"), **dict.fromkeys("µμ", "
 BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")
 ROTATING = r"angle|theta"  # such a column has no length: theta_m is the angle of the motor
 SHORT_LENGTHS = ("m", "in")
+SHORT_TIMES = ("ms", "us", "ns")  # that may be the first word too: ms_today
 
 
 def unit_in(name: str, known: Iterable[str], default: str) -> str:
@@ -66,7 +67,7 @@ def unit_in(name: str, known: Iterable[str], default: str) -> str:
     first, *rest = re.split(r"[\s_]+", name)
     pairs = [one + other for one, other in zip([first, *rest], rest, strict=False)]
     words = [pair for pair in reversed(pairs) if re.search(TWO_WORDS, pair, re.IGNORECASE)]
-    words += [*reversed(rest), *([first] if len(first) > 2 else [])]
+    words += [*reversed(rest), *([first] if len(first) > 2 or first in SHORT_TIMES else [])]
     if re.search(ROTATING, name, re.IGNORECASE):
         words = [word for word in words if word not in SHORT_LENGTHS]
     return next((unit for word in words if (unit := _unit(word, known))), default)
