@@ -14,6 +14,7 @@ from dahl.binding.parameters import HasParameters, Parameter
 from dahl.errors import InputError
 
 MAX_CORNER_HZ = 15.0  # suits most axes
+MAX_SHARE = 0.6400002  # limit over Fc, if the loop has an integral; 0.64 in float passes
 
 
 class Residual(HasParameters, Copied):
@@ -24,7 +25,7 @@ class Residual(HasParameters, Copied):
     sigma0, Fc, theta_per_count, period, slew  those of the compensator
     inertia     kg m2      lower bound of all that moves: rotor and load
     corner      Hz         of the low-pass, at most 0.05/period
-    limit       N m        largest torque: Fc/2, at most Fc; with no_integral gain*Fc and the load
+    limit       N m        largest torque: Fc/2, at most 0.64 Fc; with no_integral gain*Fc and load
     speed_gain  N m s/rad  torque per speed of the loop, at least 4*pi*corner*inertia; 0: unknown
     resonance   Hz         of the axis, at least 10*corner; unused with a speed_gain
     delay       ticks      from the command to its torque, 0 .. 3
@@ -37,7 +38,7 @@ class Residual(HasParameters, Copied):
     >>> tick = {"slew": 50, "period": 1e-3}  # N m/s, s
     >>> compensator = dahl.Compensator(*friction, reference=True, limit=1.0, **tick)
     >>> residual = dahl.Residual(
-    ...     *friction, inertia=0.002, corner=15.0, limit=0.5, speed_gain=0.4, **tick)
+    ...     *friction, inertia=0.002, corner=15.0, limit=0.25, speed_gain=0.4, **tick)
     >>> for _ in range(100):  # at rest against 0.1 N m that no feed-forward explains
     ...     _ = compensator.move(0)
     ...     torque = residual.torque(compensator, 0)  # N m, to add to the command
@@ -156,8 +157,9 @@ class Residual(HasParameters, Copied):
     def _refusal_of_tick(self) -> str:
         """Return the refusal of a limit or of a value at this period, or ""."""
         v = self._values
-        if v["limit"] > v["Fc"] and not self._no_integral:
-            return f"limit = {v['limit']:g} N m is above Fc = {v['Fc']:g} N m; no_integral = False"
+        if v["limit"] > MAX_SHARE * v["Fc"] and not self._no_integral:
+            most = f"0.64 Fc = {MAX_SHARE * v['Fc']:g} N m"
+            return f"limit = {v['limit']:g} N m is above {most}; no_integral = False"
         if v["slew"] * v["period"] / v["Fc"] < 2.000001 / 2**24:
             return f"slew = {v['slew']:g} N m/s is below 2^-23 Fc in a tick"
         if 20 * v["corner"] * v["period"] > 1:
@@ -174,7 +176,7 @@ class Residual(HasParameters, Copied):
 
     @property
     def no_integral(self) -> bool:
-        """Whether the loop has no integral, so that limit may be above Fc."""
+        """Whether the loop has no integral, so that limit may be above 0.64 Fc."""
         return self._no_integral
 
     @property
