@@ -376,7 +376,8 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
 /** Parameters. Every float is 2^-64 <= x < 2^64, or 0 if its comment gives 0 a meaning. */
 typedef struct {
     float inertia;    /**< [kg m2] lower bound of all that moves: rotor and load */
-    float corner;     /**< [Hz] corner of the low-pass, at most 0.05/period; 15 suits most axes */
+    float corner;     /**< [Hz] corner of the low-pass, at most 0.05/period; 15 suits most axes, 10 a
+                           PD loop with a noisy encoder */
     float limit;      /**< [N m] largest r: Fc/2, at most 0.64 Fc. With no_integral: gain Fc, and above
                            2 Fc counts as 2 Fc. */
     float speed_gain; /**< [N m s/rad] torque per speed of the loop: D gain of PD and PID, P gain of

@@ -14,6 +14,7 @@ from dahl.binding.parameters import HasParameters, Parameter
 from dahl.errors import InputError
 
 MAX_CORNER_HZ = 15.0  # suits most axes
+NOISY_CORNER_HZ = 10.0  # a loop without an integral then holds as without an observer within 20 %
 MAX_SHARE = 0.6400002  # limit over Fc, if the loop has an integral; 0.64 in float passes
 
 
@@ -97,13 +98,16 @@ class Residual(HasParameters, Copied):
         no_integral: bool = False,
     ) -> Residual:
         """Return an observer with friction, period and slew of a compensator. Without a corner, the
-        highest one that the rule allows is used, up to 15 Hz. Without a limit, it is Fc/2, or Fc if
+        highest one that the rule allows is used, up to 15 Hz; without an integral up to 10 Hz, if
+        the noise is above a quarter of the presliding length. Without a limit, it is Fc/2, or Fc if
         the loop has no integral. Raises as the constructor, and dahl.Error for a compensator of the
         measured law.
         """
         checks.instance("compensator", compensator, Compensator)
         if corner is None:
             corner = _highest_corner(compensator, inertia, speed_gain, resonance)
+            if no_integral and _is_noisy(compensator):
+                corner = min(corner, NOISY_CORNER_HZ)
         if limit is None:
             limit = compensator.Fc if no_integral else compensator.Fc / 2
         friction = {name: getattr(compensator, name) for name in FRICTION}
@@ -248,6 +252,11 @@ def _is_in_range(name: str, value: float) -> bool:
     if value == 0:
         return name in ("speed_gain", "resonance")
     return parameters.TORQUE_MIN <= value < parameters.TORQUE_MAX
+
+
+def _is_noisy(law: Compensator) -> bool:
+    """Whether the flicker of the counts is above a quarter of the presliding length."""
+    return 4 * (2 * law.noise + 1) * law.theta_per_count * law.sigma0 > law.Fc
 
 
 def _highest_corner(law: Compensator, inertia: float, speed_gain: float, resonance: float) -> float:
