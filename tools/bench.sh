@@ -13,7 +13,7 @@
 #   report   reads these two files; writes build/bench/results.json and the pictures speed, pareto and growth (.png, .svg).
 #            --cycles shows cycles of Cortex-M0, M3 and M4F instead of instructions
 #   docs     runs report, then writes the tables and pictures of docs/
-#   laws     compares laws of friction compensation with several seeds: prints the tables of docs/compensation.md. --docs writes them
+#   laws     compares laws of friction compensation with five seeds: prints the tables of docs/compensation.md; --docs writes them
 set -euo pipefail
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"

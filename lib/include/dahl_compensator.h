@@ -357,8 +357,8 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
  * - If the loop has no integral, set no_integral. The limit must then be at least gain Fc plus the
  *   load that no feed-forward cancels: less cannot cancel the push of the reference law at rest.
  * - If it has an integral, that cancels push and load. With a limit above 0.65 of the true Fc, some
- *   loops hunt at rest. The prepare function refuses more than 0.64 Fc; with Fc/2, Fc may be 30 % too
- *   high.
+ *   loops hunt at rest. The prepare function refuses more than 0.64 Fc. With Fc/2, Fc may be 30 %
+ *   too high.
  * - The torque of the compensator is y + r. Each of them keeps its limit and the slew of the
  *   compensator, so the limit of the sum is the sum of both limits, and its slew is twice the slew.
  * - r fades in and out with the compensator. A bad reading holds it. After fewer than
@@ -376,10 +376,10 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
 /** Parameters. Every float is 2^-64 <= x < 2^64, or 0 if its comment gives 0 a meaning. */
 typedef struct {
     float inertia;    /**< [kg m2] lower bound of all that moves: rotor and load */
-    float corner;     /**< [Hz] corner of the low-pass, at most 0.05/period; 15 suits most axes, 10 a
-                           PD loop with a noisy encoder */
-    float limit;      /**< [N m] largest r: Fc/2, at most 0.64 Fc. With no_integral: gain Fc, and above
-                           2 Fc counts as 2 Fc. */
+    float corner;     /**< [Hz] corner of the low-pass, at most 0.05/period; 15 suits most axes, 10
+                           a PD loop with a noisy encoder */
+    float limit;      /**< [N m] largest r: Fc/2, at most 0.64 Fc. With no_integral: gain Fc, and
+                           above 2 Fc counts as 2 Fc. */
     float speed_gain; /**< [N m s/rad] torque per speed of the loop: D gain of PD and PID, P gain of
                            the speed loop of a cascade; 0: unknown, resonance decides */
     float resonance;  /**< [Hz] lowest resonance of the axis; unused with a speed_gain */
