@@ -351,11 +351,13 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
  * has stopped, the end speed is at most 1.5 times that without the observer, plus the largest of
  * - 0.02 rad/s,
  * - 2 counts times sqrt(sigma0/inertia),
- * - 1.5 counts times speed_gain/inertia: a count that flips gives the motor the momentum speed_gain
- *   times the count, and the observer half of it. A loop without noise may rest within a count where
- *   the observer goes on over it.
+ * - 1.5 counts times speed_gain/inertia: a count that flips gives the motor a momentum of speed_gain
+ *   times the count, and the observer half of it. A loop without noise may rest within a count
+ *   where the observer goes on over it.
  * inertia is that of what turns with the encoder. The noise must be shorter than the presliding
- * length, and the loop must be stiff: Fc/kp at most 0.1 rad, kp in N m/rad.
+ * length. A count must move the torque of the loop, behind the low-pass of its speed, by less than
+ * Fc: otherwise friction cannot hold the axis within a count. The loop must be stiff: Fc/kp at most
+ * 0.1 rad, kp in N m/rad.
  *
  * Rules of use:
  * - If the loop has no integral, set no_integral. The limit must then be at least gain Fc plus the
