@@ -348,16 +348,12 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
  *
  * The rules were tested on rigid axes and on axes with a resonance of 30 to 200 Hz, with delays of 0
  * to 3 ticks. The loops were stable at 0.6 to 1.7 times the expected inertia. After the reference
- * has stopped, the end speed is at most 1.5 times that without the observer, plus the largest of
- * - 0.02 rad/s,
- * - 2 counts times sqrt(sigma0/inertia),
- * - 1.5 counts times speed_gain/inertia: a count that flips gives the motor a momentum of speed_gain
- *   times the count, and the observer half of it. A loop without noise may rest within a count
- *   where the observer goes on over it.
- * inertia is that of what turns with the encoder. The noise must be shorter than the presliding
- * length. A count must move the torque of the loop, behind the low-pass of its speed, by less than
- * Fc: otherwise friction cannot hold the axis within a count. The loop must be stiff: Fc/kp at most
- * 0.1 rad, kp in N m/rad.
+ * has stopped, the end speed is at most 1.5 times that without the observer, plus 0.02 rad/s or
+ * 2 counts times sqrt(sigma0/inertia). Three conditions hold:
+ * - the noise is shorter than the presliding length,
+ * - a count moves the torque of the loop, behind the low-pass of its speed, by less than Fc/4.
+ *   Otherwise a loop without noise may rest within a count, and the observer swings over it,
+ * - the loop is stiff: Fc/kp is at most 0.1 rad, kp in N m/rad.
  *
  * Rules of use:
  * - If the loop has no integral, set no_integral. The limit must then be at least gain Fc plus the
