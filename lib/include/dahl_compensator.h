@@ -358,9 +358,8 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
  * Rules of use:
  * - If the loop has no integral, set no_integral. The limit must then be at least gain Fc plus the
  *   load that no feed-forward cancels: less cannot cancel the push of the reference law at rest.
- * - If it has an integral, that cancels push and load. With a limit above 0.65 of the true Fc, some
- *   loops hunt at rest. The prepare function refuses more than 0.64 Fc. With Fc/2, Fc may be 30 %
- *   too high.
+ * - If it has an integral, that cancels push and load. Give half of the true Fc: with more, some
+ *   loops under a load hunt at rest. The prepare function refuses more than 0.64 Fc.
  * - The torque of the compensator is y + r. Each of them keeps its limit and the slew of the
  *   compensator, so the limit of the sum is the sum of both limits, and its slew is twice the slew.
  * - r fades in and out with the compensator. A bad reading holds it. After fewer than

@@ -16,7 +16,7 @@ typedef enum { NOTHING, MODEL, OBSERVER, REMOVED } law_t; /* REMOVED: the observ
 
 typedef struct {
     loop_kind_t loop;
-    double limit; /* of the observer with an integral, over Fc of the element */
+    double limit; /* of the observer with an integral, over Fc of element and axis */
 } problem_t;
 
 typedef struct {
@@ -114,7 +114,7 @@ static void make_observer(case_t *c, point_t *point, const problem_t *problem)
     const double rule = c->loop.kd / (2 * TWO_PI * J), Fc = (double)c->params.friction.Fc, gain = (double)c->params.gain;
     const double below = maybe(point, 1, 0.2, 1), usual = maybe(point, 0.05 / c->axis.period, 5, 30);
     const double corner = fmin(rule * below, usual);
-    const double safe = fmin(problem->limit * Fc, 0.65 * Fc_of(&c->axis));
+    const double safe = problem->limit * fmin(Fc, Fc_of(&c->axis));
     const double most = c->loop.kind == PD ? Fc + fabs(c->axis.load) : safe;
     c->observer.inertia = (float)J;
     c->observer.corner = (float)(fmin(corner, 0.05 / c->axis.period) / EDGE);
@@ -339,7 +339,7 @@ static double excess(const point_t *point, const void *of)
 
 static void check_rest(loop_kind_t loop)
 {
-    const problem_t problem = {loop, 0.64};
+    const problem_t problem = {loop, 0.5};
     uint64_t random = 1;
     point_t worst;
     TEST_ASSERT_TRUE(search(excess, &problem, TEST_AXES, 1, &random, &worst) <= 1);
@@ -447,7 +447,7 @@ static void test_limit_and_slew_hold_in_any_order_of_calls(void)
 {
     uint64_t random = 1;
     for (int tried = 0; tried < 2000; tried++) {
-        const problem_t problem = {(loop_kind_t)(tried % LOOPS), 0.64};
+        const problem_t problem = {(loop_kind_t)(tried % LOOPS), 0.5};
         const case_t first = make_case(random_point(&random), &problem);
         case_t c = first;
         controller_t k = {.is_bad = 0};
