@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
 # Usage: tools/bench.sh [--quick]
-#        tools/bench.sh target [--quick] [--mhz CLOCK] [CORE...] | host [--quick] | report [--cycles] | docs
+#        tools/bench.sh target [--quick] [--mhz CLOCK] [CORE...] | host [--quick] | report [--cycles] | docs | laws [--docs]
 #
 # Measures cost and error of the library and of other methods. Without a command it runs target, host and docs: 5 minutes on two
 # cores. With --quick it runs target, host and report: 1 minute.
@@ -13,6 +13,7 @@
 #   report   reads these two files; writes build/bench/results.json and the pictures speed, pareto and growth (.png, .svg).
 #            --cycles shows cycles of Cortex-M0, M3 and M4F instead of instructions
 #   docs     runs report, then writes the tables and pictures of docs/
+#   laws     compares laws of friction compensation with five seeds: prints the tables of docs/compensation.md; --docs writes them
 set -euo pipefail
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -22,8 +23,8 @@ source "$ROOT/tools/setup/python.sh"
 case "${1:-}" in
     -h | --help) usage; exit 0 ;;
     '' | --quick) command=all ;;
-    target | host | report | docs) command=$1; shift ;;
-    *) die "unknown command '$1'; bench.sh has target, host, report and docs (see --help)" ;;
+    target | host | report | docs | laws) command=$1; shift ;;
+    *) die "unknown command '$1'; bench.sh has target, host, report, docs and laws (see --help)" ;;
 esac
 
 python() { "$VENV/bin/python" "$ROOT/tools/bench/$1.py" "${@:2}"; }
@@ -33,6 +34,12 @@ install_rivals() {
     (install_uv && fill_venv "$BUILD/bench/venv" rivals) || say "the rivals could not be installed (log: build/setup.log)"
 }
 
+if [ "$command" = laws ]; then # without the cores
+    "$ROOT/tools/setup.sh" demo >/dev/null
+    build_demo
+    python laws "$@"
+    exit
+fi
 "$ROOT/tools/setup.sh" bench >/dev/null
 case "$command" in
     target) python target "$@" ;;

@@ -38,8 +38,10 @@ int dahl_library_law_open(const law_params_t *law, library_law_t *library)
     }
     dahl_compensator_err_t code = dahl_compensator_prepare(&library->plan, &params);
     if (code == DAHL_COMPENSATOR_OK && law->law == DAHL_LAW_DAHL_OBSERVER) {
-        dahl_residual_params_t residual = {.inertia = params.inertia, .corner = (float)law->knob, .limit = params.friction.Fc,
-                                           .speed_gain = (float)law->speed_gain, .delay = law->delay};
+        float limit = params.friction.Fc / (law->has_integral ? 2 : 1);
+        dahl_residual_params_t residual = {.inertia = params.inertia, .corner = (float)law->knob, .limit = limit,
+                                           .speed_gain = (float)law->speed_gain, .delay = law->delay,
+                                           .no_integral = !law->has_integral};
         code = dahl_residual_prepare(&library->residual_plan, &params, &residual);
     }
     return (int)code;

@@ -32,6 +32,7 @@ typedef struct {
     double theta_per_count;     /* rad */
     uint32_t noise, delay;      /* counts; ticks, below 4 */
     int is_hand;                /* without a position loop: no reference */
+    int has_integral;           /* the loop has one */
 } law_params_t;
 
 /* All that a law may read in a tick. */

@@ -61,10 +61,12 @@ static DAHL_COLD uint32_t slew_step_q24(const dahl_compensator_params_t *params)
     return step_q24 > 0 ? step_q24 - 1 : 0;
 }
 
-/** Return 1 if the limit is above Fc and the loop has an integral: it and the observer would work against each other. */
+/** Return 1 if the loop has an integral and the limit is above 0.64 Fc: the two would pass the breakaway in turns. */
 static int is_limit_above_bound(const dahl_compensator_params_t *params, const dahl_residual_params_t *residual)
 {
-    return !residual->no_integral && dahl_bits_of(residual->limit) > dahl_bits_of(params->friction.Fc);
+    const dahl_real_t inverse = {(UINT32_C(25) << 27) - 1024, -31}; /* 1/0.64, and a product in float passes */
+    const dahl_real_t limit = dahl_real_of_param(residual->limit);
+    return !residual->no_integral && dahl_real_is_product_above(limit, inverse, dahl_real_of_param(params->friction.Fc));
 }
 
 /** With the noise, a move is wrong by up to 2 noise + 1 counts: the torque of them must not saturate. */

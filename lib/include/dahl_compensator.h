@@ -349,15 +349,17 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
  * The rules were tested on rigid axes and on axes with a resonance of 30 to 200 Hz, with delays of 0
  * to 3 ticks. The loops were stable at 0.6 to 1.7 times the expected inertia. After the reference
  * has stopped, the end speed is at most 1.5 times that without the observer, plus 0.02 rad/s or
- * 2 counts times sqrt(sigma0/inertia). Of 61,000 searched loops, one broke this by 11 %: a PID loop
- * with 12 bits. The noise must be shorter than the presliding length, and the loop must be stiff:
- * Fc/kp at most 0.1 rad, kp in N m/rad.
+ * 2 counts times sqrt(sigma0/inertia). Three conditions hold:
+ * - the noise is shorter than the presliding length,
+ * - a count moves the torque of the loop, behind the low-pass of its speed, by less than Fc/4.
+ *   Otherwise a loop without noise may rest within a count, and the observer swings over it,
+ * - the loop is stiff: Fc/kp is at most 0.1 rad, kp in N m/rad.
  *
  * Rules of use:
  * - If the loop has no integral, set no_integral. The limit must then be at least gain Fc plus the
  *   load that no feed-forward cancels: less cannot cancel the push of the reference law at rest.
- * - If it has an integral, that cancels push and load. The limit must be at most 0.65 of the true
- *   Fc, or some loops hunt at rest: give Fc/2. The prepare function refuses more than Fc.
+ * - If it has an integral, that cancels push and load. Give half of the true Fc: with more, some
+ *   loops under a load hunt at rest. The prepare function refuses more than 0.64 Fc.
  * - The torque of the compensator is y + r. Each of them keeps its limit and the slew of the
  *   compensator, so the limit of the sum is the sum of both limits, and its slew is twice the slew.
  * - r fades in and out with the compensator. A bad reading holds it. After fewer than
@@ -375,15 +377,16 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
 /** Parameters. Every float is 2^-64 <= x < 2^64, or 0 if its comment gives 0 a meaning. */
 typedef struct {
     float inertia;    /**< [kg m2] lower bound of all that moves: rotor and load */
-    float corner;     /**< [Hz] corner of the low-pass, at most 0.05/period; 15 suits most axes */
-    float limit;      /**< [N m] largest r: Fc/2, at most Fc. With no_integral: gain Fc, and above
-                           2 Fc counts as 2 Fc. */
+    float corner;     /**< [Hz] corner of the low-pass, at most 0.05/period; 15 suits most axes, 10
+                           a PD loop with a noisy encoder */
+    float limit;      /**< [N m] largest r: Fc/2, at most 0.64 Fc. With no_integral: gain Fc, and
+                           above 2 Fc counts as 2 Fc. */
     float speed_gain; /**< [N m s/rad] torque per speed of the loop: D gain of PD and PID, P gain of
                            the speed loop of a cascade; 0: unknown, resonance decides */
     float resonance;  /**< [Hz] lowest resonance of the axis; unused with a speed_gain */
     uint32_t delay;   /**< [tick] from the command to its torque: 0 if it acts until the next
                            reading; below #DAHL_RESIDUAL_TICKS */
-    uint32_t no_integral; /**< 1 if the loop has no integral: limit may then be above Fc */
+    uint32_t no_integral; /**< 1 if the loop has no integral: limit may then be above 0.64 Fc */
 } dahl_residual_params_t;
 
 /** Prepared observer; may be `const` in flash. All zeros: no torque. */
@@ -418,7 +421,7 @@ typedef struct {
  * @return #DAHL_COMPENSATOR_OK; #DAHL_COMPENSATOR_WRONG_LAW for the measured law;
  *   #DAHL_COMPENSATOR_PARAM if a parameter is NaN, infinite, negative, or zero but must not be, or
  *   if speed_gain and resonance are both 0; #DAHL_COMPENSATOR_RANGE if one is out of range, if the
- *   limit is above Fc without no_integral, if the slew is below 2^-23 Fc in a tick, or if 2 pi
+ *   limit is above 0.64 Fc without no_integral, if the slew is below 2^-23 Fc in a tick, or if 2 pi
  *   corner inertia is 64 Fc or more at 2 noise + 2 counts per tick;
  *   #DAHL_COMPENSATOR_CORNER if the rule of the corner fails: lower the corner.
  * @note The first rule is rounded to the safe side by 2^-30 of it, the second one is exact.

@@ -79,7 +79,7 @@ static bool compensator_has_the_bits_of_c()
     }
     dahl::Bearing reference(c_friction);
     dahl::Compensator again(c_plan);
-    const dahl_residual_params_t observer = {0.002f, 15.0f, 0.4f, 0.4f, 0.0f, 1, 0};
+    const dahl_residual_params_t observer = {0.002f, 15.0f, 0.4f, 0.4f, 0.0f, 1, 1};
     dahl::ResidualPlan residual_plan, other_residual_plan;
     dahl::Residual residual(residual_plan), same_residual(residual_plan.c());
     dahl_residual_t c_residual = {};

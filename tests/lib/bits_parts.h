@@ -254,7 +254,8 @@ static inline void bits_residual(bits_of_part_t *run)
 {
     dahl_compensator_params_t params = bits_compensator_params(run->params);
     const dahl_residual_params_t observer = {.inertia = 0x1p-9f * run->params->Fc, .corner = 15.0f,
-                                             .limit = 0.5f * run->params->Fc, .resonance = 150.0f, .delay = 2};
+                                             .limit = 0.5f * run->params->Fc, .resonance = 150.0f, .delay = 2,
+                                             .no_integral = 1};
     dahl_compensator_plan_t plan;
     dahl_residual_plan_t residual_plan, other;
     dahl_damping_plan_t damping_plan;

@@ -38,7 +38,7 @@ def compensator(**changed: Any) -> dahl.Compensator:
     return dahl.Compensator(**(FRICTION | VALUES | COUNTS | changed))
 
 
-OBSERVER = {"inertia": INERTIA, "corner": 15.0, "limit": 0.4, "speed_gain": 0.4, "resonance": 0.0}
+OBSERVER = {"inertia": INERTIA, "corner": 15.0, "limit": 0.25, "speed_gain": 0.4, "resonance": 0.0}
 
 
 def residual(**changed: Any) -> dahl.Residual:
@@ -355,7 +355,7 @@ REFUSED: list[tuple[Callable[..., Any], dict[str, Any], tuple[str, ...]]] = [
     (residual, {"inertia": 10.0}, ("inertia = 10: ", "64 Fc")),
     (residual, {"inertia": 0.0}, ("inertia = 0 ", "kg m2")),
     (residual, {"delay": 4}, ("delay = 4 ", "3")),
-    (residual, {"limit": 0.51}, ("limit = 0.51 N m ", "Fc = 0.5", "no_integral = False")),
+    (residual, {"limit": 0.33}, ("limit = 0.33 N m ", "0.64 Fc = 0.32", "no_integral = False")),
     (residual, {"slew": 5e-5}, ("slew = 5e-05 ", "2^-23 Fc")),
     (residual, {"slew": 0.0}, ("slew = 0 ", "N m/s")),
     (residual, {"theta_per_count": 0.0}, ("theta_per_count = 0 ",)),

@@ -154,6 +154,23 @@ def test_an_observer_takes_the_highest_corner_of_its_rule(
     assert observer.torque(law, law.move(0)) == 0
 
 
+NOISY = [(True, 2, 10), (True, 1, 15), (False, 2, 15)]
+
+
+@pytest.mark.parametrize(("no_integral", "noise", "corner"), NOISY)
+def test_a_noisy_encoder_lowers_the_corner_of_a_loop_without_an_integral(
+    no_integral: bool, noise: int, corner: float
+) -> None:
+    """5 counts of 14 bits are above a quarter of 5 mrad; 3 counts are not."""
+    law = dahl.Compensator(
+        100.0, 0.5, 2 * math.pi / 2**14, reference=True, limit=1.0, slew=50.0, period=1e-3,
+        noise=noise, play=6, jump=1000)  # fmt: skip
+    observer = dahl.Residual.for_compensator(
+        law, inertia=0.002, speed_gain=0.4, no_integral=no_integral
+    )
+    assert observer.corner == pytest.approx(corner, rel=1e-4)
+
+
 def test_an_observer_without_a_loop_is_refused(tmp_path: Path) -> None:
     law = dahl.Compensator.from_identified(rig(tmp_path), reference=True, **AXIS)
     for loop, words in (({}, "one of them must be known"), ({"speed_gain": -1.0}, "speed_gain")):

@@ -125,7 +125,7 @@ static void bench_change(const dahl_compensator_plan_t *plan)
 /* Starts, faults, saturations and both ends of the limit, with torques of all sizes. */
 static void bench_residual(void)
 {
-    const dahl_residual_params_t observer = {.inertia = 0.002f, .corner = 15.0f, .limit = 0.5f, .speed_gain = 0.4f, .delay = 2};
+    const dahl_residual_params_t observer = {.inertia = 0.002f, .corner = 15.0f, .limit = 0.25f, .speed_gain = 0.4f, .delay = 2};
     dahl_residual_plan_t plan;
     dahl_residual_t residual = {0};
     dahl_compensator_t compensator = {0};

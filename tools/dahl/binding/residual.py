@@ -14,6 +14,8 @@ from dahl.binding.parameters import HasParameters, Parameter
 from dahl.errors import InputError
 
 MAX_CORNER_HZ = 15.0  # suits most axes
+NOISY_CORNER_HZ = 10.0  # a loop without an integral then holds as without an observer within 20 %
+MAX_SHARE = 0.6400002  # limit over Fc, if the loop has an integral; 0.64 in float passes
 
 
 class Residual(HasParameters, Copied):
@@ -24,7 +26,7 @@ class Residual(HasParameters, Copied):
     sigma0, Fc, theta_per_count, period, slew  those of the compensator
     inertia     kg m2      lower bound of all that moves: rotor and load
     corner      Hz         of the low-pass, at most 0.05/period
-    limit       N m        largest torque: Fc/2, at most Fc; with no_integral gain*Fc and the load
+    limit       N m        largest torque: Fc/2, at most 0.64 Fc; with no_integral gain*Fc and load
     speed_gain  N m s/rad  torque per speed of the loop, at least 4*pi*corner*inertia; 0: unknown
     resonance   Hz         of the axis, at least 10*corner; unused with a speed_gain
     delay       ticks      from the command to its torque, 0 .. 3
@@ -37,7 +39,7 @@ class Residual(HasParameters, Copied):
     >>> tick = {"slew": 50, "period": 1e-3}  # N m/s, s
     >>> compensator = dahl.Compensator(*friction, reference=True, limit=1.0, **tick)
     >>> residual = dahl.Residual(
-    ...     *friction, inertia=0.002, corner=15.0, limit=0.5, speed_gain=0.4, **tick)
+    ...     *friction, inertia=0.002, corner=15.0, limit=0.25, speed_gain=0.4, **tick)
     >>> for _ in range(100):  # at rest against 0.1 N m that no feed-forward explains
     ...     _ = compensator.move(0)
     ...     torque = residual.torque(compensator, 0)  # N m, to add to the command
@@ -96,13 +98,16 @@ class Residual(HasParameters, Copied):
         no_integral: bool = False,
     ) -> Residual:
         """Return an observer with friction, period and slew of a compensator. Without a corner, the
-        highest one that the rule allows is used, up to 15 Hz. Without a limit, it is Fc/2, or Fc if
+        highest one that the rule allows is used, up to 15 Hz; without an integral up to 10 Hz, if
+        the noise is above a quarter of the presliding length. Without a limit, it is Fc/2, or Fc if
         the loop has no integral. Raises as the constructor, and dahl.Error for a compensator of the
         measured law.
         """
         checks.instance("compensator", compensator, Compensator)
         if corner is None:
             corner = _highest_corner(compensator, inertia, speed_gain, resonance)
+            if no_integral and _is_noisy(compensator):
+                corner = min(corner, NOISY_CORNER_HZ)
         if limit is None:
             limit = compensator.Fc if no_integral else compensator.Fc / 2
         friction = {name: getattr(compensator, name) for name in FRICTION}
@@ -156,8 +161,9 @@ class Residual(HasParameters, Copied):
     def _refusal_of_tick(self) -> str:
         """Return the refusal of a limit or of a value at this period, or ""."""
         v = self._values
-        if v["limit"] > v["Fc"] and not self._no_integral:
-            return f"limit = {v['limit']:g} N m is above Fc = {v['Fc']:g} N m; no_integral = False"
+        if v["limit"] > MAX_SHARE * v["Fc"] and not self._no_integral:
+            most = f"0.64 Fc = {MAX_SHARE * v['Fc']:g} N m"
+            return f"limit = {v['limit']:g} N m is above {most}; no_integral = False"
         if v["slew"] * v["period"] / v["Fc"] < 2.000001 / 2**24:
             return f"slew = {v['slew']:g} N m/s is below 2^-23 Fc in a tick"
         if 20 * v["corner"] * v["period"] > 1:
@@ -174,7 +180,7 @@ class Residual(HasParameters, Copied):
 
     @property
     def no_integral(self) -> bool:
-        """Whether the loop has no integral, so that limit may be above Fc."""
+        """Whether the loop has no integral, so that limit may be above 0.64 Fc."""
         return self._no_integral
 
     @property
@@ -246,6 +252,11 @@ def _is_in_range(name: str, value: float) -> bool:
     if value == 0:
         return name in ("speed_gain", "resonance")
     return parameters.TORQUE_MIN <= value < parameters.TORQUE_MAX
+
+
+def _is_noisy(law: Compensator) -> bool:
+    """Whether the flicker of the counts is above a quarter of the presliding length."""
+    return 4 * (2 * law.noise + 1) * law.theta_per_count * law.sigma0 > law.Fc
 
 
 def _highest_corner(law: Compensator, inertia: float, speed_gain: float, resonance: float) -> float:

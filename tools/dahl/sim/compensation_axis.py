@@ -137,6 +137,7 @@ def _values(case: Case, law: str, knob: float, ticks: int, seed: int) -> dict[st
         "noise": case.noise,
         "delay": case.delay,
         "is_hand": case.loop == "hand",
+        "has_integral": case.loop in ("PID", "cascade"),
     }
     true = {
         "kind": getattr(c, f"DAHL_TRUE_{case.friction}"),
