@@ -20,7 +20,9 @@ class Browser:
     """
 
     def __init__(self, program: str, profile: Path) -> None:
-        words = f"--headless=new --no-sandbox --disable-gpu --no-first-run --user-data-dir={profile}"
+        words = (
+            f"--headless=new --no-sandbox --disable-gpu --no-first-run --user-data-dir={profile}"
+        )
         words += " --disable-background-networking --disable-dev-shm-usage --remote-debugging-pipe"
         commands, self._write = os.pipe()
         self._read, answers = os.pipe()
@@ -38,7 +40,9 @@ class Browser:
         self.requests: list[str] = []
         self._session = ""
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)[
+            "sessionId"
+        ]
         for domain in ("Page", "Runtime", "Network", "DOM", "Log"):
             self.call(f"{domain}.enable")
 
@@ -107,8 +111,8 @@ class Browser:
 
     def run(self, script: str) -> Any:
         """Return the value of an expression, or that of its promise."""
-        words = {"expression": script, "awaitPromise": True, "returnByValue": True}
-        answer = self.call("Runtime.evaluate", **words)
+        words = {"awaitPromise": True, "returnByValue": True, "userGesture": True}
+        answer = self.call("Runtime.evaluate", expression=script, **words)
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 

@@ -42,7 +42,9 @@ def rules() -> dict[str, object]:
 
 def page(library: bytes) -> str:
     """Return the page. The size of a unit that depends on the encoder is NaN, as JavaScript has."""
-    sources = {name: (HERE / name).read_text().rstrip() for name in ("style.css", "log.js", "explore.js")}
+    sources = {
+        name: (HERE / name).read_text().rstrip() for name in ("style.css", "log.js", "explore.js")
+    }
     sources["library"] = base64.b64encode(library).decode()
     sources["rules"] = json.dumps(rules(), ensure_ascii=True).replace("</", "<\\/")
     text = (HERE / "page.html").read_text()

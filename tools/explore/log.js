@@ -133,9 +133,10 @@ function isPowerOfTwo(counts) {
 
 /** What to ask about the unit of an angle: if none is stated, or if its steps are those of an encoder in another unit only. */
 function unitQuestion(angles, stated) {
-  const step = resolutionOf(angles), isShort = spanOf(angles) < 1;
+  const step = resolutionOf(angles), inTurns = !stated || spanOf(angles) < 1;
   if (!stated && step === 1 && angles.every(Number.isInteger)) return "Is the angle in counts? Its steps are whole numbers.";
-  const found = Object.entries(RULES.turns).filter(([unit, [turn]]) => step && isPowerOfTwo(turn / step) && (isShort || unit !== "turn"));
+  const isStep = ([unit, [turn]]) => step && isPowerOfTwo(turn / step) && (inTurns || unit !== "turn");
+  const found = Object.entries(RULES.turns).filter(isStep);
   const units = found.map(([unit]) => unit), steps = found.map(([, [turn, shown]]) => `${shown}/${(turn / step).toFixed(0)}`);
   if (stated && (!found.length || units.includes(stated) || !(stated in RULES.turns))) return "";
   if (!found.length) return "Which unit has the angle? Neither a name nor its steps say so.";
