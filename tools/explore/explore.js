@@ -1,4 +1,4 @@
-// ---- the page. dahl: prepare(sigma0, Fc, theta_per_count) -> 0 or an error; step(counts) -> N m; set(N m) ----
+// ---- the page ----
 const $ = (id) => document.getElementById(id);
 const SLIDERS = { // group, label, unit, least, largest, start, scale
   sigma0: ["friction", "Stiffness at rest, sigma0", "N m/rad", 0.1, 1e7, 100, "log"],
@@ -13,34 +13,32 @@ const SLIDERS = { // group, label, unit, least, largest, start, scale
   v0: ["speed", "Width of tanh, v0", "mrad/s", 0.1, 1000, 20, "log"],
   tau: ["speed", "Low-pass of the speed", "ms", 0, 100, 10, "linear"],
 };
-const CURVES = { log: "measured", sign: "Fc sign(v)", tanh: "Fc tanh(v/v0)", dahl: "dahl_step_counts", float: "float state, expm1f" };
+const CURVES = { log: "measured", sign: "Fc sign(v)", tanh: "Fc tanh(v/v0)", dahl: "dahl_step_counts", float: "float state" };
 const MAX_TICKS = 200000;
 const value = { kind: "sine" };
-let dahl = null;
+let dahl = null; // prepare(sigma0, Fc, theta_per_count) -> 0 or an error; step(counts) -> N m; set(N m)
 let table = null; // of the file that was read
-let read = null; // {theta [rad, m or counts], torque [N m, N], seconds, inCounts, ...}, until the units are confirmed
-let log = null; // the same afterwards
+let read = null, log = null; // {theta [rad, m or counts], torque [N m, N], seconds, ...} before and after the units are confirmed
 
-const digits = (x, n = 3) => (x === 0 || (Math.abs(x) < 1e5 && Math.abs(x) >= 1e-3) ? `${+x.toPrecision(n)}` : x.toExponential(n - 1));
+const digits = (x, n = 3) => (x && (Math.abs(x) >= 1e5 || Math.abs(x) < 1e-3) ? x.toExponential(n - 1) : `${+x.toPrecision(n)}`);
 const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
 const isLinear = () => $("linear").checked;
 /** A unit of a rotation, as the motion on the page has it. */
-const named = (unit) => (isLinear() ? unit.replace("N m/rad", "N/m").replace("N m", "N").replace("mrad", "mm").replace("rad", "m") : unit);
+const named = (unit) => (isLinear() ? unit.replace("N m", "N").replace("mrad", "mm").replace("rad", "m") : unit);
 const perCount = () => (isLinear() ? value.count * 1e-6 : (2 * Math.PI) / 2 ** value.bits);
 
 /** Add a slider and a field of numbers that show the same value. */
 function addSlider(name) {
   const [group, label, unit, low, high, start, scale] = SLIDERS[name], isLog = scale === "log", isWhole = scale === "whole";
-  const row = document.createElement("div");
-  row.className = "row";
-  row.id = `row-${name}`;
-  row.innerHTML = `<label for="${name}">${label}</label><input type="range" id="${name}-slider" aria-label="${label} ${unit}" step="1">` +
+  const steps = isWhole ? high - low : 1000, row = document.createElement("div");
+  Object.assign(row, { className: "row", id: `row-${name}` });
+  row.innerHTML = `<label for="${name}">${label}</label>` +
+    `<input type="range" id="${name}-slider" aria-label="${label}, ${unit}" max="${steps}">` +
     `<input type="number" id="${name}" min="${low}" max="${high}" step="any"><span id="unit-${name}"></span>`;
   $(group).append(row);
-  const slider = $(`${name}-slider`), field = $(name), steps = isWhole ? high - low : 1000;
+  const slider = $(`${name}-slider`), field = $(name);
   const toSlider = (x) => (isLog ? Math.log(x / low) / Math.log(high / low) : (x - low) / (high - low)) * steps;
   const toValue = (s) => (isLog ? low * (high / low) ** (s / steps) : low + ((high - low) * s) / steps);
-  slider.max = steps;
   const show = (x) => {
     value[name] = isWhole ? Math.round(clamp(x, low, high)) : clamp(x, low, high);
     slider.value = toSlider(value[name]);
@@ -53,23 +51,21 @@ function addSlider(name) {
 }
 
 // ---- motion and torques ----
-function turningPoints() {
-  const A = value.amplitude / 1000, points = [0];
-  if (value.kind === "segments") return [0, A, -A / 2, 1.5 * A]; // theta1, theta2 and theta3 of the paper
-  for (let k = 0; k < 2 * value.cycles; k++) points.push((k % 2 ? -A : A) * Math.exp((-value.decay * k) / 2));
-  return points;
+/** Angles [rad] between which the shaft moves at constant speed; the segments are theta1, theta2 and theta3 of the paper. */
+function turningPoints(A) {
+  if (value.kind === "segments") return [0, A, -A / 2, 1.5 * A];
+  return Array.from({ length: 2 * value.cycles + 1 }, (_, k) => k && (k % 2 ? A : -A) * Math.exp((-value.decay * (k - 1)) / 2));
 }
 
-/** {theta [rad], seconds} of n + 1 ticks: a sine, or constant speed between the turning points. */
+/** {theta [rad], seconds} of n + 1 ticks. */
 function motion() {
   const T = value.cycles / value.frequency, n = Math.min(Math.round(T * value.rate), MAX_TICKS), theta = new Float64Array(n + 1);
-  const points = turningPoints(), ways = [0];
+  const A = value.amplitude / 1000, points = turningPoints(A), ways = [0];
   for (let k = 1; k < points.length; k++) ways.push(ways[k - 1] + Math.abs(points[k] - points[k - 1]));
   for (let k = 0, part = 1; k <= n; k++) {
     const cycle = (value.cycles * k) / n, way = (ways.at(-1) * k) / n;
     while (way > ways[part] && part < points.length - 1) part++;
-    theta[k] = value.kind === "sine"
-      ? (value.amplitude / 1000) * Math.exp(-value.decay * cycle) * Math.sin(2 * Math.PI * cycle)
+    theta[k] = value.kind === "sine" ? A * Math.exp(-value.decay * cycle) * Math.sin(2 * Math.PI * cycle)
       : points[part - 1] + Math.sign(points[part] - points[part - 1]) * (Math.min(way, ways[part]) - ways[part - 1]);
   }
   return { theta, seconds: theta.map((_, k) => (T * k) / n) };
@@ -77,11 +73,11 @@ function motion() {
 
 /** Run the library and the other laws over the counts of the encoder, tick by tick as a firmware does. */
 function simulate() {
-  const { theta, seconds, inCounts, torque, timed = true } = value.kind === "log" ? log : motion(), n = theta.length, size = perCount();
+  const { theta, seconds, inCounts, torque, timed = true } = value.kind === "log" ? log : motion();
+  const n = theta.length, size = perCount(), Fc = value.Fc, round = Math.fround, u = round(round(value.sigma0) / round(Fc)) * size;
   const counts = theta.map((x) => Math.round(inCounts ? x : x / size)), moves = counts.map((x, k) => (k ? x - counts[k - 1] : 0));
-  const run = { log: torque, dahl: new Float32Array(n), float: new Float32Array(n), sign: new Float64Array(n), tanh: new Float64Array(n),
-    seconds, timed, angle: counts.map((x) => x * size), isStill: moves.every((move) => !move) };
-  const round = Math.fround, Fc = value.Fc, u = round(round(value.sigma0) / round(Fc)) * size;
+  const run = { log: torque, seconds, timed, angle: counts.map((x) => x * size) };
+  for (const name of ["dahl", "sign", "tanh", "float"]) run[name] = new Float32Array(n);
   run.error = dahl.prepare(value.sigma0, Fc, size);
   if (run.error) return run;
   if (torque) dahl.set(torque[0]);
@@ -154,15 +150,15 @@ function plot(canvas, xs, curves, xLabel) {
 }
 
 function showControls() {
-  const used = { bits: !isLinear(), count: isLinear(), v0: $("tanh").checked, tau: $("sign").checked || $("tanh").checked };
+  const used = { bits: !isLinear(), count: isLinear(), decay: /sine|triangle/.test(value.kind), v0: $("tanh").checked,
+    tau: $("sign").checked || $("tanh").checked };
   for (const [name, [group, , unit]] of Object.entries(SLIDERS)) {
     $(`row-${name}`).hidden = !(used[name] ?? (group !== "motion" || value.kind !== "log"));
     $(`unit-${name}`).textContent = named(unit);
   }
-  $("row-decay").hidden ||= value.kind === "segments";
 }
 
-/** Curves in the order in which they are drawn: the measured one below, the dashed one on top. A log without time has no speed. */
+/** Curves in the order in which they are drawn. A log without time has no speed. */
 function curvesOf(run) {
   const isDrawn = (name) => name === "dahl" || (name === "log" ? run.log : $(name).checked && (run.timed || name === "float"));
   return Object.entries(CURVES).filter(([name]) => isDrawn(name)).map(([name, label]) => ({ name, label, ys: run[name] }));
@@ -170,9 +166,9 @@ function curvesOf(run) {
 
 function warningOf(run) {
   if (run.error) return "dahl_prepare rejects these numbers: sigma0/Fc times the move of a count must be from 2^-30 to 2^20.";
-  if (value.Fc / value.sigma0 < 3 * perCount()) return "One presliding length is less than 3 counts: this encoder is too coarse to show it.";
+  if (value.Fc / value.sigma0 < 3 * perCount()) return "Presliding is shorter than 3 counts: the encoder is too coarse to show it.";
   if (!run.timed) return "This log has no time, so it has no speed for sign and tanh.";
-  return run.isStill ? "The motion is smaller than one count: nothing moves." : "";
+  return spanOf(run.angle) ? "" : "The motion is smaller than one count: nothing moves.";
 }
 
 function factsOf(run) {
@@ -190,19 +186,18 @@ function draw() {
   showControls();
   $("warning").textContent = warningOf(run);
   if (run.error) return;
-  const curves = curvesOf(run), keys = curves.map((one) => `<li><i style="border-color:var(--${one.name})"></i>${one.label}${R2(one)}</li>`);
+  const curves = curvesOf(run);
+  const key = (one) => `<li><i style="border-color:var(--${one.name})"></i>${one.label}${R2(one)}</li>`;
   plot($("loop"), run.angle.map((x) => x * 1000), curves, `${isLinear() ? "position" : "angle"} [${named("mrad")}]`);
   plot($("trace"), run.seconds, curves, run.timed ? "time [s]" : "row");
-  $("key").innerHTML = `${keys.join("")}<li>- - - ±Fc</li>`;
+  $("key").innerHTML = `${curves.map(key).join("")}<li>- - - ±Fc</li>`;
   $("facts").innerHTML = Object.entries(factsOf(run)).map(([name, text]) => `<div><dt>${name}</dt><dd>${text}</dd></div>`).join("");
   showCode();
 }
 
 // ---- code to copy ----
 function shortestFloat(x) {
-  let n = 1;
-  while (Math.fround(+x.toPrecision(n)) !== Math.fround(x)) n++;
-  const text = `${+x.toPrecision(n)}`;
+  const text = [1, 2, 3, 4, 5, 6, 7, 8, 9].map((n) => `${+x.toPrecision(n)}`).find((one) => Math.fround(one) === Math.fround(x));
   return /[.e]/.test(text) ? text : `${text}.0`;
 }
 
@@ -210,10 +205,11 @@ function showCode() {
   const sigma0 = shortestFloat(value.sigma0), Fc = shortestFloat(value.Fc), N = named("N m"), size = perCount();
   const count = shortestFloat(size), modulus = isLinear() || value.bits === 32 ? 0 : 2 ** value.bits;
   const far = clamp(Math.round(value.Fc / value.sigma0 / size), 2, (modulus || 2 ** 32) / 8), half = far >> 1;
-  const [countInC, countInPython] = isLinear() ? [`${count}f`, count] : [`6.2831853f / ${2 ** value.bits}.0f`, `2 * math.pi / 2**${value.bits}`];
-  const encoder = isLinear() ? "32-bit counter" : `${value.bits}-bit encoder`;
+  const countInC = isLinear() ? `${count}f` : `6.2831853f / ${2 ** value.bits}.0f`;
+  const countInPython = isLinear() ? count : `2 * math.pi / 2**${value.bits}`;
   dahl.prepare(value.sigma0, value.Fc, size);
-  $("prints").textContent = `Both print ${[half, far, -half].map((move) => +dahl.step(move).toPrecision(9)).join(", ")} ${N}, as this page does.`;
+  const torques = [half, far, -half].map((move) => +dahl.step(move).toPrecision(9)).join(", ");
+  $("prints").textContent = `Both print ${torques} ${N}, as this page does.`;
   $("c").textContent = `#include <stdio.h>
 #include "dahl.h"
 
@@ -223,13 +219,12 @@ static dahl_state_t bearing; /* all zeros: relaxed */
 
 int main(void)
 {
-    static const uint32_t readings[] = {0, ${half}, ${half + far}, ${far}}; /* of a ${encoder} */
+    static const uint32_t readings[] = {0, ${half}, ${half + far}, ${far}}; /* of ${modulus || "2^32"} values */
     if (dahl_prepare(&plan, &params) != DAHL_OK) { return 1; }
     for (int k = 1; k < 4; k++) { /* a firmware does this in each tick */
         int32_t move = dahl_counts_between(readings[k - 1], readings[k], ${modulus}${modulus ? "" : " /* 2^32 */"});
         printf("%.9g ${N}\\n", (double)dahl_step_counts(&plan, &bearing, move));
     }
-    return 0;
 }`;
   $("python").textContent = `${isLinear() ? "" : "import math\n\n"}import dahl
 
@@ -252,14 +247,14 @@ function openLog(name, bytes) {
     table = readTable(decode(bytes));
     for (const role of ["angle", "torque"]) {
       const [place] = likeliest(role, table.names);
-      $(role).replaceChildren(new Option("choose", ""), ...table.names.map((column, k) => new Option(column, k, false, k === place)));
+      $(role).replaceChildren(new Option("choose", ""), ...table.names.map((name, k) => new Option(name, k, false, k === place)));
     }
     preselectUnits();
+    $("read").textContent = `${name}: ${table.rows.length} rows.`;
   } catch (error) {
-    leaveLog(error.message);
+    leaveLog(`${name}: ${error.message}`);
   }
   $("columns").hidden = !table;
-  $("read").textContent = `${name}: ${table ? `${table.rows.length} rows.` : $("fit").textContent}`;
 }
 
 /** Preselect the units that the names of the columns state. */
@@ -279,9 +274,10 @@ function readLog() {
   if (!angleUnit) throw new Error(doubt);
   if (!torqueUnit) throw new Error(`Which unit has the torque? '${table.names[torqueAt]}' names none.`);
   if (RULES.currents.includes(torqueUnit)) throw new Error("A current is not a torque. Use dahl identify --torque-constant.");
-  const linear = inCounts ? isLinear() : RULES.lengths.includes(angleUnit), size = TORQUES[torqueUnit] * ($("invert").checked ? -1 : 1);
-  const theta = inCounts ? angle : angle.map((x) => x * ANGLES[angleUnit]), isAngle = !inCounts && !linear;
-  return { theta: isAngle ? unwrap(theta) : theta, torque: torque.map((x) => x * size), inCounts, linear, doubt, ...timeOf(table, [angleAt, torqueAt].map(Number)) };
+  const linear = inCounts ? isLinear() : RULES.lengths.includes(angleUnit), isAngle = !inCounts && !linear;
+  const theta = angle.map((x) => x * (inCounts ? 1 : ANGLES[angleUnit])), sign = $("invert").checked ? -1 : 1;
+  const F = torque.map((x) => x * sign * TORQUES[torqueUnit]), time = timeOf(table, [+angleAt, +torqueAt]);
+  return { theta: isAngle ? unwrap(theta) : theta, torque: F, inCounts, linear, doubt, ...time };
 }
 
 /** Ask for what is missing, or show what the units mean. Only the button makes the log move the shaft. */
@@ -289,11 +285,12 @@ function check() {
   leaveLog("");
   try {
     read = readLog();
-    const span = spanOf(read.theta) * (read.inCounts ? perCount() : 1), degrees = read.linear ? "" : ` = ${digits((span * 180) / Math.PI)} deg`;
-    const encoder = read.inCounts ? ", by the encoder set above" : "", size = digits(largest(read.torque.map(Math.abs)));
+    const span = spanOf(read.theta) * (read.inCounts ? perCount() : 1), size = digits(largest(read.torque.map(Math.abs)));
+    const [position, force] = read.linear ? ["m", "N"] : [`rad = ${digits((span * 180) / Math.PI)} deg`, "N m"];
+    const encoder = read.inCounts ? ", by the encoder set above" : "";
     $("question").textContent = read.doubt;
-    $("span").textContent = `So the motion spans ${digits(span)} ${read.linear ? "m" : "rad"}${degrees}${encoder}, and the ` +
-      `${read.linear ? "force" : "torque"} is within ${size} ${read.linear ? "N" : "N m"}. ${read.note} Is that your rig?`;
+    $("span").textContent = `So the motion spans ${digits(span)} ${position}${encoder}, and F is within ${size} ${force}. ` +
+      `${read.note} Is that your rig?`;
   } catch (error) {
     $("question").textContent = error.message;
     $("span").textContent = "A wrong unit gives a wrong sigma0 without any other sign of it.";
@@ -310,8 +307,8 @@ function leaveLog(words) {
 function confirmLog() {
   log = read;
   $("linear").checked = log.linear;
-  $("fit").textContent = "The log moves the shaft now; the state starts at the first measured torque. Move sigma0 and Fc until the " +
-    "curves agree. For values with intervals and a verdict use: dahl identify.";
+  $("fit").textContent = "The log moves the shaft now, from its first torque on. Move sigma0 and Fc until the curves agree. " +
+    "For values with intervals and a verdict use: dahl identify.";
   setKind("log");
 }
 

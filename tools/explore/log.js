@@ -117,7 +117,7 @@ function unitIn(name, known) {
 /** The step of the grid on which all angles lie; 0 if there is no grid. */
 function resolutionOf(angles) {
   const levels = Float64Array.from(new Set(angles.slice(0, RULES.headRows))).sort();
-  const least = 1e-9 * (levels.at(-1) - levels[0]), gaps = levels.slice(1).map((x, k) => x - levels[k]).filter((gap) => gap > least);
+  const gaps = levels.slice(1).map((x, k) => x - levels[k]).filter((gap) => gap > 1e-9 * (levels.at(-1) - levels[0]));
   if (gaps.length < 3) return 0;
   const first = gaps.filter((gap) => gap < 1.3 * smallest(gaps)).sort(), half = first.length / 2;
   const step = (first[Math.ceil(half) - 1] + first[Math.floor(half)]) / 2, small = gaps.filter((gap) => gap < 20.5 * step);
@@ -126,16 +126,14 @@ function resolutionOf(angles) {
   return small.length < 3 || onGrid <= 0.95 * small.length ? 0 : sum(small) / sum(whole);
 }
 
-function isPowerOfTwo(counts) {
-  const bits = Math.round(Math.log2(Math.max(counts, 1)));
-  return RULES.bits[0] <= bits && bits <= RULES.bits[1] && Math.abs(counts / 2 ** bits - 1) < RULES.powerTolerance;
-}
-
 /** What to ask about the unit of an angle: if none is stated, or if its steps are those of an encoder in another unit only. */
 function unitQuestion(angles, stated) {
   const step = resolutionOf(angles), inTurns = !stated || spanOf(angles) < 1;
   if (!stated && step === 1 && angles.every(Number.isInteger)) return "Is the angle in counts? Its steps are whole numbers.";
-  const isStep = ([unit, [turn]]) => step && isPowerOfTwo(turn / step) && (inTurns || unit !== "turn");
+  const isStep = ([unit, [turn]]) => {
+    const bits = clamp(Math.round(Math.log2(turn / step)), ...RULES.bits);
+    return step && Math.abs(turn / step / 2 ** bits - 1) < RULES.powerTolerance && (inTurns || unit !== "turn");
+  };
   const found = Object.entries(RULES.turns).filter(isStep);
   const units = found.map(([unit]) => unit), steps = found.map(([, [turn, shown]]) => `${shown}/${(turn / step).toFixed(0)}`);
   if (stated && (!found.length || units.includes(stated) || !(stated in RULES.turns))) return "";
