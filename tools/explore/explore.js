@@ -43,7 +43,7 @@ function addSlider(name) {
     value[name] = isWhole ? Math.round(clamp(x, low, high)) : clamp(x, low, high);
     slider.value = toSlider(value[name]);
     slider.setAttribute("aria-valuetext", `${digits(value[name])} ${named(unit)}`);
-    field.value = digits(value[name], 4);
+    field.value = digits(value[name], 6);
   };
   slider.oninput = () => { show(+toValue(+slider.value).toPrecision(3)); draw(); };
   field.onchange = () => { show(Number.isFinite(field.valueAsNumber) ? field.valueAsNumber : value[name]); draw(); };
@@ -76,7 +76,7 @@ function simulate() {
   const { theta, seconds, inCounts, torque, timed = true } = value.kind === "log" ? log : motion();
   const n = theta.length, size = perCount(), Fc = value.Fc, round = Math.fround, u = round(round(value.sigma0) / round(Fc)) * size;
   const counts = theta.map((x) => Math.round(inCounts ? x : x / size)), moves = counts.map((x, k) => (k ? x - counts[k - 1] : 0));
-  const run = { log: torque, seconds, timed, angle: counts.map((x) => x * size) };
+  const run = { log: torque, seconds, timed, angle: counts.map((x) => (x - counts[0]) * size) };
   for (const name of ["dahl", "sign", "tanh", "float"]) run[name] = new Float32Array(n);
   run.error = dahl.prepare(value.sigma0, Fc, size);
   if (run.error) return run;
@@ -87,7 +87,7 @@ function simulate() {
     const way = Math.sign(moves[k]), dt = k ? seconds[k] - seconds[k - 1] : 0;
     if (way) w = round(w + round(round(way - w) * round(-Math.expm1(-round(u * Math.abs(moves[k]))))));
     if (dt > 0) v += ((moves[k] * size) / dt - v) * (value.tau > 0 ? -Math.expm1((-dt * 1000) / value.tau) : 1);
-    if (Math.abs(v) < 1e-9) v = 0;
+    if (Math.abs(v) * dt < 1e-6 * size) v = 0;
     run.float[k] = Fc * w;
     run.sign[k] = Fc * Math.sign(v);
     run.tanh[k] = Fc * Math.tanh((v * 1000) / value.v0);
@@ -188,7 +188,7 @@ function draw() {
   if (run.error) return;
   const curves = curvesOf(run);
   const key = (one) => `<li><i style="border-color:var(--${one.name})"></i>${one.label}${R2(one)}</li>`;
-  plot($("loop"), run.angle.map((x) => x * 1000), curves, `${isLinear() ? "position" : "angle"} [${named("mrad")}]`);
+  plot($("loop"), run.angle.map((x) => x * 1000), curves, `${isLinear() ? "position" : "angle"} from the start [${named("mrad")}]`);
   plot($("trace"), run.seconds, curves, run.timed ? "time [s]" : "row");
   $("key").innerHTML = `${curves.map(key).join("")}<li>- - - ±Fc</li>`;
   $("facts").innerHTML = Object.entries(factsOf(run)).map(([name, text]) => `<div><dt>${name}</dt><dd>${text}</dd></div>`).join("");
@@ -287,15 +287,15 @@ function check() {
     read = readLog();
     const span = spanOf(read.theta) * (read.inCounts ? perCount() : 1), size = digits(largest(read.torque.map(Math.abs)));
     const [position, force] = read.linear ? ["m", "N"] : [`rad = ${digits((span * 180) / Math.PI)} deg`, "N m"];
-    const encoder = read.inCounts ? ", by the encoder set above" : "";
     $("question").textContent = read.doubt;
-    $("span").textContent = `So the motion spans ${digits(span)} ${position}${encoder}, and F is within ${size} ${force}. ` +
+    $("span").textContent = `So the motion spans ${digits(span)} ${position}, and F is within ${size} ${force}. ` +
       `${read.note} Is that your rig?`;
   } catch (error) {
     $("question").textContent = error.message;
     $("span").textContent = "A wrong unit gives a wrong sigma0 without any other sign of it.";
   }
   $("confirm").disabled = !read;
+  $("confirm").textContent = read?.doubt ? "I trust these units all the same: overlay" : "These units are right: overlay";
 }
 
 function leaveLog(words) {
