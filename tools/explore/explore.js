@@ -288,8 +288,7 @@ function check() {
     const span = spanOf(read.theta) * (read.inCounts ? perCount() : 1), size = digits(largest(read.torque.map(Math.abs)));
     const [position, force] = read.linear ? ["m", "N"] : [`rad = ${digits((span * 180) / Math.PI)} deg`, "N m"];
     $("question").textContent = read.doubt;
-    $("span").textContent = `So the motion spans ${digits(span)} ${position}, and F is within ${size} ${force}. ` +
-      `${read.note} Is that your rig?`;
+    $("span").textContent = `The motion spans ${digits(span)} ${position}, F is within ${size} ${force}. ${read.note} Is that your rig?`;
   } catch (error) {
     $("question").textContent = error.message;
     $("span").textContent = "A wrong unit gives a wrong sigma0 without any other sign of it.";
@@ -328,6 +327,7 @@ function connect() {
   for (const id of ["angleUnit", "torqueUnit", "invert"]) $(id).oninput = check;
   for (const id of ["sign", "tanh", "float"]) $(id).onchange = draw;
   $("linear").onchange = () => (table ? check() : draw());
+  for (const name of ["bits", "count"]) $(`row-${name}`).onchange = () => { if (read && !log) check(); };
   for (const button of document.querySelectorAll("[data-copy]")) button.onclick = () => copy(button);
   $("kind").onchange = () => setKind($("kind").value);
   $("confirm").onclick = confirmLog;
