@@ -308,6 +308,20 @@ def test_a_dropped_log_shows_its_r2_after_its_units_are_confirmed(
     assert float(state(browser)["key"].split("R² = ")[1].split()[0]) > 0.99
 
 
+READ = "new Promise(done => { const wait = () => read ? done() : setTimeout(wait, 20); wait() })"
+
+
+def test_a_long_log_is_drawn(browser: Browser, tmp_path: Path) -> None:
+    """A step that takes a time with the square of the rows would not end."""
+    angle = np.round(30 * np.sin(np.arange(300000) / 300), 5)
+    rows = "".join(f"{x},{y}\n" for x, y in zip(angle, np.sign(np.gradient(angle)), strict=True))
+    (tmp_path / "long.csv").write_text("angle_deg,torque_Nm\n" + rows)
+    browser.choose_file("#file", tmp_path / "long.csv")
+    browser.run(READ)
+    browser.run("$('confirm').click()")
+    assert "R²" in state(browser)["key"]
+
+
 REFUSED = {  # text of a file, and words of the answer
     "angle,torque_Nm\n0,0\n1.5,0.1\n2.25,0.2\n": "angle",
     "angle_deg,torque\n0,0\n1,0.1\n2,0.2\n": "'torque'",

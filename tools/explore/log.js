@@ -119,7 +119,7 @@ function resolutionOf(angles) {
   const levels = Float64Array.from(new Set(angles.slice(0, RULES.headRows))).sort();
   const gaps = levels.slice(1).map((x, k) => x - levels[k]).filter((gap) => gap > 1e-9 * (levels.at(-1) - levels[0]));
   if (gaps.length < 3) return 0;
-  const first = gaps.filter((gap) => gap < 1.3 * smallest(gaps)).sort(), half = first.length / 2;
+  const least = smallest(gaps), first = gaps.filter((gap) => gap < 1.3 * least).sort(), half = first.length / 2;
   const step = (first[Math.ceil(half) - 1] + first[Math.floor(half)]) / 2, small = gaps.filter((gap) => gap < 20.5 * step);
   const whole = small.map((gap) => Math.round(gap / step));
   const onGrid = small.filter((gap, k) => Math.abs(gap / step - whole[k]) < 0.1).length;
