@@ -377,6 +377,18 @@ CLIPPED = """[...document.querySelectorAll("body *")].filter(e => e.offsetWidth)
     const isCut = isBox && e.scrollWidth > e.clientWidth + 1;
     return isCut || e.getBoundingClientRect().right > innerWidth;
 }).map(e => e.outerHTML.slice(0, 99))"""
+CUT_WORDS = """(() => {
+    const canvas = CanvasRenderingContext2D.prototype, fillText = canvas.fillText, cut = [];
+    canvas.fillText = function (words, x, y) {
+        const box = this.measureText(words), right = x + box.actualBoundingBoxRight;
+        const isCut = x < box.actualBoundingBoxLeft - 1 || right > this.canvas.clientWidth + 1;
+        if (isCut) cut.push(words);
+        fillText.call(this, words, x, y);
+    };
+    draw();
+    canvas.fillText = fillText;
+    return cut;
+})()"""
 DRAWN = """(() => {
     const {width, height} = $("loop"), found = new Set();
     const pixels = $("loop").getContext("2d").getImageData(0, 0, width, height).data;
@@ -408,6 +420,7 @@ def test_nothing_is_clipped_on_a_phone_and_on_a_desk(
             "[document.documentElement.scrollWidth, document.documentElement.clientWidth]"
         )
         assert size[0] == size[1] and browser.run(CLIPPED) == []
+        assert browser.run(CUT_WORDS) == []
         set_field(browser, "torqueUnit", "Nm")
         browser.run("$('confirm').click()")
     assert browser.run(DRAWN) == ["log", "sign", "tanh", "dahl", "float"]

@@ -188,7 +188,7 @@ function draw() {
   if (run.error) return;
   const curves = curvesOf(run);
   const key = (one) => `<li><i style="border-color:var(--${one.name})"></i>${one.label}${R2(one)}</li>`;
-  plot($("loop"), run.angle.map((x) => x * 1000), curves, `${isLinear() ? "position" : "angle"} from the start [${named("mrad")}]`);
+  plot($("loop"), run.angle.map((x) => x * 1000), curves, `${isLinear() ? "position" : "angle"} [${named("mrad")}]`);
   plot($("trace"), run.seconds, curves, run.timed ? "time [s]" : "row");
   $("key").innerHTML = `${curves.map(key).join("")}<li>- - - ±Fc</li>`;
   $("facts").innerHTML = Object.entries(factsOf(run)).map(([name, text]) => `<div><dt>${name}</dt><dd>${text}</dd></div>`).join("");
@@ -306,7 +306,7 @@ function leaveLog(words) {
 function confirmLog() {
   log = read;
   $("linear").checked = log.linear;
-  $("fit").textContent = "The log moves the shaft now, from its first torque on. Move sigma0 and Fc until the curves agree. " +
+  $("fit").textContent = "The log moves the shaft, from its first row on. Move sigma0 and Fc until the curves agree. " +
     "For values with intervals and a verdict use: dahl identify.";
   setKind("log");
 }
