@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 # The contents of each need of tools/setup.sh. Add a Debian package here, a Python package in pyproject.toml.
 
-NEEDS=(demo identify firmware docs test vm checks bench all)
+NEEDS=(demo identify firmware docs test vm explore checks bench all)
 
 # Other needs that a need includes.
 declare -A INCLUDES=(
@@ -11,6 +11,7 @@ declare -A INCLUDES=(
     [test]='identify'
     [docs]='test' # autodoc imports each module, the pytest plugin too
     [vm]='demo'
+    [explore]='demo'
     [checks]='test firmware vm docs'
     [bench]='identify firmware'
     [all]='checks bench'
@@ -21,6 +22,7 @@ declare -A MUST=(
     [demo]='libc6-dev cmake ninja-build python3 python3-venv ca-certificates'
     [firmware]='gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm dpkg-dev xz-utils'
     [docs]='doxygen'
+    [explore]='clang lld'
     [test]='gcc g++ git pkg-config dpkg-dev xz-utils'
 )
 
@@ -33,7 +35,8 @@ declare -A MAY=(
     [docs]='chromium' # measures the pages and takes screenshots
     [vm]='can-utils qemu-system-x86 busybox-static kmod cpio iproute2 gdb'
     # clang builds the big-endian programs, because Debian's s390x gcc conflicts with gcc-multilib.
-    [checks]='tcc clang libclang-rt-14-dev gcc-multilib g++-multilib
+    # chromium shows the page of tools/explore.sh, which clang and lld compile.
+    [checks]='tcc clang lld chromium libclang-rt-14-dev gcc-multilib g++-multilib
         qemu-user-static binutils-s390x-linux-gnu libgcc-12-dev-s390x-cross libc6-dev-s390x-cross
         gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc gcc-avr avr-libc arduino-core-avr make
         gcc-mingw-w64-x86-64 wine64

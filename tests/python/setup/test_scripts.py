@@ -30,7 +30,10 @@ def stage(scripts: Stage) -> Stage:
     return scripts
 
 
-@pytest.mark.parametrize("script", ["setup", "test", "demo", "bench", "lock", "vm", "docs"])
+SCRIPTS = ["setup", "test", "demo", "bench", "lock", "vm", "docs", "explore"]
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
 def test_help_does_nothing_else(scripts, script):
     shown = scripts.run(script, "--help")
     assert shown.returncode == 0 and not scripts.calls()
@@ -39,6 +42,7 @@ def test_help_does_nothing_else(scripts, script):
 
 BAD_WORDS = {"setup demo --fast": "--fast", "bench paint": "paint", "test -k": "-k"}
 BAD_WORDS |= {"vm relative true": "absolute", "vm /tmp": "command"}
+BAD_WORDS |= {"explore --fast": "--fast", "explore a.html b.html": "b.html"}
 
 
 @pytest.mark.parametrize("words", BAD_WORDS)
@@ -145,3 +149,14 @@ def test_each_bench_command_ends_with_its_first_failure(stage, words, fails):
     assert [call for call in calls if call] == (due[:1] if fails else due)
     needs_rivals = any(call.startswith("host.py") for call in calls)
     assert any("pyproject.toml:rivals" in call for call in stage.calls("uv")) == needs_rivals
+
+
+@pytest.mark.parametrize("words", ["", "a.html"])
+def test_the_page_is_compiled_before_it_is_written(stage, words):
+    stage.stand_in("bin/clang")
+    assert stage.run("explore", *words.split()).returncode == 0
+    setup, clang, python = stage.calls()
+    assert setup == "setup.sh explore" and "lib/model" in clang
+    assert python.endswith(words or "build/explore.html")
+    stage.does("clang", "exit 1")
+    assert stage.run("explore").returncode == 1 and stage.calls()[-1].startswith("clang")

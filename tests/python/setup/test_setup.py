@@ -24,7 +24,7 @@ def bare(tmp_path: Path) -> Debian:
 
 def test_each_need_installs_what_is_missing_once(bare):
     has: dict[str, set[str]] = {}
-    for need in ("", "demo", "firmware", "identify", "test", "docs", "vm", "bench", "checks"):
+    for need in ("", *"demo firmware identify test docs vm explore bench checks".split()):
         bare.write("installed", "dpkg-dev")
         shutil.rmtree(bare.folder / "build", ignore_errors=True)
         done, started = bare.set_up(need)
@@ -38,6 +38,7 @@ def test_each_need_installs_what_is_missing_once(bare):
     assert has["demo"] < has["firmware"] < has["checks"] and has["demo"] < has["vm"]
     assert has["identify"] | has["firmware"] < has["bench"]
     assert {"cmake", "ninja-build"} <= has["demo"]
+    assert has["explore"] == has["demo"] | {"clang", "lld"}
     assert not {"gcc-arm-none-eabi", "clang", "doxygen"} & has["test"]
     again = bare.set_up("checks")[1]
     assert len(again) == 1 and again[0].endswith(" --offline") and "checks" in again[0]
