@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/** Stage 2: strokes to and fro at three speeds. The torque of each stroke is averaged in bins of angle.
+/** Stage 2: strokes to and fro at three sweep_speeds. The torque of each stroke is averaged in bins of angle.
  *
  * Half the difference of the directions is friction, half the sum is load. The slope of friction over speed is viscous
  * friction. Two passes at each speed show if the friction repeats. */
@@ -22,7 +22,7 @@
 #define MAX_REVERSED 0.05f       /* of a stroke: a loop that shakes the axis moves it backward, and friction cancels */
 
 /** Speeds, and those after the loop shook the axis at the slowest one. */
-static const float speeds[2][SPEEDS] = {{0.6f, 1.2f, DAHL_COMMISSION_SPEED_MAX},
+static const float sweep_speeds[2][SPEEDS] = {{0.6f, 1.2f, DAHL_COMMISSION_SPEED_MAX},
                                         {1.2f, 1.8f, DAHL_COMMISSION_SPEED_MAX}};
 
 /** Steps of the evaluation of a speed, after its bins. */
@@ -170,7 +170,7 @@ static int check_repeat(dahl_commission_t *axis)
 /** Fit a straight line to friction over speed. */
 static void fit_line(dahl_commission_t *axis)
 {
-    const float *speed = speeds[axis->is_fast];
+    const float *speed = sweep_speeds[axis->is_fast];
     float n = 0, v = 0, f = 0, vv = 0, vf = 0;
     for (int k = 0; k < SPEEDS && axis->table.level[k] > 0; k++) {
         n += 1;
@@ -188,7 +188,7 @@ static void fit_line(dahl_commission_t *axis)
 /** Write the slope with its interval, which covers scatter and lack of fit. */
 static void find_viscous(dahl_commission_t *axis)
 {
-    const float *speed = speeds[axis->is_fast], slope = axis->work.sweeps.slope;
+    const float *speed = sweep_speeds[axis->is_fast], slope = axis->work.sweeps.slope;
     float error = 0, range = 0;
     for (int k = 0; k < SPEEDS && axis->table.level[k] > 0; k++) {
         float gap = axis->table.level[k] - axis->work.sweeps.intercept - slope * speed[k];
@@ -281,10 +281,10 @@ static void next_sweep(dahl_commission_t *axis)
 {
     float end = axis->work.sweeps.stroke & 1 ? -axis->config.travel : axis->config.travel;
     axis->work.sweeps.reversals = 0;
-    dahl_stroke_to(axis, end, speeds[axis->is_fast][axis->work.sweeps.speed], ACCELERATION);
+    dahl_stroke_to(axis, end, sweep_speeds[axis->is_fast][axis->work.sweeps.speed], ACCELERATION);
 }
 
-/** Sweep again at higher speeds, because the loop shakes the axis. Refuse if it still does. */
+/** Sweep again at higher sweep_speeds, because the loop shakes the axis. Refuse if it still does. */
 static void sweep_faster(dahl_commission_t *axis)
 {
     if (axis->is_fast || axis->work.sweeps.speed > 0) {

@@ -182,5 +182,5 @@ def replayed(scene: Path, folder: Path, *words: object) -> Figure:
 
 def replayed_r2(scene: Path, folder: Path) -> float:
     """R2 of the torque of that node, as the picture states it."""
-    caption = replayed(scene, folder, "--seconds", 4).axes[0].get_title(loc="left")
-    return float(re.search(r"R² = (\S+)", caption)[1])
+    legend = replayed(scene, folder, "--seconds", 4).axes[0].get_legend().get_texts()
+    return float(re.search(r"R² (\S+)", legend[1].get_text())[1])
