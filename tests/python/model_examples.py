@@ -25,7 +25,7 @@ def numbers(model: models.Model) -> tuple[list[float], list[float]]:
 def whole(model: models.Model) -> float:
     """Return the torque that a ratio of 1 means."""
     torques = numbers(model)[1]
-    return max(torques) if model.has_directions else sum(torques)
+    return max(torques) if model.has_two_limits else sum(torques)
 
 
 def made(model: models.Model) -> Any:

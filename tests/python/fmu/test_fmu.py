@@ -67,8 +67,8 @@ def test_each_variable_has_its_unit_and_each_parameter_its_start_value(export, m
     one, found = Instance(export(model)), {}
     for name, values in zip(("sigma0", "Fc"), numbers(model), strict=True):
         names = [name] if len(values) == 1 else [f"{name}[{k}]" for k in range(len(values))]
-        if name == "Fc" and model.has_directions:
-            names = ["Fc_forward", "Fc_backward"]
+        if name == "Fc" and model.has_two_limits:
+            names = ["Fs", "Fc"] if model.key else ["Fc_forward", "Fc_backward"]
         found |= dict(zip(names, values, strict=True))
     assert {name: one.get(name) for name in found} == pytest.approx(found)
     for row in one.xml.find("ModelVariables"):
