@@ -19,7 +19,7 @@ static friction_t prepared(uint32_t model, int order, float theta_per_count)
 {
     const friction_model_t *row = &friction_models[model];
     const dahl_model_q30_t *calls = row->calls->q30;
-    friction_t f = {.model = model, .params = {.each = {.theta_per_count = theta_per_count}, .slips = order == 0 ? 5u : 0u, .own = 0.6f}};
+    friction_t f = {.model = model, .params = {.each = {.theta_per_count = theta_per_count}, .slips = order == 0 ? 5u : 0u, .own = model == FRICTION_STRIBECK ? 0.004f : 0.6f}};
     f.params.each.elements = calls->Fcs != 0 ? calls->Fcs : 3;
     for (uint32_t k = 0; k < f.params.each.elements; k++) {
         f.params.each.Fc[k] = Fcs[order][k];

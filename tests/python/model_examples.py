@@ -12,7 +12,7 @@ OWN: dict[str, Any] = {  # own keys
     model.key: model.low + 0.6 * (model.high - model.low)
     for model in models.table().values()
     if model.has_own_number
-} | {"kinds": ["dahl", "slip", "dahl"]}
+} | {"kinds": ["dahl", "slip", "dahl"], "stribeck": 0.05}
 STATE_ELEMENTS = [model for model in models.table().values() if model.has_plan and model.sigma0s]
 STATE_ELEMENTS = [model for model in STATE_ELEMENTS if model.name != "dahl"]  # of a StateElement
 
