@@ -43,6 +43,11 @@ class Model:
         """Whether Fc differs with direction or speed; the torque ratio is of the larger one."""
         return self.Fcs == 2
 
+    @property
+    def limit_names(self) -> list[str]:
+        """The names of both Fc of a model with two limits."""
+        return list(class_of(self)._limits)[1:3]
+
     def fits(self, sigma0s: int, Fcs: int) -> bool:  # noqa: N803
         """Return whether it can be made of this many sigma0 and Fc."""
         wanted = (self.sigma0s or Fcs, self.Fcs or Fcs)
@@ -100,11 +105,6 @@ def class_of(model: Model) -> Any:
     modules = {"dahl": "friction", "slip": "slip", "parallel": "slip", "loaded": "loaded"}
     module = modules.get(model.name, "state_element")
     return getattr(import_module(f"dahl.binding.{module}"), name)
-
-
-def names_of_limits(model: Model) -> list[str]:
-    """Return the names of both Fc of a model with two limits."""
-    return list(class_of(model)._limits)[1:3]
 
 
 def _element(

@@ -120,7 +120,7 @@ class Fmu:
             variables[SIGMA0 + k] = _parameter(name, "N.m/rad", text, value, *TORQUE_LIMITS)
         names = _names("Fc", len(self.Fc))
         if self.model.has_two_limits:
-            names = models.names_of_limits(self.model)
+            names = self.model.limit_names
         for k, (name, value) in enumerate(zip(names, self.Fc, strict=True)):
             variables[FC + k] = _parameter(name, "N.m", "Coulomb torque", value, *TORQUE_LIMITS)
         return variables
