@@ -649,7 +649,7 @@ typedef dahl_state_t dahl_stribeck_state_t;
  * @param      params parameters
  * @return #DAHL_OK, or why a parameter, or the travel sigma0/Fc theta_per_count of one count, is
  *   rejected for Fs or Fc. theta_per_count = 0 is #DAHL_ERR_PARAM: there is no step by angle. A
- *   speed_travel below 4 theta_per_count is #DAHL_ERR_RANGE: give the speed to the calls at a speed.
+ *   speed_travel below 4 theta_per_count is #DAHL_ERR_RANGE: give the speed in each call.
  */
 DAHL_NODISCARD dahl_err_t dahl_stribeck_prepare(dahl_stribeck_plan_t *plan,
                                                 const dahl_stribeck_params_t *params);

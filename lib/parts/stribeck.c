@@ -26,10 +26,10 @@
 #include "model.h"
 #include "reciprocal.h"
 
-#define SQRT_LOG2_E_Q31 2579390733u                 /* x^2 log2(e) is the argument of the kernel */
-#define NO_SPEED_EXPONENT (-200)                    /* of the speed of a count: h is 0 for any counts */
-#define LIMIT_RATIO_MIN (DAHL_ONE_Q62 >> 4)         /* [Q62] smaller limit over the larger one */
-#define TRAVEL_COUNTS_MAX_INVERSE (DAHL_ONE_Q62 >> 2) /* [Q62] a tick at the Stribeck speed has 4 counts or more */
+#define SQRT_LOG2_E_Q31 2579390733u         /* x^2 log2(e) is the argument of the kernel */
+#define NO_SPEED_EXPONENT (-200)            /* of the speed of a count: h is 0 for any counts */
+#define LIMIT_RATIO_MIN (DAHL_ONE_Q62 >> 4) /* [Q62] smaller limit over the larger one */
+#define COUNT_SHARE_MAX (DAHL_ONE_Q62 >> 2) /* [Q62] of a count in speed_travel */
 
 /** Return |n| 2^exponent times the factor, for any n. If n is 0, return that of 1. */
 static inline dahl_scaled_t scaled_product(int32_t n, uint32_t factor, int32_t exponent)
@@ -150,7 +150,7 @@ static DAHL_COLD void write_speed_scale(dahl_stribeck_plan_t *plan, const dahl_s
     plan->speed_exponent = speed.exponent + 32;
 }
 
-static DAHL_COLD int32_t check_limits(const dahl_stribeck_params_t *params)
+static DAHL_COLD int32_t check_both_limits(const dahl_stribeck_params_t *params)
 {
     const dahl_real_t slow = dahl_real_of_float(params->Fs), fast = dahl_real_of_float(params->Fc);
     const uint64_t slow_ratio = dahl_ratio_q62(slow, fast), fast_ratio = dahl_ratio_q62(fast, slow);
@@ -171,7 +171,7 @@ static DAHL_COLD int32_t check_speed(const dahl_stribeck_params_t *params)
         return DAHL_ERR_RANGE;
     }
     const uint64_t inverse = dahl_ratio_q62(dahl_real_of_float(params->theta_per_count), dahl_real_of(bits));
-    return inverse > TRAVEL_COUNTS_MAX_INVERSE ? DAHL_ERR_RANGE : DAHL_OK;
+    return inverse > COUNT_SHARE_MAX ? DAHL_ERR_RANGE : DAHL_OK;
 }
 
 static DAHL_COLD void write_stribeck(dahl_stribeck_plan_t *plan, const dahl_stribeck_params_t *params)
@@ -193,7 +193,7 @@ DAHL_COLD dahl_err_t dahl_stribeck_prepare(dahl_stribeck_plan_t *plan, const dah
     const dahl_params_t fast = {params->sigma0, params->Fc, params->theta_per_count};
     int32_t err = dahl_check_params_by_counts(&slow) | dahl_check_params_by_counts(&fast);
     if (err == DAHL_OK) {
-        err = check_limits(params) | check_speed(params);
+        err = check_both_limits(params) | check_speed(params);
     }
     if (err == DAHL_OK) {
         write_stribeck(plan, params);

@@ -102,7 +102,7 @@ static void test_each_tick_is_exact_for_its_limit(void)
     static const float ratios[] = {0.7f, 1.0f, 0.5f, 1 / 15.99f, 0.9f, 1.6f, 15.99f}, counts[] = {4, 8, 1e9f, 100};
     worst_t worst = {0, 0};
     for (size_t motion = 0; motion < MOTIONS; motion++) {
-        for (size_t k = 0; k < 7 * 7 * 8; k++) {
+        for (size_t k = 0; k < 7 * 7 * 9; k++) {
             const float Fs = k % 2 ? 3.99f : 0.0371f, ratio = ratios[k / 7 % 7], larger = ratio > 1 ? Fs * ratio : Fs;
             const float theta = 1e-3f, sigma0 = (float)(travels[k % 7] * (double)larger * 1e3);
             const uint32_t kind = (uint32_t)k / 49;

@@ -56,7 +56,7 @@ static void prepare_plans(void)
         bench_function = (bench_function_t)dahl_##name##_prepare; \
         (void)!call_prepare_own(&plan, &one, (float)(high) * magnitude(-8, 0)); \
     }
-/* A model with two Fc. Its parameters are floats: sigma0, both Fc, theta_per_count and, if the table has one, a number of its own. */
+/* A model with two Fc. Its parameters are floats: sigma0, both Fc, theta_per_count, and perhaps a number of its own. */
 #define PREPARE_2(name, low, high) \
     { \
         static dahl_##name##_plan_t plan; \
