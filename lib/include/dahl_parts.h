@@ -750,8 +750,7 @@ int32_t dahl_stribeck_step_at_speed_q30(const dahl_stribeck_plan_t *plan, dahl_s
           "the fraction of Fc up to which nothing creeps", 1e-45, 0.9999999403953552) \
     MODEL(asymmetric, ASYMMETRIC, Asymmetric, 16, 1, 2, 1, "", "", 0, 0) \
     MODEL(stribeck, STRIBECK, Stribeck, 19, 1, 2, 1, "stribeck", \
-          "rad that a tick travels at the Stribeck speed", \
-          5.421010862427522e-20, 1.8446742974197924e+19)
+          "rad that a tick travels at the Stribeck speed", 1e-19, 1e+19)
 /* clang-format on */
 
 /** All models: the Dahl element and DAHL_OTHER_MODELS. */

@@ -30,7 +30,7 @@ MODELS = (  # the rows of DAHL_MODELS (dahl_parts.h) without NAME; plan is True 
     ("asymmetric", "Asymmetric", 16, 1, 2, True, "", "", 0, 0),
     (
         "stribeck", "Stribeck", 19, 1, 2, True, "stribeck",
-        "rad that a tick travels at the Stribeck speed", 5.421010862427522e-20, 1.8446742974197924e+19,
+        "rad that a tick travels at the Stribeck speed", 1e-19, 1e+19,
     ),
 )
 # fmt: on

@@ -531,6 +531,17 @@ EXPORTED = {  # model of the scene: torque, chosen law, plan in the header
 }
 
 
+def check_stribeck(kept: dict[str, Any], header: str) -> None:
+    """The plan has the limits and the speed of the truth, and stands in the header."""
+    plan, speed = kept["plan"], 0.15 * np.abs(SPEED).max()
+    assert plan["Fc"] == pytest.approx([1.3 * FC, FC], rel=0.03)
+    assert plan["stribeck"] == pytest.approx(speed * 1e-3, rel=0.1)
+    assert plan["period"] == pytest.approx(1e-3) and kept["r2_plan"] > 0.99
+    values = plan["sigma0"][0], *plan["Fc"], plan["theta_per_count"]
+    same = plan_header.text("x", {"": Stribeck(*values, plan["stribeck"])}, [])
+    assert same.partition("*/")[2].strip() in header
+
+
 @pytest.mark.parametrize("model", EXPORTED)
 def test_the_chosen_model_is_exported(model, tmp_path, root):
     torque, law, plan = EXPORTED[model]
@@ -550,14 +561,7 @@ def test_the_chosen_model_is_exported(model, tmp_path, root):
         same = plan_header.text("x", {"": Asymmetric(part["sigma0"], *both, count)}, [])
         assert same.partition("*/")[2].strip() in header
     elif model == "stribeck":
-        plan_of, speed = kept["plan"], 0.15 * np.abs(SPEED).max()
-        assert plan_of["Fc"] == pytest.approx([1.3 * FC, FC], rel=0.03)
-        assert plan_of["stribeck"] == pytest.approx(speed * 1e-3, rel=0.1)
-        assert plan_of["period"] == pytest.approx(1e-3)
-        assert kept["r2_plan"] > 0.99
-        values = plan_of["sigma0"][0], *plan_of["Fc"], plan_of["theta_per_count"]
-        same = plan_header.text("x", {"": Stribeck(*values, plan_of["stribeck"])}, [])
-        assert same.partition("*/")[2].strip() in header
+        check_stribeck(kept, header)
     else:
         for name in ("sigma0", "Fc"):
             total = sum(part[name] for part in chosen["parts"])

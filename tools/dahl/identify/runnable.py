@@ -128,8 +128,9 @@ class Stribeck(Runnable):
     def note(self) -> str:
         speed = self.own / self.period if self.own else 0.0
         return (
-            f"A tick of this plan is {1e3 * self.period:.5g} ms long, as a row of the log. For another"
-            f" period, make it again with speed_travel = period times {speed:.5g}, the Stribeck speed."
+            f"A tick of this plan is {1e3 * self.period:.5g} ms long, as a row of the log."
+            " For another period, make it again with speed_travel = period times the Stribeck"
+            f" speed {speed:.5g}."
         )
 
     def torque(self, moves: np.ndarray, load: np.ndarray | None = None) -> np.ndarray:
