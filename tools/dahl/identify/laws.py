@@ -402,16 +402,23 @@ class Stribeck(Limits):
         return change
 
     def can_run(self, fit: Fitted, samples: Samples) -> bool:
-        return self.runnable(fit, samples).own >= MIN_STRIBECK_COUNTS * samples.count
+        return self._travel(fit, samples) >= MIN_STRIBECK_COUNTS * samples.count
 
     def runnable(self, fit: Fitted, samples: Samples) -> StribeckElement:
-        _, (strength, ln_slow) = self._values(fit.p)
-        period = float(np.median(np.diff(samples.time[samples.pieces[0]]))) / samples.block
-        own, fast = samples.reference.fast * math.exp(ln_slow) * period, float(fit.limits[0])
-        limits = fast * (1 + strength), fast
-        return StribeckElement(
-            self.name, (), (float(fit.slopes[0]),), limits, own=own, period=period
-        )
+        _, (strength, _) = self._values(fit.p)
+        fast = float(fit.limits[0])
+        limits, own = (fast * (1 + strength), fast), self._travel(fit, samples)
+        sigma0, period = (float(fit.slopes[0]),), self._period(samples)
+        return StribeckElement(self.name, (), sigma0, limits, own=own, period=period)
+
+    def _period(self, samples: Samples) -> float:
+        """s, from row to row."""
+        return float(np.median(np.diff(samples.time[samples.pieces[0]]))) / samples.block
+
+    def _travel(self, fit: Fitted, samples: Samples) -> float:
+        """rad (m), of a row at the Stribeck speed."""
+        _, (_, ln_slow) = self._values(fit.p)
+        return samples.reference.fast * math.exp(ln_slow) * self._period(samples)
 
 
 class LogSpeed(Limits):
