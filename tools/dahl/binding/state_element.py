@@ -205,6 +205,6 @@ class Stribeck(StateElement):
         if not 1 / 16 <= self.Fs / self.Fc <= 16:
             fs = parameters.digits(self.Fs)
             return f"Fc = {parameters.digits(self.Fc)} is outside Fs/16 .. 16 Fs of Fs = {fs} (N m)"
-        shown, limit = parameters.digits(self.stribeck), self._limits["stribeck"]
-        theta = parameters.digits(self.theta_per_count)
-        return f"stribeck = {shown} is outside {limit} of theta_per_count = {theta}"
+        shown, least = parameters.digits(self.stribeck), f"{4 * self.theta_per_count:.6g}"
+        limit = self._limits["stribeck"].replace("count <", f"count = {least} <")
+        return f"stribeck = {shown} is outside {limit}"
