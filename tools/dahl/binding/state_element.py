@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from dahl.binding import checks, parameters
@@ -189,8 +190,10 @@ class Stribeck(StateElement):
         return int(c.dahl_stribeck_step_at_speed_q30(*self._at_speed(dcounts, speed)))
 
     def _at_speed(self, dcounts: int, speed: float) -> tuple[Any, ...]:
-        size = min(abs(checks.real("speed", speed, "a number, not NaN (of vs)")), 2047.0)
-        return *self._arguments(), checks.counts(dcounts), round(size * 2**20)
+        size = abs(checks.real("speed", speed, "a number (of vs)"))
+        if math.isnan(size):
+            raise InputError(f"speed = {speed} is no number (of vs)")
+        return *self._arguments(), checks.counts(dcounts), round(min(size, 2047.0) * 2**20)
 
     def _params(self) -> tuple[Any, ...]:
         return (c.new("dahl_stribeck_params_t *", list(self._values.values())),)
