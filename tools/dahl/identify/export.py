@@ -20,7 +20,7 @@ from dahl.errors import InputError
 from dahl.identify.angle import smooth_angle
 from dahl.identify.fit import Fit
 from dahl.identify.lags import NONE
-from dahl.identify.laws import DAHL, OPTIONS, Law
+from dahl.identify.laws import DAHL, MIN_STRIBECK_COUNTS, OPTIONS, Law
 from dahl.identify.result import Result, term_coefficients, terms_of
 from dahl.identify.runnable import Runnable
 from dahl.identify.samples import KNOTS, NO_CLOCK_STEP, SETTLE_LENGTHS, rates_of
@@ -254,6 +254,8 @@ def _scene(model: RunnableModel, name: str, angle: str, force: str) -> str:
     sigma0, Fc = (" ".join(map(repr, some)) for some in (friction.sigma0, friction.Fc))  # noqa: N806
     kinds = " ".join(element.name for element in friction.elements)
     count = log.resolution or NO_ENCODER_COUNT / friction.a
+    if friction.own is not None and not log.resolution:
+        count = min(count, friction.own / MIN_STRIBECK_COUNTS)
     size, unit = log.shown_in
     offset, spring = (model.terms.get(term, 0.0) for term in SCENE_TERMS)
     from_centre = float(log.theta[0]) - result.samples.reference.centre

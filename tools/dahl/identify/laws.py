@@ -28,7 +28,7 @@ MIN_LOG_SPEED = 0.01  # of fast motion; at a reversal a logarithm would have no 
 MIN_LIMIT = 0.05  # of Fc: friction must not vanish or push at any speed
 MIN_SHARE = 0.02  # of sigma0 and Fc, under the least load of a log
 MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller shapes still more
-MIN_STRIBECK_COUNTS = 4  # of a row at the Stribeck speed; dahl_stribeck_prepare() refuses fewer
+MIN_STRIBECK_COUNTS = 4.001  # of a row at the Stribeck speed; dahl_stribeck_prepare() needs 4
 # Instructions of a Q30 tick on Cortex-M3 (docs/microcontroller.md): of Dahl's law, of the
 # asymmetric one and of Stribeck's, of a sum and of each of its elements.
 DAHL_TICKS, ASYMMETRIC_TICKS, STRIBECK_TICKS = 20, 33, 202
@@ -408,7 +408,7 @@ class Stribeck(Limits):
         _, (strength, _) = self._values(fit.p)
         fast = float(fit.limits[0])
         limits, own = (fast * (1 + strength), fast), self._travel(fit, samples)
-        sigma0, period = (float(fit.slopes[0]),), self._period(samples)
+        sigma0, period = (float(fit.slopes[0]),), self._period(samples) if samples.timed else 0.0
         return StribeckElement(self.name, (), sigma0, limits, own=own, period=period)
 
     def _period(self, samples: Samples) -> float:

@@ -29,7 +29,7 @@ class Runnable:
     Fc: tuple[float, ...]  # of each element; asymmetric: forward and backward; stribeck: Fs and Fc
     load: tuple[float, float] | None = None  # share of the largest load: at 0, per unit
     own: float | None = None  # of the model's own key
-    period: float = 0.0  # s, of the rows that are ticks; only a model that depends on speed has it
+    period: float = 0.0  # s, of rows and ticks, of a model that depends on speed; 0: unknown
 
     @property
     def is_mixed(self) -> bool:
@@ -54,7 +54,8 @@ class Runnable:
     @property
     def by_speed(self) -> dict[str, float]:
         """Numbers of a model that depends on speed, by their keys in JSON: rad (m) and s."""
-        return {} if self.own is None else {self.model: self.own, "period": self.period}
+        timed = {"period": self.period} if self.period else {}
+        return {} if self.own is None else {self.model: self.own, **timed}
 
     @property
     def a(self) -> float:
@@ -126,7 +127,9 @@ class Stribeck(Runnable):
 
     @property
     def note(self) -> str:
-        speed = self.own / self.period if self.own else 0.0
+        if not self.own or not self.period:
+            return "A tick of this plan is as long as a row of the log, which has no times."
+        speed = self.own / self.period
         return (
             f"A tick of this plan is {1e3 * self.period:.5g} ms long, as a row of the log."
             " For another period, make it again with speed_travel = period times the Stribeck"
@@ -143,4 +146,5 @@ class Stribeck(Runnable):
         from dahl.binding.state_element import Stribeck as Plan
 
         assert self.own is not None
-        return {"": Plan(self.sigma0[0], *self.Fc, count, self.own)}
+        slow, fast = self.Fc
+        return {"": Plan(self.sigma0[0], slow, fast, count, self.own)}
