@@ -32,7 +32,7 @@
 #define SOFTEST_OVER_SINE 1.15f        /* the load rings at least at this multiple of the slowest sine */
 #define ROTOR_SHARE 0.93f              /* of the bound: damping of the shaft, and friction on its load */
 #define STIFFEST_HZ 160.0f             /* resonance of the stiffest shaft of an elastic axis */
-#define HIDDEN_HZ 200.0f               /* the same of an axis whose sines show no shaft */
+#define HIDDEN_HZ 130.0f               /* the same of an axis whose sines show no shaft */
 #define SHAFT_STEP 1.03f               /* from one w^2 of a shaft to the next */
 #define SLOW_SHARE 0.42f               /* of the mean speed, after its low-pass: then the axis does not reverse */
 #define WEAKER 0.97f                   /* sines in a tick in which the axis is slower */
