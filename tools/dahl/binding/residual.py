@@ -98,10 +98,10 @@ class Residual(HasParameters, Copied):
         no_integral: bool = False,
     ) -> Residual:
         """Return an observer with friction, period and slew of a compensator. Without a corner, the
-        highest one that the rule allows is used, up to 15 Hz; without an integral up to 10 Hz, if
-        the noise is above a quarter of the presliding length. Without a limit, it is Fc/2, or Fc if
-        the loop has no integral. Raises as the constructor, and dahl.Error for a compensator of the
-        measured law.
+        highest one that the rule allows is used, up to 15 Hz. If the loop has no integral and the
+        noise is above a quarter of the presliding length, it is up to 10 Hz. Without a limit, it is
+        Fc/2, or Fc if the loop has no integral. Raises as the constructor, and dahl.Error for a
+        compensator of the measured law.
         """
         checks.instance("compensator", compensator, Compensator)
         if corner is None:
