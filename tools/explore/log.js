@@ -28,9 +28,9 @@ function formOf(lines) {
     const shapes = lines.map(({ text }) => cellsOf(text, separator).map((cell) => NUMBER.test(cell)).join());
     const counts = new Map();
     for (const shape of shapes) if (/true.*true/.test(shape)) counts.set(shape, (counts.get(shape) ?? 0) + 1);
-    const [shape, lasts] = [...counts].reduce((a, b) => (b[1] > a[1] ? b : a), ["", 0]);
+    const [shape, count] = [...counts].reduce((a, b) => (b[1] > a[1] ? b : a), ["", 0]);
     const words = shape.split(","), part = words.filter((word) => word === "true").length / words.length;
-    if (lasts && (!best || part * lasts > best.score)) best = { separator, first: shapes.indexOf(shape), score: part * lasts };
+    if (count && (!best || part * count > best.score)) best = { separator, first: shapes.indexOf(shape), score: part * count };
   }
   if (!best) throw new Error("no rows with two numbers, between tabs, semicolons, commas or blanks");
   return best;
@@ -126,7 +126,7 @@ function resolutionOf(angles) {
   return small.length < 3 || onGrid <= 0.95 * small.length ? 0 : sum(small) / sum(whole);
 }
 
-/** What to ask about the unit of an angle: if none is stated, or if its steps are those of an encoder in another unit only. */
+/** A question about the unit of an angle: if none is stated, or if only another unit fits the steps of an encoder. Else "". */
 function unitQuestion(angles, stated) {
   const step = resolutionOf(angles), inTurns = !stated || spanOf(angles) < 1;
   if (!stated && step === 1 && angles.every(Number.isInteger)) return "Is the angle in counts? Its steps are whole numbers.";
