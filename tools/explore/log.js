@@ -109,7 +109,8 @@ function unitIn(name, known) {
   const inBrackets = [...name.matchAll(/[[(]\s*([^\])]+?)\s*[\])]/g)].map((found) => found[1]).reverse();
   const parts = name.split(/[\s_]+/), rest = parts.slice(1);
   const pairs = rest.map((word, k) => parts[k] + word).filter((pair) => new RegExp(RULES.twoWords, "i").test(pair)).reverse();
-  let words = inBrackets.length ? inBrackets : [...pairs, ...rest.reverse(), ...(parts[0].length > 2 ? [parts[0]] : [])];
+  const isFirstWord = parts[0].length > 2 || RULES.shortTimes.includes(parts[0]);
+  let words = inBrackets.length ? inBrackets : [...pairs, ...rest.reverse(), ...(isFirstWord ? [parts[0]] : [])];
   if (!inBrackets.length && matches(RULES.rotating, name)) words = words.filter((word) => !RULES.shortLengths.includes(word));
   return words.map((word) => unitOf(word, known)).find(Boolean) ?? "";
 }
