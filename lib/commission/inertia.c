@@ -32,11 +32,13 @@
 #define SOFTEST_OVER_SINE 1.15f        /* the load rings at least at this multiple of the slowest sine */
 #define ROTOR_SHARE 0.93f              /* of the bound: damping of the shaft, and friction on its load */
 #define STIFFEST_HZ 160.0f             /* resonance of the stiffest shaft of an elastic axis */
-#define HIDDEN_HZ 110.0f               /* the same if the sines show no shaft */
+#define HIDDEN_HZ 130.0f               /* the same if the sines show no shaft */
 #define SHAFT_STEP 1.03f               /* from one w^2 of a shaft to the next */
 #define SLOW_SHARE 0.42f               /* of the mean speed: a low-passed speed above it does not reverse */
 #define WEAKER 0.97f                   /* factor of the sines in a tick in which the axis is slower */
 #define LEAST_SHARE 0.55f              /* of the sines; less would not show an elastic axis whose loop is soft */
+#define DIRECTION_S 1e-3f              /* time over which the counts show the direction */
+#define MAX_REVERSED 0.05f             /* of the windows: beyond it the inertia is false, by up to a factor of 2.5 */
 #define LOUD_SPEED_SHARE 0.6f          /* of the speed limit: beyond it a resonance is near, and the sines stop */
 #define DELAY_ERROR_TICKS 0.05f        /* the error of the fastest sine comes on top */
 #define ELASTIC_DELAY_ERROR_TICKS 0.1f /* added if the axis is elastic */
@@ -100,6 +102,9 @@ static void start_motion(dahl_commission_t *axis)
     axis->work.inertia.slowest = slowest;
     axis->work.inertia.window_ticks = ticks;
     axis->work.inertia.settle_ticks = dahl_ticks(axis, SINE_SETTLE_S);
+    axis->work.inertia.direction_ticks = dahl_ticks(axis, DIRECTION_S);
+    axis->work.inertia.moved_ticks = axis->work.inertia.reversed_ticks = 0;
+    axis->work.inertia.moved_counts = 0;
     axis->work.inertia.stroke = 0;
     axis->work.inertia.mean_speed = dahl_smaller(MEAN_SPEED, SPEED_PER_TRAVEL * axis->config.travel);
     axis->work.inertia.share = 1;
@@ -200,6 +205,27 @@ static void finish_block(dahl_commission_t *axis)
     start_block(axis);
 }
 
+/** Count the ticks in which the axis moves backward by more than the noise. */
+static void count_reversals(dahl_commission_t *axis, int32_t dcounts)
+{
+    axis->work.inertia.moved_counts += axis->stroke.speed < 0 ? -dcounts : dcounts;
+    if (++axis->work.inertia.moved_ticks < axis->work.inertia.direction_ticks) {
+        return;
+    }
+    if (axis->work.inertia.moved_counts < -(int32_t)axis->result.noise) {
+        axis->work.inertia.reversed_ticks += axis->work.inertia.moved_ticks;
+    }
+    axis->work.inertia.moved_ticks = 0;
+    axis->work.inertia.moved_counts = 0;
+}
+
+/** Return 1 if the loop shakes the axis backward in the strokes. Friction then is no constant and passes for inertia. */
+static int is_shaken(const dahl_commission_t *axis)
+{
+    const float ticks = (SINE_STROKES - 1) * (float)axis->work.inertia.window_ticks;
+    return (float)axis->work.inertia.reversed_ticks > MAX_REVERSED * ticks;
+}
+
 /** Sum torque and counts over a block of ticks. The sines of the block before follow in its first ticks, one in each. */
 static void add_to_block(dahl_commission_t *axis, int32_t dcounts)
 {
@@ -211,6 +237,7 @@ static void add_to_block(dahl_commission_t *axis, int32_t dcounts)
     if (stroke < 2 || stroke > SINE_STROKES || tick < first || tick >= first + axis->work.inertia.window_ticks) {
         return;
     }
+    count_reversals(axis, dcounts);
     axis->work.inertia.block_torque += axis->torque;
     axis->work.inertia.fall_torque += axis->work.inertia.block_torque;
     axis->work.inertia.block_counts += dcounts;
@@ -429,6 +456,16 @@ static void start_evaluation(dahl_commission_t *axis)
     axis->command.torque = dahl_commission_load(axis, axis->theta);
 }
 
+/** Evaluate the strokes. If the loop shook the axis, they show nothing. */
+static void end_strokes(dahl_commission_t *axis)
+{
+    if (is_shaken(axis)) {
+        dahl_refuse(axis, DAHL_COMMISSION_VARIES);
+        return;
+    }
+    start_evaluation(axis);
+}
+
 /** Evaluate a sine. Its phase is near that of the first one, scaled by the frequency. */
 static void evaluate_sine(dahl_commission_t *axis, int k)
 {
@@ -530,7 +567,7 @@ void dahl_inertia_tick(dahl_commission_t *axis, int32_t dcounts)
     axis->command.speed = axis->work.inertia.base.speed;
     int is_end = dahl_stroke_tick(axis);
     if (is_end && axis->work.inertia.stroke > SINE_STROKES) {
-        start_evaluation(axis);
+        end_strokes(axis);
         return;
     }
     if (is_end) {

@@ -62,7 +62,7 @@ static DAHL_COLD uint32_t slew_step_q24(const dahl_compensator_params_t *params)
 }
 
 /** Return 1 if the loop has an integral and the limit is above 0.64 Fc: the two would pass the breakaway in turns. */
-static int is_limit_above_bound(const dahl_compensator_params_t *params, const dahl_residual_params_t *residual)
+static DAHL_OUT_OF_LINE int is_limit_above_bound(const dahl_compensator_params_t *params, const dahl_residual_params_t *residual)
 {
     const dahl_real_t inverse = {(UINT32_C(25) << 27) - 1024, -31}; /* 1/0.64, and a product in float passes */
     const dahl_real_t limit = dahl_real_of_param(residual->limit);

@@ -287,6 +287,10 @@ typedef struct {
             int32_t block_counts;                    /* [count] the same sums of the counts */
             int32_t fall_counts;                     /* [count] */
             int32_t rise_counts;                     /* [count] */
+            uint32_t direction_ticks;                /* [tick] that show a direction */
+            uint32_t moved_ticks;                    /* [tick] of these */
+            uint32_t reversed_ticks;                 /* [tick] of the windows, backward */
+            int32_t moved_counts;                    /* [count] move along the stroke */
             float last_torque;                       /* [N m] last block under the window */
             float last_speed;                        /* [rad/s] likewise */
             float mean_speed;                        /* [rad/s] speed of the strokes */

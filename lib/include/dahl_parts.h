@@ -7,9 +7,9 @@
  * choose. As in dahl.h, prepare once, then step in every tick.
  *
  * @par Guarantee
- * - By counts, a torque in N m is within #DAHL_ULP_PARTS = 0.55 ulp of Fc of the exact solution.
- *   For several elements, read the sum of Fc. The bound holds for any motion, number of ticks and
- *   sampling rate.
+ * - By counts, a torque in N m is within #DAHL_ULP_PARTS = 0.55 ulp of Fc of the exact solution;
+ *   of Stribeck friction, within #DAHL_ULP_STRIBECK. For several elements, read the sum of Fc. The
+ *   bound holds for any motion, number of ticks and sampling rate.
  * - As in dahl.h: equal bits everywhere, no heap, no global variable, no libm, no division by a
  *   variable in a step.
  * - A state of all zeros is relaxed. A plan of all zeros moves nothing and gives 0 N m.
@@ -589,6 +589,114 @@ int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan
 /** @} */
 
 /**
+ * @name Stribeck friction: a bristle whose Fc falls with speed
+ * The law of LuGre (Canudas de Wit, Olsson, Astrom, Lischinsky 1995) without sigma1. Use it if
+ * static friction exceeds sliding friction, so that a drive sticks and slips.
+ * @verbatim
+ *   Fc(v) = Fc + (Fs - Fc) exp(-(v/vs)^2)        vs: the Stribeck speed
+ *   dF/dtheta = sigma0 (1 - s F/Fc(v))
+ * @endverbatim
+ * In a tick, Fc(v) is constant and the solution exact. v is the speed of the caller, or that of the
+ * counts of the tick. Fs below Fc is allowed: friction then rises with speed.
+ *
+ * @par Passivity
+ * sigma0 is constant. F is kept when Fc(v) changes, so a change of speed alone neither stores nor
+ * releases energy. If |F| exceeds Fc(v), it returns to it over the travel Fc(v)/sigma0, and never
+ * in a jump. The work of any motion at any speeds, true or not, is at least the change of
+ * F^2/(2 sigma0), less #DAHL_ENERGY_ERROR_STRIBECK. F depends on speed, so split travel has the
+ * same torque only at the same speed.
+ */
+/** @{ */
+
+/** [ulp of the larger of Fs and Fc] Torque error. */
+#define DAHL_ULP_STRIBECK 0.62
+/** [1] Error of F over the larger of Fs and Fc of the calls that end with _q30. */
+#define DAHL_STRIBECK_ERROR_Q30 6.6e-9
+/** [larger of Fs and Fc, times path length] Energy that rounding may add. */
+#define DAHL_ENERGY_ERROR_STRIBECK 5e-9
+
+/** Parameters of Stribeck friction. */
+typedef struct {
+    float sigma0;          /**< [N m/rad] stiffness at F = 0, range as in dahl_params_t */
+    float Fs;              /**< [N m] |F| after a long slow move, range as in dahl_params_t */
+    float Fc;              /**< [N m] |F| after a long fast move, Fs/16 .. 16 Fs */
+    float theta_per_count; /**< [rad/count] 2^-64 <= theta_per_count < 2^64 */
+    float speed_travel;    /**< [rad] travel of a tick at the Stribeck speed: vs times the period of
+                                ticks; 2^-64 <= speed_travel < 2^64, at least 4 theta_per_count.
+                                Fewer counts could not tell slow from fast. 0: for the calls at a
+                                speed alone; for the others, all moves are slow */
+} dahl_stribeck_params_t;
+
+/** Prepared Stribeck friction; may be `const` in flash. */
+typedef struct {
+    uint32_t slow_q32;       /**< [Q32] Fs over the larger of Fs and Fc; 1 as 2^32 - 1 */
+    uint32_t fast_q32;       /**< [Q32] Fc over the larger of both */
+    uint32_t a_mantissa;     /**< travel of one count, over ln 2, in presliding lengths of the
+                                  larger of both; 0 in a plan of all zeros */
+    int32_t a_exponent;      /**< exponent of a_mantissa */
+    uint32_t speed_mantissa; /**< speed of one count per tick over vs, times sqrt(log2 e) */
+    int32_t speed_exponent;  /**< exponent of speed_mantissa */
+    uint32_t limit_mantissa; /**< larger of Fs and Fc [N m]; top bit set */
+    int32_t limit_exponent;  /**< exponent of limit_mantissa */
+} dahl_stribeck_plan_t;
+
+/** State of Stribeck friction: w = F over the larger of Fs and Fc. */
+typedef dahl_state_t dahl_stribeck_state_t;
+
+/**
+ * Prepare Stribeck friction.
+ * @param[out] plan   plan to write; unchanged if the call fails
+ * @param      params parameters
+ * @return #DAHL_OK, or why a parameter, or the travel sigma0/Fc theta_per_count of one count, is
+ *   rejected for Fs or Fc. theta_per_count = 0 is #DAHL_ERR_PARAM: there is no step by angle. A
+ *   speed_travel below 4 theta_per_count is #DAHL_ERR_RANGE: give the speed in each call.
+ */
+DAHL_NODISCARD dahl_err_t dahl_stribeck_prepare(dahl_stribeck_plan_t *plan,
+                                                const dahl_stribeck_params_t *params);
+
+/**
+ * Move by the counts of one tick, at the speed of these counts, and return the torque.
+ * @param plan    prepared plan
+ * @param state   state to move; 0 counts leave it bit-identical
+ * @param dcounts [counts] signed move of one tick, any int32_t
+ * @return F [N m], |F| at most the larger of Fs and Fc
+ * @note Error: #DAHL_ULP_STRIBECK ulp of the larger of Fs and Fc. A move of n of the N counts of
+ *   speed_travel has a speed of n/N: with N of 8 or more, one count is at most 2 % of Fs - Fc below
+ *   Fs.
+ */
+float dahl_stribeck_step_counts(const dahl_stribeck_plan_t *plan, dahl_state_t *state,
+                                int32_t dcounts);
+
+/**
+ * Move as dahl_stribeck_step_counts() does. Integers only.
+ * @return F over the larger of Fs and Fc in Q30, -2^30 .. 2^30, a half rounded up
+ * @note Error: #DAHL_STRIBECK_ERROR_Q30.
+ */
+int32_t dahl_stribeck_step_counts_q30(const dahl_stribeck_plan_t *plan, dahl_state_t *state,
+                                      int32_t dcounts);
+
+/**
+ * Move by counts at a speed that the caller knows, from a filter, an observer or a tachometer.
+ * @param plan      prepared plan
+ * @param state     state to move; 0 counts leave it bit-identical
+ * @param dcounts   [counts] signed move, any int32_t
+ * @param speed_q20 [Q20 of vs] speed, any int32_t: 2^20 is the Stribeck speed. Its sign is ignored.
+ * @return F [N m], |F| at most the larger of Fs and Fc
+ * @note Error: #DAHL_ULP_STRIBECK ulp of the larger of Fs and Fc, for this speed.
+ */
+float dahl_stribeck_step_at_speed(const dahl_stribeck_plan_t *plan, dahl_state_t *state,
+                                  int32_t dcounts, int32_t speed_q20);
+
+/**
+ * Move as dahl_stribeck_step_at_speed() does. Integers only.
+ * @return F over the larger of Fs and Fc in Q30, -2^30 .. 2^30, a half rounded up
+ * @note Error: #DAHL_STRIBECK_ERROR_Q30.
+ */
+int32_t dahl_stribeck_step_at_speed_q30(const dahl_stribeck_plan_t *plan, dahl_state_t *state,
+                                        int32_t dcounts, int32_t speed_q20);
+/** @} */
+
+/**
  * @name Model chosen at run time
  * The calls of one model as a constant object, for a program that learns the model from a file or
  * an option. A firmware that knows its model calls dahl_NAME_step_counts() directly.
@@ -618,8 +726,8 @@ int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan
  * - number: value of parameter Model of a node. If sigma0s is 0, the node adds its number of
  *   elements.
  * - sigma0s: how many sigma0 [N m/rad]; 0: one for each of 1 .. DAHL_SLIP_MAX elements.
- * - Fcs: how many Fc [N m]; 0: one for each element; 2: one for each direction. The torque ratio
- *   is F divided by the sum of all Fc. For two directions, it is F divided by the larger Fc.
+ * - Fcs: how many Fc [N m]; 0: one for each element; 2: one for each direction, or Fs and Fc. The
+ *   torque ratio is F divided by the sum of all Fc. For 2, it is F divided by the larger one.
  * - plan: 1 if `dahl plan --model` can write its plan as a constant for flash.
  * - key: its own key in [friction] of a scene; "" if there is none.
  * - meaning: what that key sets, or other data that the model needs.
@@ -640,7 +748,9 @@ int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan
 #define DAHL_BRISTLE_MODELS(MODEL) \
     MODEL(elastoplastic, ELASTOPLASTIC, ElastoPlastic, 17, 1, 1, 1, "breakaway", \
           "the fraction of Fc up to which nothing creeps", 1e-45, 0.9999999403953552) \
-    MODEL(asymmetric, ASYMMETRIC, Asymmetric, 16, 1, 2, 1, "", "", 0, 0)
+    MODEL(asymmetric, ASYMMETRIC, Asymmetric, 16, 1, 2, 1, "", "", 0, 0) \
+    MODEL(stribeck, STRIBECK, Stribeck, 19, 1, 2, 1, "stribeck", \
+          "rad that a tick travels at the Stribeck speed", 1e-19, 1e+19)
 /* clang-format on */
 
 /** All models: the Dahl element and DAHL_OTHER_MODELS. */
@@ -651,7 +761,8 @@ int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan
 /** Parameters of any model. */
 typedef struct {
     dahl_slip_params_t each; /**< theta_per_count, and sigma0 and Fc of each element. With two Fc
-                                  and one sigma0, Fc[0] is forward and Fc[1] is backward. Only
+                                  and one sigma0, Fc[0] is forward and Fc[1] is backward, or Fc[0]
+                                  is Fs and Fc[1] is Fc. Only
                                   models whose sigma0s is 0 read `elements` */
     uint32_t slips;          /**< only `parallel` reads it. Bit k set: element k slips, otherwise it
                                   is a Dahl element */

@@ -13,6 +13,7 @@
 #include "../model/kernel.h"
 #include "../model/torque.h"
 #include "dahl_parts.h"
+#include "reciprocal.h"
 
 #define LOAD_MAX (DAHL_TOP_BIT - 1)
 
@@ -29,17 +30,6 @@ static uint64_t clamp_to_load(uint64_t w, uint32_t load)
     return (int64_t)w < -most - 1 ? 0u - ((uint64_t)load << 32) : w;
 }
 
-/** Return 1/x in Q31, for x in Q32 and 1/2 <= x < 1. Newton's method from the line 48/17 - 32/17 x, whose error is
- * at most 1/17; three steps square it to 2^-32. With the truncations the result is within 2 units. */
-static uint32_t reciprocal(uint32_t x)
-{
-    uint32_t y = 1768515945u - dahl_mulhi(x, 4042322161u); /* modulo 2, since the result is below 2 */
-    for (int steps = 3; steps > 0; steps--) {
-        y = (uint32_t)(dahl_mul(y, 0u - dahl_mulhi(x, y)) >> 31);
-    }
-    return y;
-}
-
 /** Return |dtheta| a/(c ln 2) for the bits of a normal float and a load that is not 0. If the load is 1, it is the
  * travel of dahl_step(). */
 static dahl_scaled_t travel_at_load(const dahl_plan_t *plan, uint32_t magnitude, uint32_t load)
@@ -51,7 +41,7 @@ static dahl_scaled_t travel_at_load(const dahl_plan_t *plan, uint32_t magnitude,
     dahl_real_t theta = dahl_real_of(magnitude);
     dahl_scaled_t v = dahl_scaled_of(dahl_mul(theta.mantissa, plan->a_mantissa), theta.exponent + a_exponent);
     uint32_t zeros = dahl_leading_zeros(load);
-    return dahl_scaled_of(dahl_mul(v.mantissa, reciprocal(load << zeros)), (int32_t)zeros - v.shift - 65);
+    return dahl_scaled_of(dahl_mul(v.mantissa, dahl_reciprocal_q31(load << zeros)), (int32_t)zeros - v.shift - 65);
 }
 
 static uint64_t move_clamped(const dahl_plan_t *plan, uint64_t w, uint32_t bits, uint32_t load)

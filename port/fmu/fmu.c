@@ -114,9 +114,12 @@ static void read_parameters(friction_t *f, const fmu_start_t *start, const doubl
     }
 }
 
-/* Return the torque after a long move. Its rounding may differ from that of the sum of Fc. */
+/* Return the larger of two limits, or the torque after a long move: its rounding may differ from that of the sum of Fc. */
 static double largest_torque(const friction_t *f)
 {
+    if (friction_models[f->model].calls->q30->Fcs == 2) {
+        return f->Fc;
+    }
     friction_state_t state = {.word = {0}};
     const float forward = friction_move(f, &state, (double)INFINITY, 1.0);
     const float backward = friction_move(f, &state, (double)-INFINITY, 1.0);

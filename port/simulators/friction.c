@@ -7,6 +7,7 @@
 #define TWO_30 0x1p30        /* of a ratio in Q30 */
 #define FINE_TRAVEL 0x1p-20f /* [presliding lengths] of one count */
 #define MOVE_MAX 0x1p36      /* 64 presliding lengths or more: every element is at its end */
+#define PART_MAX 0x7fffff00p0  /* and the rounding of 64 parts fits an int32_t */
 #define TWO_52 0x1p52        /* a double from here on is an integer */
 
 #define ROW(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning, low, high) {#name, key, low, high, &dahl_model_##name},
@@ -94,12 +95,16 @@ static double clamp_to(double x, double limit)
     return x > limit ? limit : x > -limit ? x : -limit;
 }
 
-/* Move by the counts that an int32_t cannot hold, and return the remaining counts. */
+/* Split a move that an int32_t cannot hold into parts of nearly equal speed. Do all but the last, and return the last. */
 static int32_t move_excess(const friction_t *f, friction_state_t *state, double counts, uint32_t load_q30)
 {
-    double left = clamp_to(counts, MOVE_MAX);
-    while (left > INT32_MAX || left < -INT32_MAX) {
-        const double part = clamp_to(left, INT32_MAX);
+    double left = clamp_to(counts, MOVE_MAX), part = left;
+    uint32_t parts = 1;
+    for (; part > PART_MAX || part < -PART_MAX; part *= 0.5) {
+        parts *= 2;
+    }
+    part = nearest(part);
+    for (; parts > 1; parts--) {
         (void)calls_of(f)->step_q30(&f->plan, state, (int32_t)part, load_q30);
         left -= part;
     }

@@ -311,6 +311,10 @@ static inline long double elastoplastic_loss(const stroke_t *x)
     return x->travel - elastic - (to - from) * (1 - b + (to + from) / 2);
 }
 
+/* --- Stribeck: only its calls, since its torque depends on speed (test_stribeck.c) ---------------------------------- */
+
+MODEL_CALLS(stribeck, stribeck, element_params)
+
 /* --- the table ----------------------------------------------------------------------------------------------------- */
 
 #define MIX_ERROR_Q30 DAHL_PARALLEL_ERROR_Q30(2)

@@ -71,7 +71,8 @@ static dahl_err_t use_loaded(void)
 /* The ratio after a long way forward at 3/4 of the load. */
 static int32_t end_of(size_t i, int order)
 {
-    const int32_t smaller_Fc = models[i].calls->Fcs == 2 && order == 0 ? 1 << 29 : 1 << 30;
+    const bool is_first = models[i].kind != DAHL_FRAMES_MODEL_STRIBECK; /* Stribeck: the second Fc is that of this fast move */
+    const int32_t smaller_Fc = models[i].calls->Fcs == 2 && (order == 0) == is_first ? 1 << 29 : 1 << 30;
     return models[i].kind == LOADED ? 3 * (1 << 28) : smaller_Fc;
 }
 

@@ -19,7 +19,7 @@ static friction_t prepared(uint32_t model, int order, float theta_per_count)
 {
     const friction_model_t *row = &friction_models[model];
     const dahl_model_q30_t *calls = row->calls->q30;
-    friction_t f = {.model = model, .params = {.each = {.theta_per_count = theta_per_count}, .slips = order == 0 ? 5u : 0u, .own = 0.6f}};
+    friction_t f = {.model = model, .params = {.each = {.theta_per_count = theta_per_count}, .slips = order == 0 ? 5u : 0u, .own = model == FRICTION_STRIBECK ? 0.004f : 0.6f}};
     f.params.each.elements = calls->Fcs != 0 ? calls->Fcs : 3;
     for (uint32_t k = 0; k < f.params.each.elements; k++) {
         f.params.each.Fc[k] = Fcs[order][k];
@@ -56,13 +56,14 @@ static void test_a_long_move_reaches_the_Fc_of_its_direction(void)
         const friction_t f = prepared(i / 4, i % 2, i % 4 < 2 ? 4e-4f : 1.6e-11f);
         const float *Fc = f.params.each.Fc;
         const uint32_t Fcs_of_model = friction_models[f.model].calls->q30->Fcs;
+        const bool is_stribeck = f.model == FRICTION_STRIBECK; /* this move is fast: Fc in both directions */
         friction_state_t state = {.word = {0}};
         double forward = 0;
         for (uint32_t k = 0; k < f.params.each.elements; k++) {
             forward += (double)Fc[k];
         }
         const double backward = Fcs_of_model == 2 ? (double)Fc[1] : forward;
-        forward = Fcs_of_model == 2 ? (double)Fc[0] : forward;
+        forward = is_stribeck ? backward : Fcs_of_model == 2 ? (double)Fc[0] : forward;
         TEST_ASSERT_DOUBLE_WITHIN(1e-7, forward, (double)friction_move(&f, &state, 1e300, 1.0));
         TEST_ASSERT_DOUBLE_WITHIN(1e-7, -backward, friction_move_q30(&f, &state, -0x1p35, 1.0) * 0x1p-30 * f.Fc);
         TEST_ASSERT_DOUBLE_WITHIN(1e-7, forward, friction_move_q30(&f, &state, (double)INFINITY, 1.0) * 0x1p-30 * f.Fc);

@@ -12,7 +12,7 @@ OWN: dict[str, Any] = {  # own keys
     model.key: model.low + 0.6 * (model.high - model.low)
     for model in models.table().values()
     if model.has_own_number
-} | {"kinds": ["dahl", "slip", "dahl"]}
+} | {"kinds": ["dahl", "slip", "dahl"], "stribeck": 0.05}
 STATE_ELEMENTS = [model for model in models.table().values() if model.has_plan and model.sigma0s]
 STATE_ELEMENTS = [model for model in STATE_ELEMENTS if model.name != "dahl"]  # of a StateElement
 
@@ -25,7 +25,7 @@ def numbers(model: models.Model) -> tuple[list[float], list[float]]:
 def whole(model: models.Model) -> float:
     """Return the torque that a ratio of 1 means."""
     torques = numbers(model)[1]
-    return max(torques) if model.has_directions else sum(torques)
+    return max(torques) if model.has_two_limits else sum(torques)
 
 
 def made(model: models.Model) -> Any:

@@ -20,7 +20,7 @@ CALLED_BY_CALLS = {"dahl_encoder_rare_move", "dahl_part_move", "dahl_slip_part_m
 INLINE = re.compile(r"dahl_node_use_\w+")  # inline calls of dahl_node_use()
 
 IN_A_TICK = re.compile(
-    r"dahl_((\w+_)?step(_counts)?(_q30)?|torque|velocity_torque(_q30)?|to_units|counts_between"
+    r"dahl_((\w+_)?step(_counts|_at_speed)?(_q30)?|torque|velocity_torque(_q30)?|to_units|counts_between"
     r"|encoder_move|compensator_(move|torque)|residual_(torque|note|q24)"
     r"|damping_apply|commission_(tick|load))"
 )

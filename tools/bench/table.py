@@ -19,7 +19,7 @@ MARKS = ("<!-- bench:target -->", "<!-- /bench:target -->")
 
 
 def rows_of(model: models.Model) -> tuple[tuple[str, str], ...]:
-    """Return the rows of a model with one Fc for each direction."""
+    """Return the rows of a model with two limits."""
     return (
         (f"`dahl_{model.name}_step_counts_q30`", f"{model.name}_q30"),
         (f"`dahl_{model.name}_step_counts`, F in N m", f"{model.name}_float"),
@@ -56,7 +56,7 @@ ROWS = [
     ("`dahl_parallel_step_counts_q30`, 4 Dahl elements", "parallel_4_q30"),
     ("`dahl_parallel_step_counts_q30`, a Dahl and a slip element", "mixed_2_q30"),
     ("`dahl_parallel_step_counts_q30`, 3 Dahl elements and a slip element", "mixed_4_q30"),
-    *(row for model in models.table().values() if model.has_directions for row in rows_of(model)),
+    *(row for model in models.table().values() if model.has_two_limits for row in rows_of(model)),
     ("`dahl_loaded_step_counts_q30`", "loaded_q30"),
     ("`dahl_loaded_step_counts_q30`, the load grew", "loaded_more_q30"),
     ("`dahl_loaded_step_counts`, F in N m", "loaded_float"),

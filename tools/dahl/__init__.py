@@ -15,6 +15,7 @@ before any move. Public names:
     Parallel(part, part, ...)           any mix of Friction and Slip on one shaft
     Asymmetric(sigma0, Fc_forward, Fc_backward, theta_per_count)   one Fc for each direction
     ElastoPlastic(sigma0, Fc, theta_per_count, breakaway)   no creep below breakaway
+    Stribeck(sigma0, Fs, Fc, theta_per_count, stribeck)   Fc falls with speed: stick-slip
     Loaded(plan), Work(plan)            Dahl element under a load; one that sums its work
     VelocityTable(torque, segment_bits)   friction that depends on speed; add it to another
     Compensator(sigma0, Fc, theta_per_count, ...)   torque that cancels friction, within bounds
@@ -56,7 +57,7 @@ if TYPE_CHECKING:
     from dahl.binding.plausible import implausible
     from dahl.binding.residual import Residual
     from dahl.binding.slip import Parallel, Slip
-    from dahl.binding.state_element import Asymmetric, ElastoPlastic
+    from dahl.binding.state_element import Asymmetric, ElastoPlastic, Stribeck
     from dahl.binding.throughput import Throughput
     from dahl.binding.velocity import VelocityTable
     from dahl.binding.work import Work
@@ -84,6 +85,7 @@ __all__ = [
     "RunError",
     "Slip",
     "State",
+    "Stribeck",
     "Throughput",
     "Timeout",
     "VelocityTable",
@@ -97,7 +99,7 @@ __all__ = [
 SUBMODULES = {"codec": "dahl.can.codec", "node": "dahl.can.node"}
 MODULES = {  # of the public classes and functions
     "binding.commission": ("Commission",),
-    "binding.state_element": ("Asymmetric", "ElastoPlastic"),
+    "binding.state_element": ("Asymmetric", "ElastoPlastic", "Stribeck"),
     "binding.compensator": ("Compensator",),
     "binding.damping": ("Damping",),
     "binding.encoder": ("Encoder", "counts_between", "to_units"),

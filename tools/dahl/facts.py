@@ -28,5 +28,9 @@ MODELS = (  # the rows of DAHL_MODELS (dahl_parts.h) without NAME; plan is True 
         "the fraction of Fc up to which nothing creeps", 1e-45, 0.9999999403953552,
     ),
     ("asymmetric", "Asymmetric", 16, 1, 2, True, "", "", 0, 0),
+    (
+        "stribeck", "Stribeck", 19, 1, 2, True, "stribeck",
+        "rad that a tick travels at the Stribeck speed", 1e-19, 1e+19,
+    ),
 )
 # fmt: on

@@ -147,7 +147,7 @@ MODEL_HEAD = ("`[friction] model`", "its keys", "torque ratio is of", "parameter
 MODEL_KEYS = {  # by the numbers of sigma0 and of Fc
     (1, 1): "`sigma0`, `Fc`",
     (0, 0): "one `sigma0` and one `Fc` for each of 1 to 8 elements",
-    (1, 2): "one `sigma0`; one `Fc` for each direction: forward, backward",
+    (1, 2): "one `sigma0`; two `Fc`: {limits}",
 }
 WHOLE = {0: "the sum of Fc", 1: "Fc", 2: "the larger Fc"}  # by the number of Fc
 FAULT_HEAD = ("frame", "counted as", "state", "bristle", "answer")
@@ -175,6 +175,7 @@ def _model_row(model: dict[str, Any]) -> tuple[str, ...]:
     own = f"`{key}`, {meaning}" if key else meaning
     own += f", {model['low']:g} to {model['high']:g}" if model["high"] else ""
     keys = MODEL_KEYS[model["sigma0s"], model["Fcs"]] + (f"; {own}" if own else "")
+    keys = keys.format(limits="Fs, Fc" if key == "stribeck" else "forward, backward")
     number = str(model["number"])
     if model["sigma0s"] == 0:
         number = f"{number} + number of elements".removeprefix("0 + ")

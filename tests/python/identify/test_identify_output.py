@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from dahl import Plan, __version__
 from dahl.binding import plan_header
-from dahl.binding.state_element import Asymmetric
+from dahl.binding.state_element import Asymmetric, Stribeck
 from dahl.identify import Log, Options, export, identify, plot, report
 from dahl.identify.laws import LAWS
 from identify_tools import (
@@ -94,6 +94,10 @@ def rig(tmp_path_factory, library):
 MOTION = sine(2, rows=2400, cycles=9)
 
 
+SPEED = np.gradient(MOTION, 1e-3)
+SLOW = np.exp(-((SPEED / (0.15 * np.abs(SPEED).max())) ** 2))
+
+
 def each_way() -> np.ndarray:
     limits = np.where(np.diff(MOTION, prepend=MOTION[0]) > 0, 1.25 * FC, 0.75 * FC)
     return dahl_torque(MOTION, SIGMA0, limits)
@@ -141,7 +145,8 @@ INSTRUCTIONS = {  # of docs/microcontroller.md; None if the library lacks the la
     "Dahl K=2": 63,
     "mixed K=2": 91,
     **dict.fromkeys(("general exponent", "Bouc-Wen", "soft shaft"), None),
-    **dict.fromkeys(("logarithm of speed", "Stribeck"), None),
+    "logarithm of speed": None,
+    "Stribeck": 202,
 }
 
 
@@ -517,6 +522,7 @@ def test_a_shaft_without_a_clock_is_in_newton_metres_and_its_sign_is_noted(tmp_p
 EXPORTED = {  # model of the scene: torque, chosen law, plan in the header
     "slip": (lambda: springs(MOTION, (80, 0.2), (20, 0.3)), "slip K=2", "dahl_plan_x"),
     "asymmetric": (each_way, "asymmetric", "dahl_plan_x"),
+    "stribeck": (lambda: dahl_torque(MOTION, Fc=FC * (1 + 0.3 * SLOW)), "Stribeck", "dahl_plan_x"),
     "parallel": (
         lambda: dahl_torque(MOTION, 60, 0.2) + springs(MOTION, (25, 0.3)),
         "",
@@ -525,10 +531,21 @@ EXPORTED = {  # model of the scene: torque, chosen law, plan in the header
 }
 
 
+def check_stribeck(kept: dict[str, Any], header: str) -> None:
+    """The plan has the limits and the speed of the truth, and stands in the header."""
+    plan, speed = kept["plan"], 0.15 * np.abs(SPEED).max()
+    assert plan["Fc"] == pytest.approx([1.3 * FC, FC], rel=0.03)
+    assert plan["stribeck"] == pytest.approx(speed * 1e-3, rel=0.1)
+    assert plan["period"] == pytest.approx(1e-3) and kept["r2_plan"] > 0.99
+    values = plan["sigma0"][0], *plan["Fc"], plan["theta_per_count"]
+    same = plan_header.text("x", {"": Stribeck(*values, plan["stribeck"])}, [])
+    assert same.partition("*/")[2].strip() in header
+
+
 @pytest.mark.parametrize("model", EXPORTED)
 def test_the_chosen_model_is_exported(model, tmp_path, root):
     torque, law, plan = EXPORTED[model]
-    log = log_of(MOTION, torque(), 0.01)
+    log = log_of(MOTION, torque(), 0.01, COUNT / (16 if model == "stribeck" else 1))
     path = write_csv(tmp_path / "x.csv", log.theta, log.torque)
     out = ("-o", tmp_path / "out", "--name", "x", "--force", "--terms", "offset")
     assert run("identify", path, *out).returncode == 0
@@ -543,6 +560,8 @@ def test_the_chosen_model_is_exported(model, tmp_path, root):
         assert both == pytest.approx((1.25 * FC, 0.75 * FC), rel=0.02)
         same = plan_header.text("x", {"": Asymmetric(part["sigma0"], *both, count)}, [])
         assert same.partition("*/")[2].strip() in header
+    elif model == "stribeck":
+        check_stribeck(kept, header)
     else:
         for name in ("sigma0", "Fc"):
             total = sum(part[name] for part in chosen["parts"])

@@ -87,7 +87,7 @@ class Reference:
         self.friction = dahl.Friction(made) if isinstance(made, dahl.Plan) else made
         self.theta = 0.0 if name == "by angle" else float(np.float32(model_examples.THETA))
         Fc = np.float32(model_examples.numbers(self.model)[1]).astype(float)
-        self.whole = Fc.max() if self.model.has_directions else Fc.sum()
+        self.whole = Fc.max() if self.model.has_two_limits else Fc.sum()
 
     def config(self) -> dict[str, Any]:
         keys = dict(line.split(" = ") for line in model_examples.keys(self.model).splitlines())

@@ -7,6 +7,7 @@
 
 float call_step(const void *, void *, int32_t, uint32_t) __asm__("bench_call");
 float call_angle_at(const dahl_plan_t *, dahl_state_t *, float, uint32_t) __asm__("bench_call");
+int32_t call_at_speed(const dahl_stribeck_plan_t *, dahl_state_t *, int32_t, int32_t) __asm__("bench_call");
 float call_work_step(const dahl_plan_t *, dahl_state_t *, dahl_work_t *, int32_t) __asm__("bench_call");
 float call_parallel(const dahl_part_t *, uint32_t, int32_t) __asm__("bench_call");
 int32_t call_parallel_q30(const dahl_part_t *, const int32_t *, uint32_t, int32_t) __asm__("bench_call");
@@ -66,6 +67,23 @@ static void step_clamped(void)
     }
 }
 
+/* At speeds of 2^-20 to 2^11 of the Stribeck speed. */
+static void step_at_speed(void)
+{
+    static const dahl_stribeck_params_t speed_params = {100.0f, 0.5f, 0.4f, 3.8349519e-4f, 0.0f};
+    static dahl_stribeck_plan_t plan;
+    if (dahl_stribeck_prepare(&plan, &speed_params) != DAHL_OK) {
+        return;
+    }
+    for (int32_t k = 0; k < 8 * MOVES; k++) {
+        const int32_t speed_q20 = (int32_t)(0x6aaaaaaau >> k % 31);
+        bench_function = (bench_function_t)dahl_stribeck_step_at_speed;
+        call_at_speed(&plan, &states[0], move_at(k % MOVES), speed_q20);
+        bench_function = (bench_function_t)dahl_stribeck_step_at_speed_q30;
+        call_at_speed(&plan, &states[0], move_at(k % MOVES), speed_q20);
+    }
+}
+
 #define STEP(name, ...) \
     { \
         static dahl_##name##_plan_t plan; \
@@ -89,4 +107,5 @@ void bench_any(void)
     step_with_work((bench_function_t)dahl_work_step_counts);
     step_with_work((bench_function_t)dahl_work_step_counts_q30);
     step_clamped();
+    step_at_speed();
 }

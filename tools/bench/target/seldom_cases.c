@@ -56,13 +56,13 @@ static void prepare_plans(void)
         bench_function = (bench_function_t)dahl_##name##_prepare; \
         (void)!call_prepare_own(&plan, &one, (float)(high) * magnitude(-8, 0)); \
     }
-/* A model with one Fc for each direction. */
+/* A model with two Fc. Its parameters are floats: sigma0, both Fc, theta_per_count, and perhaps a number of its own. */
 #define PREPARE_2(name, low, high) \
     { \
         static dahl_##name##_plan_t plan; \
-        const dahl_##name##_params_t directed = {one.sigma0, one.Fc, less_Fc, one.theta_per_count}; \
+        const float values[] = {one.sigma0, one.Fc, less_Fc, one.theta_per_count, 1000.0f * one.theta_per_count}; \
         bench_function = (bench_function_t)dahl_##name##_prepare; \
-        call_prepare(&plan, &directed); \
+        call_prepare(&plan, values); \
     }
 #define PREPARE(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning, low, high) PREPARE_##Fcs(name, low, high)
 

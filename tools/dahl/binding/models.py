@@ -31,7 +31,7 @@ class Model:
     class_name: str
     number: int
     sigma0s: int  # numbers of sigma0 [N m/rad]; 0: one for each element
-    Fcs: int  # numbers of Fc [N m]; 0: one for each element; 2: one for each direction
+    Fcs: int  # numbers of Fc [N m]; 0: one for each element; 2: of each direction, or Fs and Fc
     has_plan: bool
     key: str
     meaning: str
@@ -39,9 +39,14 @@ class Model:
     high: float
 
     @property
-    def has_directions(self) -> bool:
-        """Whether Fc differs with the direction; the torque ratio is of the larger one."""
+    def has_two_limits(self) -> bool:
+        """Whether Fc differs with direction or speed; the torque ratio is of the larger one."""
         return self.Fcs == 2
+
+    @property
+    def limit_names(self) -> list[str]:
+        """The names of both Fc of a model with two limits."""
+        return list(class_of(self)._limits)[1:3]
 
     def fits(self, sigma0s: int, Fcs: int) -> bool:  # noqa: N803
         """Return whether it can be made of this many sigma0 and Fc."""

@@ -30,7 +30,7 @@ def add_model(parser: argparse.ArgumentParser, names: Iterable[str]) -> None:
         required=True,
         metavar="Y",
         help="Coulomb torque, N m; of slip one per element: Y,Y; if each direction has its own:"
-        " forward,backward",
+        " forward,backward; of stribeck: Fs,Fc",
     )
     for model in _with_own_number():
         parser.add_argument(f"--{model.key}", metavar="B", help=f"of {model.name}: {model.meaning}")

@@ -20,7 +20,7 @@ from dahl.errors import InputError
 from dahl.identify.angle import smooth_angle
 from dahl.identify.fit import Fit
 from dahl.identify.lags import NONE
-from dahl.identify.laws import DAHL, OPTIONS, Law
+from dahl.identify.laws import DAHL, MIN_STRIBECK_COUNTS, OPTIONS, Law
 from dahl.identify.result import Result, term_coefficients, terms_of
 from dahl.identify.runnable import Runnable
 from dahl.identify.samples import KNOTS, NO_CLOCK_STEP, SETTLE_LENGTHS, rates_of
@@ -165,11 +165,11 @@ def _wanted(result: Result) -> Law | None:
 def runnable_model(result: Result) -> RunnableModel:
     """Return the law of --model or the chosen one; the nearest one if the library lacks it."""
     wanted = _wanted(result)
-    library = [f for f in result.fits if f.hypothesis.law.in_library]
+    library = [f for f in result.fits if f.hypothesis.law.can_run(f, result.samples)]
     same = [f for f in library if f.hypothesis.law is wanted]
     if result.options.model and wanted is not None and not same:
         raise InputError(f"--model {result.options.model}: this law does not fit the log")
-    is_chosen = wanted is result.hypothesis.law and result.hypothesis.law.in_library
+    is_chosen = wanted is result.hypothesis.law and wanted.can_run(result.chosen, result.samples)
     fit = result.chosen if is_chosen else _alone(result, best_of(same or library))
     friction = fit.hypothesis.law.runnable(fit, result.samples)
     return RunnableModel(result, fit, friction)
@@ -199,6 +199,7 @@ def header(model: RunnableModel, name: str, title: str) -> str:
         f"Friction identified from {title}:",
         f"{result.verdict}.",
         model.about,
+        model.friction.note,
         *(
             f"{name} [{result.units[name]}]: 95 % within {p.low:.5g} to {p.high:.5g}."
             for name, p in (("sigma0", result.sigma0), ("Fc", result.Fc))
@@ -253,6 +254,8 @@ def _scene(model: RunnableModel, name: str, angle: str, force: str) -> str:
     sigma0, Fc = (" ".join(map(repr, some)) for some in (friction.sigma0, friction.Fc))  # noqa: N806
     kinds = " ".join(element.name for element in friction.elements)
     count = log.resolution or NO_ENCODER_COUNT / friction.a
+    if friction.own is not None and not log.resolution:
+        count = min(count, friction.own / MIN_STRIBECK_COUNTS)
     size, unit = log.shown_in
     offset, spring = (model.terms.get(term, 0.0) for term in SCENE_TERMS)
     from_centre = float(log.theta[0]) - result.samples.reference.centre
@@ -267,6 +270,7 @@ def _scene(model: RunnableModel, name: str, angle: str, force: str) -> str:
             "Fc": f"{Fc} ; {log.unit}",
             "kinds": kinds if friction.is_mixed else None,
             "theta_per_count": f"{count!r} ; {log.angle_unit}",
+            friction.model: None if friction.own is None else repr(friction.own),
         },
         **({"load": {"full": 1, "column": "load"}} if friction.load else {}),
         "motion": {

@@ -8,6 +8,7 @@ element and the shape as numbers within their limits.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Protocol
@@ -17,6 +18,7 @@ import numpy as np
 from dahl.identify import models
 from dahl.identify.models import DAHL_ELEMENT, SLIP_ELEMENT, Element, Pieces
 from dahl.identify.runnable import Asymmetric, Runnable
+from dahl.identify.runnable import Stribeck as StribeckElement
 from dahl.identify.samples import Samples
 
 MAX_LN_A = 50.0  # beyond it exp() has no meaning
@@ -26,9 +28,10 @@ MIN_LOG_SPEED = 0.01  # of fast motion; at a reversal a logarithm would have no 
 MIN_LIMIT = 0.05  # of Fc: friction must not vanish or push at any speed
 MIN_SHARE = 0.02  # of sigma0 and Fc, under the least load of a log
 MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller shapes still more
-# Instructions of a Q30 tick on Cortex-M3 (docs/microcontroller.md): of Dahl's law and of the
-# asymmetric one, of a sum and of each of its elements.
-DAHL_TICKS, ASYMMETRIC_TICKS = 20, 33
+MIN_STRIBECK_COUNTS = 4.001  # of a row at the Stribeck speed; dahl_stribeck_prepare() needs 4
+# Instructions of a Q30 tick on Cortex-M3 (docs/microcontroller.md): of Dahl's law, of the
+# asymmetric one and of Stribeck's, of a sum and of each of its elements.
+DAHL_TICKS, ASYMMETRIC_TICKS, STRIBECK_TICKS = 20, 33, 202
 TICKS = {"slip": (20, 18), "dahl": (21, 21), "mixed": (49, 21)}
 
 Values = Sequence[float]
@@ -145,6 +148,10 @@ class Law:
         own = {"sigma0": float(fit.slopes[0]), "Fc": float(fit.limits[0])}
         shapes = dict(zip(self.shape_names, self._shape_of(fit.p), strict=False))
         return [{"kind": self.kind or self.label, **own, **shapes}]
+
+    def can_run(self, fit: Fitted, samples: Samples) -> bool:
+        """Whether a firmware can run this fit by counts alone."""
+        return self.in_library
 
     def runnable(self, fit: Fitted, samples: Samples) -> Runnable:
         """Return the friction as a firmware runs it, of a law that is in the library."""
@@ -382,15 +389,36 @@ class Limits(Law):
 class Stribeck(Limits):
     """More Fc if slow."""
 
-    name, label = "stribeck", "Stribeck"
+    name = option = "stribeck"
+    label = "Stribeck"
     shape = ((0.2, -0.9, 10.0), (float(np.log(0.15)), -6.0, 3.0))
     least = MIN_PEAK
-    is_by_speed = True
+    is_by_speed = in_library = True
+    instructions = STRIBECK_TICKS
 
     def change(self, samples: Samples, a: float, shape: Values) -> np.ndarray:
         slow = samples.reference.fast * np.exp(shape[1])
         change: np.ndarray = np.exp(-((samples.speed / slow) ** 2))
         return change
+
+    def can_run(self, fit: Fitted, samples: Samples) -> bool:
+        return self._travel(fit, samples) >= MIN_STRIBECK_COUNTS * samples.count
+
+    def runnable(self, fit: Fitted, samples: Samples) -> StribeckElement:
+        _, (strength, _) = self._values(fit.p)
+        fast = float(fit.limits[0])
+        limits, own = (fast * (1 + strength), fast), self._travel(fit, samples)
+        sigma0, period = (float(fit.slopes[0]),), self._period(samples) if samples.timed else 0.0
+        return StribeckElement(self.name, (), sigma0, limits, own=own, period=period)
+
+    def _period(self, samples: Samples) -> float:
+        """s, from row to row."""
+        return float(np.median(np.diff(samples.time[samples.pieces[0]]))) / samples.block
+
+    def _travel(self, fit: Fitted, samples: Samples) -> float:
+        """rad (m), of a row at the Stribeck speed."""
+        _, (_, ln_slow) = self._values(fit.p)
+        return samples.reference.fast * math.exp(ln_slow) * self._period(samples)
 
 
 class LogSpeed(Limits):

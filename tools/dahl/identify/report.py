@@ -90,6 +90,7 @@ def numbers(result: Result) -> dict[str, Any]:
             "sigma0": list(model.friction.sigma0),
             "Fc": list(model.friction.Fc),
             "theta_per_count": model.theta_per_count,
+            **model.friction.by_speed,
             "of_target": bool(result.options.target_counts),
             "against": model.against,
         },

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Friction as a firmware runs it, by the keys of a scene: elements in parallel, or one of them that
-is asymmetric or follows a load.
+is asymmetric, or follows a load or the speed.
 """
 
 from __future__ import annotations
@@ -26,8 +26,10 @@ class Runnable:
     model: str  # key of [friction] in a scene
     elements: tuple[Element, ...]
     sigma0: tuple[float, ...]  # of each element, at the largest load
-    Fc: tuple[float, ...]  # of each element; asymmetric: forward and backward
+    Fc: tuple[float, ...]  # of each element; asymmetric: forward and backward; stribeck: Fs and Fc
     load: tuple[float, float] | None = None  # share of the largest load: at 0, per unit
+    own: float | None = None  # of the model's own key
+    period: float = 0.0  # s, of rows and ticks, of a model that depends on speed; 0: unknown
 
     @property
     def is_mixed(self) -> bool:
@@ -43,6 +45,17 @@ class Runnable:
     def sums(self) -> dict[str, float]:
         """sigma0 and Fc of all elements together; of both directions the mean."""
         return {"sigma0": sum(self.sigma0), "Fc": sum(self.Fc)}
+
+    @property
+    def note(self) -> str:
+        """What a firmware must know, for its header; "" if nothing."""
+        return ""
+
+    @property
+    def by_speed(self) -> dict[str, float]:
+        """Numbers of a model that depends on speed, by their keys in JSON: rad (m) and s."""
+        timed = {"period": self.period} if self.period else {}
+        return {} if self.own is None else {self.model: self.own, **timed}
 
     @property
     def a(self) -> float:
@@ -100,3 +113,38 @@ class Asymmetric(Runnable):
         from dahl.binding.state_element import Asymmetric as Plan
 
         return {"": Plan(self.sigma0[0], self.Fc[0], self.Fc[1], count)}
+
+
+@dataclass(frozen=True)
+class Stribeck(Runnable):
+    """One element of Dahl's law whose Fc falls with speed; own: rad (m) of a tick at the Stribeck
+    speed.
+    """
+
+    @property
+    def sums(self) -> dict[str, float]:
+        return {"sigma0": self.sigma0[0], "Fc": self.Fc[1]}
+
+    @property
+    def note(self) -> str:
+        if not self.own or not self.period:
+            return "A tick of this plan is as long as a row of the log, which has no times."
+        speed = self.own / self.period
+        return (
+            f"A tick of this plan is {1e3 * self.period:.5g} ms long, as a row of the log."
+            " For another period, make it again with speed_travel = period times the Stribeck"
+            f" speed {speed:.5g}."
+        )
+
+    def torque(self, moves: np.ndarray, load: np.ndarray | None = None) -> np.ndarray:
+        slow, fast = self.Fc
+        assert self.own is not None
+        limits = 1 + (slow / fast - 1) * np.exp(-((moves / self.own) ** 2))
+        return fast * models.dahl_with_limits(moves, [slice(0, len(moves))], self.a, limits)
+
+    def plans(self, count: float) -> dict[str, AnyPlan]:
+        from dahl.binding.state_element import Stribeck as Plan
+
+        assert self.own is not None
+        slow, fast = self.Fc
+        return {"": Plan(self.sigma0[0], slow, fast, count, self.own)}

@@ -139,6 +139,27 @@ def exact_elastoplastic_ratios(
         return list(_from_reversals(moves, after))
 
 
+def exact_stribeck_ratios(
+    moves: Iterable[int], elements: Sequence[tuple[float, float]], theta: float, stribeck: float
+) -> list[mpmath.mpf]:
+    """Return F over the larger limit after each move of one tick in counts; elements: (sigma0, Fs)
+    and (sigma0, Fc). In a move, the distance to s f decays as exp(-sigma0/f theta), with the limit
+    f = Fc + (Fs - Fc) exp(-(|move| theta/stribeck)^2).
+    """
+    ratios = []
+    with mpmath.workprec(PRECISION_BITS):
+        sigma0 = _mpf(_as_in_c(elements[0][0]))
+        slow, fast = (_mpf(_as_in_c(torque)) for _, torque in elements)
+        count, of_speed = _mpf(_as_in_c(theta)), _mpf(_as_in_c(stribeck))
+        torque = mpmath.mpf(0)
+        for travel in (int(move) * count for move in moves):
+            limit = fast + (slow - fast) * mpmath.exp(-((travel / of_speed) ** 2))
+            end = mpmath.sign(travel) * limit
+            torque = end - (end - torque) * mpmath.exp(-sigma0 / limit * abs(travel))
+            ratios.append(torque / max(slow, fast))
+    return ratios
+
+
 def exact_loaded_ratios(
     moves: Iterable[int], loads: Iterable[Fraction], travel: Fraction
 ) -> list[mpmath.mpf]:
@@ -169,6 +190,9 @@ EXACT: dict[str, Callable[[Scene, Moves, Iterable[Fraction]], list[mpmath.mpf]]]
     ),
     "asymmetric": lambda scene, moves, _: exact_asymmetric_ratios(
         moves, scene.elements, scene.theta_per_count
+    ),
+    "stribeck": lambda scene, moves, _: exact_stribeck_ratios(
+        moves, scene.elements, scene.theta_per_count, scene.own
     ),
 }  # torque ratio after each move, from rest, by the name of the model; loads as fractions of 1
 

@@ -59,7 +59,7 @@ class Scene:
     path: Path
     title: str  # the name of the file if it has none
     model: str = "dahl"  # a name in models.table()
-    # (sigma0 [N m/rad], Fc [N m]) of each element, or of each direction: forward, backward
+    # (sigma0 [N m/rad], Fc [N m]) of each element, or two limits: forward, backward or slow, fast
     elements: tuple[tuple[float, float], ...] = ()
     theta_per_count: float = 0.0
     seconds: float = 0.0  # length of the motion; 0 if the scene does not give it
@@ -78,22 +78,22 @@ class Scene:
         return self.path.stem
 
     @property
-    def has_directions(self) -> bool:
-        """Whether `elements` are forward and backward instead of parallel."""
+    def has_two_limits(self) -> bool:
+        """Whether `elements` are forward and backward, or slow and fast, instead of parallel."""
         model = models.table().get(self.model)
-        return model is not None and model.has_directions
+        return model is not None and model.has_two_limits
 
     @property
     def sigma0(self) -> float:
-        """N m/rad, the sum of all elements; if Fc has a direction, that of both."""
-        if self.has_directions:
+        """N m/rad, the sum of all elements; of two limits, that of both."""
+        if self.has_two_limits:
             return self.elements[0][0]
         return sum(sigma0 for sigma0, _ in self.elements)
 
     @property
     def Fc(self) -> float:  # noqa: N802
-        """N m, at a torque ratio of 1: the sum of all elements, or the larger of two directions."""
-        if self.has_directions:
+        """N m, at a torque ratio of 1: the sum of all elements, or the larger of two limits."""
+        if self.has_two_limits:
             return max(torque for _, torque in self.elements)
         return sum(torque for _, torque in self.elements)
 
@@ -145,7 +145,7 @@ def read(path: Path, sets: Sequence[str] = ()) -> Scene:
     scene = Scene(path, file.text("scene", "title") or path.stem, file=file)
     scene.model = file.text("friction", "model")
     sigma0, torques = file.numbers("friction", "sigma0"), file.numbers("friction", "Fc")
-    if scene.has_directions:
+    if scene.has_two_limits:
         sigma0 = sigma0 * len(torques)
     scene.elements = tuple(zip(sigma0, torques, strict=False))
     if key := models.table()[scene.model].key:

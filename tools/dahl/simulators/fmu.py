@@ -122,8 +122,8 @@ class Fmu:
             text = "stiffness at rest"
             variables[SIGMA0 + k] = _parameter(name, "N.m/rad", text, value, *TORQUE_LIMITS)
         names = _names("Fc", len(self.Fc))
-        if self.model.has_directions:
-            names = ["Fc_forward", "Fc_backward"]
+        if self.model.has_two_limits:
+            names = self.model.limit_names
         for k, (name, value) in enumerate(zip(names, self.Fc, strict=True)):
             variables[FC + k] = _parameter(name, "N.m", "Coulomb torque", value, *TORQUE_LIMITS)
         text, limits = "presliding damping; 0: none", (0.0, parameters.TORQUE_MAX)
