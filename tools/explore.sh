@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: MIT
 # Usage: tools/explore.sh [OUT.html]
 #
-# Writes one web page that runs the C library, compiled to WebAssembly: move sliders and see the loop, beside other friction laws;
-# drop a CSV on it; copy the code with your numbers. The default is build/explore.html. The page needs no other file and no network.
+# Writes one web page that runs the C library, compiled to WebAssembly. Move sliders and see the loop, beside other friction laws.
+# Drop a CSV on it. Copy the code with your numbers. The default is build/explore.html. The page needs no other file and no network.
 # Open it in any browser of 2023 or later. Sources: tools/explore.
 set -euo pipefail
 # shellcheck source=tools/common.sh

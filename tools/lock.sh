@@ -4,7 +4,7 @@
 #
 # Writes tools/requirements.lock: the packages of [dependency-groups] in pyproject.toml and all packages that they require, with
 # version and SHA-256 sums, for every platform and every Python from 3.11 on. Run it after a change of a group. A package keeps its
-# locked version unless a group requires another one. Writes the sums of tools/setup/mujoco-VERSION.lock too.
+# locked version unless a group requires another one. It also fills each tools/setup/mujoco-VERSION.lock.
 # Examples:  tools/lock.sh             after adding a line to a group
 #            tools/lock.sh --upgrade   newest versions of all packages that the groups do not pin
 set -euo pipefail

@@ -3,15 +3,16 @@
 # Usage: tools/setup.sh [NEED...]
 #
 # Installs what a need requires and what is not installed yet. The other scripts call it; the default need is `test`.
-#   demo      C compiler, CMake, three small parser libraries; Python (and Python.h) with the packages of `dahl demo`
+#   demo      C compiler, CMake; Python (and Python.h) with the packages of `dahl demo`
 #   identify  demo, and the packages of the other commands of `dahl`
 #   firmware  demo, and a cross compiler and an emulator for Cortex-M (tools/demo.sh --target)
 #   test      identify, Unity and pytest: for tools/test.sh without options
 #   docs      test, Doxygen, Sphinx and a browser: for tools/docs.sh
 #   explore   demo, clang and lld: for tools/explore.sh
 #   vm        demo, an emulator, can-utils, and a kernel with CAN if this one lacks it: for tools/vm.sh
-#   checks    test, firmware, vm, docs, other compilers, small cores, fuzzers, provers, a browser, CBMC, MuJoCo: for tools/test.sh --checks
-#   bench     identify, firmware and the other cores of tools/bench.sh
+#   checks    test, firmware, vm, docs, other compilers, small cores, fuzzers, provers, a browser, CBMC, MuJoCo,
+#             JAX, MinGW-w64, Wine: for tools/test.sh --checks
+#   bench     identify, firmware, SLEEF and the other cores of tools/bench.sh
 #   all       everything
 # apt-get installs Debian packages, as root or with sudo. Everything else is under build/: the Python packages of
 # tools/requirements.lock in build/venv, uv, which installs them, and other downloads in build/deps. Optional packages are tried

@@ -105,8 +105,8 @@ DAHL_INLINE void dahl_clamp_state(dahl_state_t *state)
     state->w = (int64_t)dahl_clamp((uint64_t)state->w);
 }
 
-/** w as a double, at most 1 - 2^-53. So c = (s - w) g is not 0 while the shaft moves, and d = e d + c never decays to a
- * subnormal number, which takes some processors 100 cycles. */
+/** w as a double, at most 1 - 2^-53. So c = (s - w) g is not 0 while the shaft moves, and d = e d + c never becomes a
+ * subnormal number. Such a number takes some processors 100 cycles. */
 DAHL_INLINE double dahl_w_of(const dahl_state_t *state)
 {
     return (double)state->w * 0x1.fffffffffffffp-63;

@@ -18,32 +18,44 @@
 #define SINE_ACCELERATION 60.0f        /* rad/s2 of a stroke */
 #define SINE_SETTLE_S 0.04f
 #define AXIS_WINDOW_S 0.25f
-#define BLOCK_TICKS 5                  /* a block of ticks is demodulated at once, one sine in each tick */
-#define LOAD_TICK 4                    /* of the block: reads the load at the angle of the tick before */
+#define BLOCK_TICKS 5                  /* the sums of a block are demodulated in the next ticks, one sine in each */
+#define LOAD_TICK 4                    /* tick of a block that reads the load */
 #define MIN_SHARE 0.1f                 /* least speed of a sine over that of its reference */
 #define MAX_FACTOR 5.0f                /* of the inertia over that of the configuration */
 #define MAX_TANGENT 1.2f               /* of the phase less the guess */
 #define MAX_GUESS_RAD 1.3f
 #define SAMPLING_ERROR (1.0f / 12)     /* of the inertia, over (w period)^2: torque and speed are means over a tick */
-#define LAG_ERROR (1.0f / 16)          /* more, and its interval: a current lag of up to half a tick */
-#define INERTIA_ERROR 0.006f           /* of each sine, of the inertia */
-#define ELASTIC_ERROR 0.005f           /* more, of an elastic axis */
-#define COUNT_ERROR 0.018f             /* more, for a noise of a count over the amplitude of the sine */
+#define LAG_ERROR (1.0f / 16)          /* added for a current lag of up to half a tick; also its interval */
+#define INERTIA_ERROR 0.006f           /* of the inertia, at each sine */
+#define ELASTIC_ERROR 0.005f           /* added if the axis is elastic */
+#define COUNT_ERROR 0.018f             /* added for each count of noise, over the amplitude of the sine */
 #define SOFTEST_OVER_SINE 1.15f        /* the load rings at least at this multiple of the slowest sine */
 #define ROTOR_SHARE 0.93f              /* of the bound: damping of the shaft, and friction on its load */
 #define STIFFEST_HZ 160.0f             /* resonance of the stiffest shaft of an elastic axis */
-#define HIDDEN_HZ 130.0f               /* the same of an axis whose sines show no shaft */
+#define HIDDEN_HZ 130.0f               /* the same if the sines show no shaft */
 #define SHAFT_STEP 1.03f               /* from one w^2 of a shaft to the next */
-#define SLOW_SHARE 0.42f               /* of the mean speed, after its low-pass: then the axis does not reverse */
-#define WEAKER 0.97f                   /* sines in a tick in which the axis is slower */
+#define SLOW_SHARE 0.42f               /* of the mean speed: a low-passed speed above it does not reverse */
+#define WEAKER 0.97f                   /* factor of the sines in a tick in which the axis is slower */
 #define LEAST_SHARE 0.55f              /* of the sines; less would not show an elastic axis whose loop is soft */
 #define DIRECTION_S 1e-3f              /* time over which the counts show the direction */
 #define MAX_REVERSED 0.05f             /* of the windows: beyond it the inertia is false, by up to a factor of 2.5 */
 #define LOUD_SPEED_SHARE 0.6f          /* of the speed limit: beyond it a resonance is near, and the sines stop */
 #define DELAY_ERROR_TICKS 0.05f        /* the error of the fastest sine comes on top */
-#define ELASTIC_DELAY_ERROR_TICKS 0.1f /* more, of an elastic axis */
+#define ELASTIC_DELAY_ERROR_TICKS 0.1f /* added if the axis is elastic */
 
 enum { SINES = DAHL_COMMISSION_SINES, SETS = 2, NONE = SINES };
+
+/** Steps of the evaluation, each by its first tick. Most take a tick for each sine. */
+enum {
+    FIND_INERTIA,
+    FIND_DIFFERENCE = SINES,
+    FIND_ERROR = 2 * SINES,
+    FIND_SLOPE_ERROR = 3 * SINES, /* this one and the next two take one tick */
+    FIND_ELASTIC,
+    FIND_DELAY,
+    SUBTRACT_FRICTION = 4 * SINES,
+    START_SEARCH = 5 * SINES
+};
 
 /** Periods of the sines in a window: 16, 28, 44 Hz; 12, 20, 28 Hz. */
 static const uint8_t periods[SETS][SINES] = {{4, 7, 11}, {3, 5, 7}};
@@ -464,24 +476,25 @@ static void evaluate_sine(dahl_commission_t *axis, int k)
     }
 }
 
+/** Evaluate one step in each tick. */
 static void evaluate_step(dahl_commission_t *axis)
 {
     const int step = axis->work.inertia.evaluated++, k = step % SINES;
-    if (step < SINES) {
+    if (step < FIND_DIFFERENCE) {
         evaluate_sine(axis, k);
-    } else if (step < 2 * SINES) {
+    } else if (step < FIND_ERROR) {
         if (!find_difference(axis, k)) {
             try_slower(axis);
         }
-    } else if (step < 3 * SINES) {
+    } else if (step < FIND_SLOPE_ERROR) {
         axis->work.inertia.error[k] = own_error(axis, k) + lag_error(axis, k);
-    } else if (step == 3 * SINES) {
+    } else if (step == FIND_SLOPE_ERROR) {
         find_slope_error(axis);
-    } else if (step == 3 * SINES + 1) {
+    } else if (step == FIND_ELASTIC) {
         find_elastic(axis);
-    } else if (step == 3 * SINES + 2) {
+    } else if (step == FIND_DELAY) {
         find_delay(axis);
-    } else if (step < 5 * SINES) {
+    } else if (step < START_SEARCH) {
         axis->work.inertia.inertia[k] = inertia_without_friction(axis, k, axis->result.delay.best);
     } else {
         start_search(axis);

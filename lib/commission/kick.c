@@ -9,12 +9,12 @@
 #define GAINS 3
 #define MAX_FAILS 5
 #define LENGTH_FACTOR 1.6f      /* of length_long after a swing */
-#define FADE_S 0.06f            /* the compensator fades in, in 0.05 s */
+#define FADE_S 0.06f            /* wait for the compensator, which fades in within 0.05 s */
 #define PUSH_S 0.05f            /* longest push */
 #define PUSH_RAD 0.1f
 #define MAX_SPEED 2.5f          /* rad/s */
 #define WATCH_S 0.2f            /* of a window */
-#define CREEP_WINDOWS 3
+#define CREEP_WINDOWS 3         /* of creep after a push, until the gain falls */
 #define FIRST_WINDOWS 2         /* the same at the highest gain, which leaves the least friction */
 #define SWING_WINDOWS 10
 #define MAX_WINDOWS 20

@@ -3,7 +3,7 @@
 #include "../arith/fixed.h"
 #include "commission.h"
 
-/** Return a first value of the root of x > 0, at most 4 % off: half of the exponent. */
+/** Return a first value of the root of x > 0, at most 4 % off. The shift halves the exponent. */
 static float guess_root(float x)
 {
     return dahl_float_of((dahl_bits_of(x) >> 1) + 0x1FBD1DF6u);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/** Stage 2: strokes to and fro at three sweep_speeds. The torque of each stroke is averaged in bins of angle.
+/** Stage 2: strokes to and fro at three speeds. The torque of each stroke is averaged in bins of angle.
  *
  * Half the difference of the directions is friction, half the sum is load. The slope of friction over speed is viscous
  * friction. Two passes at each speed show if the friction repeats. */
@@ -18,12 +18,11 @@
 #define LEVEL_ERROR 0.006f       /* of Fc: smallest error of a speed */
 #define COUNT_WAITS 4.0f         /* wait of the watch on the encoder, over the time of the first count */
 #define MAX_ACCELERATION 225.0f  /* rad/s2 that the limit must allow */
+#define MAX_BACKWARD_SHARE 0.05f /* of the ticks of a stroke: an axis that shakes moves backward, and friction cancels */
 
-#define MAX_REVERSED 0.05f       /* of a stroke: a loop that shakes the axis moves it backward, and friction cancels */
-
-/** Speeds, and those after the loop shook the axis at the slowest one. */
+/** [rad/s] Speeds, and those after the loop shook the axis at the slowest one. */
 static const float sweep_speeds[2][SPEEDS] = {{0.6f, 1.2f, DAHL_COMMISSION_SPEED_MAX},
-                                        {1.2f, 1.8f, DAHL_COMMISSION_SPEED_MAX}};
+                                              {1.2f, 1.8f, DAHL_COMMISSION_SPEED_MAX}};
 
 /** Steps of the evaluation of a speed, after its bins. */
 enum { FIND_LEVEL = BINS, LOWER_LIMIT, CHECK_REPEAT, NEXT_SPEED, FIT_LINE, FIND_VISCOUS };
@@ -58,7 +57,8 @@ static void add_to_bin(dahl_commission_t *axis)
     }
     int kind = (axis->command.speed > 0 ? 1 : 0) + (axis->work.sweeps.stroke > 2 ? 2 : 0);
     int bin = bin_of(axis, axis->theta);
-    axis->work.sweeps.reversals = (uint16_t)(axis->work.sweeps.reversals + (axis->command.speed * axis->speed < 0));
+    const int is_reversed = axis->command.speed * axis->speed < 0;
+    axis->work.sweeps.backward_ticks = (uint16_t)(axis->work.sweeps.backward_ticks + is_reversed);
     axis->work.sweeps.sum[kind][bin] += axis->torque;
     axis->work.sweeps.samples[kind][bin]++;
 }
@@ -280,11 +280,11 @@ static int sweep_tick(dahl_commission_t *axis)
 static void next_sweep(dahl_commission_t *axis)
 {
     float end = axis->work.sweeps.stroke & 1 ? -axis->config.travel : axis->config.travel;
-    axis->work.sweeps.reversals = 0;
+    axis->work.sweeps.backward_ticks = 0;
     dahl_stroke_to(axis, end, sweep_speeds[axis->is_fast][axis->work.sweeps.speed], ACCELERATION);
 }
 
-/** Sweep again at higher sweep_speeds, because the loop shakes the axis. Refuse if it still does. */
+/** Sweep again at higher speeds, because the loop shakes the axis. Refuse if it still does. */
 static void sweep_faster(dahl_commission_t *axis)
 {
     if (axis->is_fast || axis->work.sweeps.speed > 0) {
@@ -305,7 +305,7 @@ void dahl_sweeps_tick(dahl_commission_t *axis)
     if (!is_end) {
         return;
     }
-    if ((float)axis->work.sweeps.reversals > MAX_REVERSED * (float)axis->stroke.cruise_ticks) {
+    if ((float)axis->work.sweeps.backward_ticks > MAX_BACKWARD_SHARE * (float)axis->stroke.cruise_ticks) {
         sweep_faster(axis);
         return;
     }

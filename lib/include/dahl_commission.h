@@ -246,7 +246,7 @@ typedef struct {
             float square;    /* [N2 m2] square of the change: sum over the bins */
             float slope;     /* [N m s/rad] slope of the friction over the speed */
             float intercept; /* [N m] friction of this line at speed 0 */
-            uint16_t reversals; /* ticks of this stroke in which the axis moved backward */
+            uint16_t backward_ticks; /* ticks of this stroke in which the axis moved backward */
             uint8_t speed;   /* index of the speed */
             uint8_t stroke;  /* stroke of this speed */
             uint8_t bins;    /* bins in the sums */

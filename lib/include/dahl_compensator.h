@@ -349,19 +349,19 @@ void dahl_compensator_change(const dahl_compensator_plan_t *from, const dahl_com
  * The rules were tested on rigid axes and on axes with a resonance of 30 to 200 Hz, with delays of 0
  * to 3 ticks. The loops were stable at 0.6 to 1.7 times the expected inertia. After the reference
  * has stopped, the end speed is at most 1.5 times that without the observer, plus 0.02 rad/s or
- * 2 counts times sqrt(sigma0/inertia). Three conditions hold:
- * - the noise is shorter than the presliding length,
- * - a count moves the torque of the loop, behind the low-pass of its speed, by less than Fc/4.
- *   Otherwise a loop without noise may rest within a count, and the observer swings over it,
- * - the loop is stiff: Fc/kp is at most 0.1 rad, kp in N m/rad.
+ * 2 counts times sqrt(sigma0/inertia). This needs three conditions:
+ * - The noise is shorter than the presliding length.
+ * - A count moves the torque of the loop, behind the low-pass of its speed, by less than Fc/4.
+ *   Otherwise a loop without noise may rest within a count, and the observer swings over it.
+ * - The loop is stiff: Fc/kp is at most 0.1 rad, kp in N m/rad.
  *
  * Rules of use:
  * - If the loop has no integral, set no_integral. The limit must then be at least gain Fc plus the
- *   load that no feed-forward cancels: less cannot cancel the push of the reference law at rest.
+ *   load that no feed-forward cancels. Less cannot cancel the push of the reference law at rest.
  * - If it has an integral, that cancels push and load. Give half of the true Fc: with more, some
  *   loops under a load hunt at rest. The prepare function refuses more than 0.64 Fc.
  * - The torque of the compensator is y + r. Each of them keeps its limit and the slew of the
- *   compensator, so the limit of the sum is the sum of both limits, and its slew is twice the slew.
+ *   compensator. So the limit of the sum is the sum of both limits, and its slew is twice the slew.
  * - r fades in and out with the compensator. A bad reading holds it. After fewer than
  *   #DAHL_COMPENSATOR_BAD_TICKS of them, the change of the speed since the last move counts. After
  *   more, r goes on without a step.

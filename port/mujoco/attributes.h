@@ -22,9 +22,9 @@ int attributes_list(const char *names[ATTRIBUTES_MAX]);
 /* Return the model, FRICTION_...; FRICTION_MODELS if its name is wrong. */
 uint32_t attributes_read_model(const mjModel *m, int instance);
 
-/* Read and check all attributes, and prepare the friction. For a bad attribute, free d and call mju_error() with the name of the
- * instance, the attribute, its value and its limit; MuJoCo then rejects the model. The call does not return then, so it owns no
- * memory. */
+/* Read and check all attributes, and prepare the friction. For a bad attribute, free d and call mju_error(), which names the
+ * instance, the attribute, its value and its limit, and does not return. MuJoCo then rejects the model. So this function must own
+ * no memory. */
 void attributes_read(const mjModel *m, mjData *d, int instance, instance_t *self);
 
 #endif

@@ -136,7 +136,7 @@ static void test_bounds_of_random_axes(void)
     }
 }
 
-/* Axes that an earlier rule refused or judged wrongly: each must pass every line. */
+/* Axes near the limits of the rules: each must pass every line. */
 static void test_axes_at_the_edge_of_the_rules(void)
 {
     static const uint64_t numbers[] = {

@@ -380,8 +380,8 @@ static void test_a_count_that_moves_the_torque_by_Fc_swings(void)
     TEST_ASSERT_TRUE(!is_case(&c) && count_torque(&c) > 0.25 && count_step(&c) < 0.25);
 }
 
-/* Gravity that no feed-forward cancels. With a limit of Fc, which prepare refuses unless it is told that there is no integral, the
- * integral and the observer take turns to pass the breakaway. */
+/* Gravity that no feed-forward cancels. With a limit of Fc, the integral and the observer take turns to pass the breakaway. Prepare
+ * refuses that limit, so the test sets no_integral. */
 static void test_an_integral_needs_a_limit_below_Fc(void)
 {
     const double J = 5e-5, Fc = 0.0056, length = 0.8e-3;

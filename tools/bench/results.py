@@ -199,8 +199,8 @@ def ratios(host: dict[str, Any]) -> dict[str, float]:
 
 
 def distances(host: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return how many times as long as a plain copy of the arrays each way takes: geometric mean
-    over the motions, the most, and the motion with the most.
+    """Return the time of each way over that of a plain copy of the arrays: `mean` is geometric,
+    over the motions, `most` is that of the worst motion.
     """
     speed = host["speed"]
     found = {}

@@ -29,7 +29,7 @@ BUILT_IN = "dict, tuple, int, BaseException, OSError"  # their members are not l
 MENU = {  # pages that are not listed follow under "Project"
     "In a firmware": "microcontroller encoder parts compensation commissioning steering rendering",
     "From a log": "identify log_to_compensator",
-    "Simulate and test": "simulators loop quadrants",
+    "Simulate and test": "simulate simulators loop quadrants",
     "Model and numbers": "model accuracy speed verification",
     "Reference": "c python",
 }
@@ -146,7 +146,7 @@ def is_inside(node: nodes.Node, kinds: tuple[type, ...]) -> bool:
 
 
 def format_docstring(app: Sphinx, *arguments: Any) -> None:
-    """Add markup; |F|, **keys and PREFIX_ are none."""
+    """Add markup, and escape what looks like markup: |F|, **keys and PREFIX_."""
     lines = add_markup("\n".join(arguments[-1])).split("\n")
     for number, line in enumerate(lines):
         if not re.match(r" {4}|>>>|\.\.\.", line):

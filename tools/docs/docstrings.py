@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The docstrings of dahl have aligned columns and indented code; markup would join such lines."""
+"""Markup for the docstrings of dahl. Without it, the site would join lines of columns and code."""
 
 import re
 
@@ -12,7 +12,9 @@ def add_markup(text: str) -> str:
 
 
 def with_markup(paragraph: str) -> str:
-    """It has columns if its first line and another one have. Deeper lines continue a row."""
+    """Return a paragraph with markup. It has columns if its first line and another one have. A
+    deeper line continues the row above.
+    """
     lines = paragraph.split("\n")
     rows = [ROW.fullmatch(line) for line in lines]
     if rows[0] is None or sum(row is not None for row in rows) < 2:

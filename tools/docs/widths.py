@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Look for clipped content in a built site, at the widths of a phone and of a desk, in Chromium.
 
-Usage: widths.py SITE [PICTURES]. It prints each page that is wider than the window, each equation
-and each box that hides a part of its content, and each request to a network; then the number of
-pages. It exits with 1 if it found a fault. PICTURES gets screenshots. Without Chromium it does
-nothing.
+Usage: widths.py SITE [PICTURES]. It prints each page that is wider than the window, and each
+equation and box that hides a part of its content. It also prints each request to a network, then
+the number of pages. It exits with 1 if it found a fault. PICTURES gets screenshots. Without
+Chromium it measures nothing, and exits with 0.
 """
 
 import html

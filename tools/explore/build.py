@@ -27,6 +27,7 @@ def rules() -> dict[str, object]:
         "twoWords": units.TWO_WORDS,
         "rotating": units.ROTATING,
         "shortLengths": units.SHORT_LENGTHS,
+        "shortTimes": units.SHORT_TIMES,
         "roles": readers.ROLES,
         "derived": readers.DERIVED,
         "setpoint": readers.SETPOINT,

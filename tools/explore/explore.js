@@ -60,13 +60,13 @@ function turningPoints(A) {
 /** {theta [rad], seconds} of n + 1 ticks. */
 function motion() {
   const T = value.cycles / value.frequency, n = Math.min(Math.round(T * value.rate), MAX_TICKS), theta = new Float64Array(n + 1);
-  const A = value.amplitude / 1000, points = turningPoints(A), ways = [0];
-  for (let k = 1; k < points.length; k++) ways.push(ways[k - 1] + Math.abs(points[k] - points[k - 1]));
+  const A = value.amplitude / 1000, points = turningPoints(A), travels = [0];
+  for (let k = 1; k < points.length; k++) travels.push(travels[k - 1] + Math.abs(points[k] - points[k - 1]));
   for (let k = 0, part = 1; k <= n; k++) {
-    const cycle = (value.cycles * k) / n, way = (ways.at(-1) * k) / n;
-    while (way > ways[part] && part < points.length - 1) part++;
+    const cycle = (value.cycles * k) / n, travel = (travels.at(-1) * k) / n;
+    while (travel > travels[part] && part < points.length - 1) part++;
     theta[k] = value.kind === "sine" ? A * Math.exp(-value.decay * cycle) * Math.sin(2 * Math.PI * cycle)
-      : points[part - 1] + Math.sign(points[part] - points[part - 1]) * (Math.min(way, ways[part]) - ways[part - 1]);
+      : points[part - 1] + Math.sign(points[part] - points[part - 1]) * (Math.min(travel, travels[part]) - travels[part - 1]);
   }
   return { theta, seconds: theta.map((_, k) => (T * k) / n) };
 }
@@ -84,8 +84,8 @@ function simulate() {
   for (let k = 0; k < n; k++) run.dahl[k] = dahl.step(clamp(moves[k], -(2 ** 31), 2 ** 31 - 1));
   let w = torque ? round(clamp(torque[0] / Fc, -1, 1)) : 0, v = 0;
   for (let k = 0; k < n; k++) {
-    const way = Math.sign(moves[k]), dt = k ? seconds[k] - seconds[k - 1] : 0;
-    if (way) w = round(w + round(round(way - w) * round(-Math.expm1(-round(u * Math.abs(moves[k]))))));
+    const direction = Math.sign(moves[k]), dt = k ? seconds[k] - seconds[k - 1] : 0;
+    if (direction) w = round(w + round(round(direction - w) * round(-Math.expm1(-round(u * Math.abs(moves[k]))))));
     if (dt > 0) v += ((moves[k] * size) / dt - v) * (value.tau > 0 ? -Math.expm1((-dt * 1000) / value.tau) : 1);
     if (Math.abs(v) * dt < 1e-6 * size) v = 0;
     run.float[k] = Fc * w;
@@ -172,12 +172,12 @@ function warningOf(run) {
 }
 
 function factsOf(run) {
-  const length = value.Fc / value.sigma0, gap = largest(run.dahl.map((F, k) => Math.abs(F - run.float[k])));
+  const length = value.Fc / value.sigma0, difference = largest(run.dahl.map((F, k) => Math.abs(F - run.float[k])));
   return {
     "Presliding length Fc/sigma0": `${digits(length * 1000)} ${named("mrad")}`,
     "the same in counts": `${digits(length / perCount())} counts`,
     "Torque reached": `${digits(smallest(run.dahl), 4)} to ${digits(largest(run.dahl), 4)} ${named("N m")}`,
-    "Float state differs by up to": `${digits(gap / value.Fc)} Fc`,
+    "Float state differs by up to": `${digits(difference / value.Fc)} Fc`,
   };
 }
 
@@ -265,7 +265,7 @@ function preselectUnits() {
   check();
 }
 
-/** Read the columns in their units. Throws what must be answered or mended first. */
+/** Read the columns in their units. It throws an error that names what the user must answer first. */
 function readLog() {
   const [angleAt, torqueAt, angleUnit, torqueUnit] = ["angle", "torque", "angleUnit", "torqueUnit"].map((id) => $(id).value);
   if (!angleAt || !torqueAt || angleAt === torqueAt) throw new Error("Which column is the angle, and which one is the torque?");
@@ -285,7 +285,8 @@ function check() {
   leaveLog("");
   try {
     read = readLog();
-    const span = spanOf(read.theta) * (read.inCounts ? perCount() : 1), size = digits(largest(read.torque.map(Math.abs)));
+    const span = spanOf(read.theta) * (read.inCounts ? perCount() : 1);
+    const size = digits(largest(read.torque.map(Math.abs)));
     const [position, force] = read.linear ? ["m", "N"] : [`rad = ${digits((span * 180) / Math.PI)} deg`, "N m"];
     $("question").textContent = read.doubt;
     $("span").textContent = `The motion spans ${digits(span)} ${position}, F is within ${size} ${force}. ${read.note} Is that your rig?`;

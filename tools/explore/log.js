@@ -28,9 +28,9 @@ function formOf(lines) {
     const shapes = lines.map(({ text }) => cellsOf(text, separator).map((cell) => NUMBER.test(cell)).join());
     const counts = new Map();
     for (const shape of shapes) if (/true.*true/.test(shape)) counts.set(shape, (counts.get(shape) ?? 0) + 1);
-    const [shape, lasts] = [...counts].reduce((a, b) => (b[1] > a[1] ? b : a), ["", 0]);
+    const [shape, count] = [...counts].reduce((a, b) => (b[1] > a[1] ? b : a), ["", 0]);
     const words = shape.split(","), part = words.filter((word) => word === "true").length / words.length;
-    if (lasts && (!best || part * lasts > best.score)) best = { separator, first: shapes.indexOf(shape), score: part * lasts };
+    if (count && (!best || part * count > best.score)) best = { separator, first: shapes.indexOf(shape), score: part * count };
   }
   if (!best) throw new Error("no rows with two numbers, between tabs, semicolons, commas or blanks");
   return best;
@@ -109,7 +109,8 @@ function unitIn(name, known) {
   const inBrackets = [...name.matchAll(/[[(]\s*([^\])]+?)\s*[\])]/g)].map((found) => found[1]).reverse();
   const parts = name.split(/[\s_]+/), rest = parts.slice(1);
   const pairs = rest.map((word, k) => parts[k] + word).filter((pair) => new RegExp(RULES.twoWords, "i").test(pair)).reverse();
-  let words = inBrackets.length ? inBrackets : [...pairs, ...rest.reverse(), ...(parts[0].length > 2 ? [parts[0]] : [])];
+  const isFirstWord = parts[0].length > 2 || RULES.shortTimes.includes(parts[0]);
+  let words = inBrackets.length ? inBrackets : [...pairs, ...rest.reverse(), ...(isFirstWord ? [parts[0]] : [])];
   if (!inBrackets.length && matches(RULES.rotating, name)) words = words.filter((word) => !RULES.shortLengths.includes(word));
   return words.map((word) => unitOf(word, known)).find(Boolean) ?? "";
 }
@@ -126,7 +127,7 @@ function resolutionOf(angles) {
   return small.length < 3 || onGrid <= 0.95 * small.length ? 0 : sum(small) / sum(whole);
 }
 
-/** What to ask about the unit of an angle: if none is stated, or if its steps are those of an encoder in another unit only. */
+/** A question about the unit of an angle: if none is stated, or if only another unit fits the steps of an encoder. Else "". */
 function unitQuestion(angles, stated) {
   const step = resolutionOf(angles), inTurns = !stated || spanOf(angles) < 1;
   if (!stated && step === 1 && angles.every(Number.isInteger)) return "Is the angle in counts? Its steps are whole numbers.";

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""dahl.jax: its error against the library and against the exact torque, in float32 and float64; its
-gradients against finite differences, also at reversals and without motion; batches.
+"""dahl.jax in float32 and float64: its error against the library and the exact torque; batches. Its
+gradients against finite differences, also at reversals and without motion.
 """
 
 import re

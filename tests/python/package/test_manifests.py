@@ -76,6 +76,9 @@ def test_every_manifest_has_the_version_of_the_header() -> None:
         "lib/node/dahl.dbc": cantools.database.load_file(ROOT / "lib/node/dahl.dbc").version,
         "tools/dahl/version.py": dahl.__version__,
         "CITATION.cff": citation()["version"],
+        "docs/simulate.md": re.search(
+            r"^  version = \{(.*)\}", (ROOT / "docs/simulate.md").read_text(), re.M
+        )[1],
         "CHANGELOG.md": re.search(
             r"^## (\d\S+), \d{4}-\d\d-\d\d$", (ROOT / "CHANGELOG.md").read_text(), re.M
         )[1],

@@ -15,7 +15,7 @@ from dahl.errors import InputError
 
 MAX_CORNER_HZ = 15.0  # suits most axes
 NOISY_CORNER_HZ = 10.0  # a loop without an integral then holds as without an observer within 20 %
-MAX_SHARE = 0.6400002  # limit over Fc, if the loop has an integral; 0.64 in float passes
+MAX_LIMIT_SHARE = 0.6400002  # limit over Fc, if the loop has an integral; 0.64 in float passes
 
 
 class Residual(HasParameters, Copied):
@@ -98,10 +98,10 @@ class Residual(HasParameters, Copied):
         no_integral: bool = False,
     ) -> Residual:
         """Return an observer with friction, period and slew of a compensator. Without a corner, the
-        highest one that the rule allows is used, up to 15 Hz; without an integral up to 10 Hz, if
-        the noise is above a quarter of the presliding length. Without a limit, it is Fc/2, or Fc if
-        the loop has no integral. Raises as the constructor, and dahl.Error for a compensator of the
-        measured law.
+        highest one that the rule allows is used, up to 15 Hz. If the loop has no integral and the
+        noise is above a quarter of the presliding length, it is up to 10 Hz. Without a limit, it is
+        Fc/2, or Fc if the loop has no integral. Raises as the constructor, and dahl.Error for a
+        compensator of the measured law.
         """
         checks.instance("compensator", compensator, Compensator)
         if corner is None:
@@ -161,8 +161,8 @@ class Residual(HasParameters, Copied):
     def _refusal_of_tick(self) -> str:
         """Return the refusal of a limit or of a value at this period, or ""."""
         v = self._values
-        if v["limit"] > MAX_SHARE * v["Fc"] and not self._no_integral:
-            most = f"0.64 Fc = {MAX_SHARE * v['Fc']:g} N m"
+        if v["limit"] > MAX_LIMIT_SHARE * v["Fc"] and not self._no_integral:
+            most = f"0.64 Fc = {MAX_LIMIT_SHARE * v['Fc']:g} N m"
             return f"limit = {v['limit']:g} N m is above {most}; no_integral = False"
         if v["slew"] * v["period"] / v["Fc"] < 2.000001 / 2**24:
             return f"slew = {v['slew']:g} N m/s is below 2^-23 Fc in a tick"

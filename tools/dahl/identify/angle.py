@@ -57,8 +57,8 @@ def _within_count(inner: np.ndarray, theta: np.ndarray, count: float) -> np.ndar
 def turns_smoothly(theta: np.ndarray, count: float) -> bool:
     """Whether strokes slow down before they turn, and the turns have rows enough for two cubics.
 
-    A count at the end of a stroke then takes longer than one further in: at least twice as long
-    with a constant acceleration, and as long if the stroke ends at speed.
+    A count at the end of a stroke then takes longer than one further in. With a constant
+    acceleration it takes at least twice as long. If the stroke ends at speed, it takes as long.
     """
     edges, turns, _ = _edges_of(theta)
     angles = (theta[edges] + theta[edges + 1]) / 2

@@ -19,6 +19,7 @@ from dahl.sim.replay import Recorded
 from dahl.sim.scene import Scene
 
 MEASURED, COMPUTED, MARK, MISSING = "#7c8b9c", "#d1495b", "#e9a23b", "#3d7ea6"
+OTHER_LAWS = MISSING, MARK  # slip elements, sign of the speed
 STYLE: Any = {  # rcParams of matplotlib; rc_context() refuses a dict[str, object]
     "font.size": 11,
     "axes.spines.top": False,
@@ -64,16 +65,7 @@ def draw(
         figure = Figure()
         panels = _stack_panels(figure, (LOOP, TRACE, TRACE, *(TRACE for _ in more)))
         loop, whole, part = panels[:3]
-        angle = trace.angle(scene) * scene.measured.angle_scale
-        _panel(loop, angle, measured, computed, _name(scene, numbers, gain))
-        if measured is not None and not scene.compensates:
-            _draw_other_laws(loop, angle, other_laws.fitted(scene, trace, measured))
-        if scene.file.text("motion", "kind") == "segments" and scene.model == "dahl":
-            label_arcs(loop, angle, computed)
-        loop.set(
-            xlabel=escape(scene.measured.label_angle),
-            ylabel=escape(scene.measured.label_torque),
-        )
+        _draw_loop(loop, scene, trace, measured, computed, _name(scene, numbers, gain))
         for axes, where in ((whole, slice(None)), (part, _window(computed))):
             shown = None if measured is None else measured[where]
             _panel(axes, time[where], shown, computed[where], "")
@@ -228,6 +220,30 @@ def _panel(
     axes.plot(x, computed, color=COMPUTED, linewidth=1.4, label=name)
 
 
+def _draw_loop(
+    axes: Axes,
+    scene: Scene,
+    trace: traces.Trace,
+    measured: np.ndarray | None,
+    computed: np.ndarray,
+    name: str,
+) -> None:
+    """Draw the torque over the angle, with other laws or with the equations of the paper."""
+    angle = trace.angle(scene) * scene.measured.angle_scale
+    _panel(axes, angle, measured, computed, name)
+    if measured is not None and not scene.compensates:
+        laws = other_laws.fitted(scene, trace, measured)
+        for law, color in zip(laws, OTHER_LAWS, strict=False):
+            words = f"{law.name}, fitted: R² {law.r2:.4f}"
+            axes.plot(angle, law.torque, color=color, linewidth=1.0, label=words)
+    if scene.file.text("motion", "kind") == "segments" and scene.model == "dahl":
+        label_arcs(axes, angle, computed)
+    axes.set(
+        xlabel=escape(scene.measured.label_angle),
+        ylabel=escape(scene.measured.label_torque),
+    )
+
+
 def _name(scene: Scene, numbers: dict[str, Any], gain: str) -> str:
     """Return what the computed line is, with its fit."""
     words = f"{scene.model}, as received over the bus" + f", {gain}" * bool(gain)
@@ -250,12 +266,6 @@ def label_arcs(axes: Axes, angle: np.ndarray, torque: np.ndarray) -> None:
             ha="right" if outside else "left",
             va="bottom" if outside else "top",
         )
-
-
-def _draw_other_laws(axes: Axes, angle: np.ndarray, laws: list[other_laws.Law]) -> None:
-    for law, color in zip(laws, (MISSING, MARK), strict=False):
-        words = f"{law.name}, fitted: R² {law.r2:.4f}"
-        axes.plot(angle, law.torque, color=color, linewidth=1.0, label=words)
 
 
 def _time(trace: traces.Trace, recorded: Recorded | None) -> tuple[np.ndarray, str]:

@@ -2,10 +2,10 @@
 """Functional mock-up units (FMI 2.0 and 3.0, co-simulation) of the friction models.
 
 An FMU is a zip file with modelDescription.xml, a shared object and its C sources (port/fmu,
-port/simulators), and a DLL for Windows if MinGW-w64 was there at build time. Both are built once
-for all models. For each version of FMI they contain a block with the model, the names, the limits
-and the start values; write() replaces both blocks. An FMU therefore needs no compiler when it is
-written, and reads no file when it runs.
+port/simulators). If MinGW-w64 was there at build time, it has a DLL for Windows. Both are built
+once for all models. For each version of FMI they contain a block with the model, the names, the
+limits and the start values; write() replaces both blocks. An FMU therefore needs no compiler when
+it is written, and reads no file when it runs.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The ways to give joints friction in MuJoCo, each at a time step of 2 ms: a hinge under half of
-Fc, an arm under gravity, and the cost of a step.
+"""Compare ways to give joints friction in MuJoCo, at a time step of 2 ms. Each way holds a hinge
+under half of Fc and an arm under gravity; the cost of a step is measured.
 """
 
 from __future__ import annotations
