@@ -47,12 +47,12 @@ enum { SINES = DAHL_COMMISSION_SINES, SETS = 2, NONE = SINES };
 
 /** Steps of the evaluation, each by its first tick. Most take a tick for each sine. */
 enum {
-    FIND_INERTIA,
+    FIND_INERTIA = 0,
     FIND_DIFFERENCE = SINES,
     FIND_ERROR = 2 * SINES,
     FIND_SLOPE_ERROR = 3 * SINES, /* this one and the next two take one tick */
-    FIND_ELASTIC,
-    FIND_DELAY,
+    FIND_ELASTIC = 3 * SINES + 1,
+    FIND_DELAY = 3 * SINES + 2,
     SUBTRACT_FRICTION = 4 * SINES,
     START_SEARCH = 5 * SINES
 };
@@ -175,8 +175,8 @@ static void add_sines(dahl_commission_t *axis)
 static void demodulate(dahl_commission_t *axis)
 {
     const uint8_t k = axis->work.inertia.sine++, half = axis->work.inertia.stroke > 1 + SINE_STROKES / 2;
-    const float sine = (float)sine_q15(axis->work.inertia.phase[k]) * 0x1p-15f;
-    const float cosine = (float)cosine_q15(axis->work.inertia.phase[k]) * 0x1p-15f;
+    const int32_t along = cosine_q15(axis->work.inertia.phase[k]), across = sine_q15(axis->work.inertia.phase[k]);
+    const float sine = (float)across * 0x1p-15f, cosine = (float)along * 0x1p-15f;
     float *torque = axis->work.inertia.torque[half][k], *speed = axis->work.inertia.speed[half][k];
     torque[0] += axis->work.inertia.last_torque * cosine;
     torque[1] -= axis->work.inertia.last_torque * sine;
@@ -192,7 +192,8 @@ static void finish_block(dahl_commission_t *axis)
     const int32_t counts = axis->work.inertia.rise_counts + axis->work.inertia.fall_counts;
     const float torque = axis->work.inertia.rise_torque + axis->work.inertia.fall_torque - load;
     const float speed = (float)counts * axis->config.theta_per_count / axis->config.period;
-    const float weight = (1 - (float)cosine_q15(axis->work.inertia.window) * 0x1p-15f) / (BLOCK_TICKS + 1);
+    const int32_t cosine = cosine_q15(axis->work.inertia.window);
+    const float weight = (1 - (float)cosine * 0x1p-15f) / (BLOCK_TICKS + 1);
     if (axis->work.inertia.window != 0) {
         axis->work.inertia.last_torque = weight * torque;
         axis->work.inertia.last_speed = weight * (speed - 2 * weights * axis->work.inertia.base.speed);
@@ -476,6 +477,14 @@ static void evaluate_sine(dahl_commission_t *axis, int k)
     }
 }
 
+/** Compare both halves of the strokes at a sine. */
+static void compare_strokes(dahl_commission_t *axis, int k)
+{
+    if (!find_difference(axis, k)) {
+        try_slower(axis);
+    }
+}
+
 /** Evaluate one step in each tick. */
 static void evaluate_step(dahl_commission_t *axis)
 {
@@ -483,9 +492,7 @@ static void evaluate_step(dahl_commission_t *axis)
     if (step < FIND_DIFFERENCE) {
         evaluate_sine(axis, k);
     } else if (step < FIND_ERROR) {
-        if (!find_difference(axis, k)) {
-            try_slower(axis);
-        }
+        compare_strokes(axis, k);
     } else if (step < FIND_SLOPE_ERROR) {
         axis->work.inertia.error[k] = own_error(axis, k) + lag_error(axis, k);
     } else if (step == FIND_SLOPE_ERROR) {

@@ -156,15 +156,17 @@ static void lower_torque_limit(dahl_commission_t *axis)
     axis->command.torque_limit = dahl_smaller(axis->config.torque_limit, most);
 }
 
-/** Compare both passes. Return 0 if the friction does not repeat. */
-static int check_repeat(dahl_commission_t *axis)
+/** Compare both passes. Refuse if the friction does not repeat. */
+static void check_repeat(dahl_commission_t *axis)
 {
     const float bins = (float)axis->work.sweeps.bins, level = axis->table.level[axis->work.sweeps.speed];
     float shift = axis->work.sweeps.change / bins;
     float scatter = dahl_root(dahl_larger(0, axis->work.sweeps.square / bins - shift * shift)) / 2;
     axis->table.scatter = dahl_larger(axis->table.scatter, scatter);
     axis->table.noise[axis->work.sweeps.speed] = dahl_absolute(shift) / 2 + 2 * scatter / dahl_root(bins);
-    return level > 0 && dahl_absolute(shift) <= MAX_SHIFT * level && scatter <= MAX_SCATTER * level;
+    if (!(level > 0 && dahl_absolute(shift) <= MAX_SHIFT * level && scatter <= MAX_SCATTER * level)) {
+        dahl_refuse(axis, DAHL_COMMISSION_VARIES);
+    }
 }
 
 /** Fit a straight line to friction over speed. */
@@ -252,9 +254,7 @@ static int evaluate_tick(dahl_commission_t *axis)
     } else if (step == LOWER_LIMIT) {
         lower_torque_limit(axis);
     } else if (step == CHECK_REPEAT) {
-        if (!check_repeat(axis)) {
-            dahl_refuse(axis, DAHL_COMMISSION_VARIES);
-        }
+        check_repeat(axis);
     } else if (step == NEXT_SPEED) {
         return next_speed(axis);
     } else if (step == FIT_LINE) {
