@@ -11,6 +11,7 @@
 typedef struct {
     friction_t friction;
     int joint, tendon; /* id; -1: none */
+    int slot;          /* of dahl.friction among the plugins of MuJoCo */
     float full, rest;  /* of loaded: the load is rest + |torque of the actuators|/full */
     float dampratio;   /* of the presliding damping; 1: critical */
 } instance_t;

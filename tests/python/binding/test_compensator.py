@@ -356,6 +356,7 @@ REFUSED: list[tuple[Callable[..., Any], dict[str, Any], tuple[str, ...]]] = [
     (residual, {"inertia": 0.0}, ("inertia = 0 ", "kg m2")),
     (residual, {"delay": 4}, ("delay = 4 ", "3")),
     (residual, {"limit": 0.33}, ("limit = 0.33 N m ", "0.64 Fc = 0.32", "no_integral = False")),
+    (residual, {"Fc": 0.311, "limit": 0.1990400591}, ("limit = 0.19904 N m ", "0.64 Fc")),
     (residual, {"slew": 5e-5}, ("slew = 5e-05 ", "2^-23 Fc")),
     (residual, {"slew": 0.0}, ("slew = 0 ", "N m/s")),
     (residual, {"theta_per_count": 0.0}, ("theta_per_count = 0 ",)),

@@ -406,6 +406,8 @@ RESTARTS = {  # times of 100 rows that go back, and whether the log is read
     "of a recorder that runs on": (np.r_[1000:1060, 5:45], True),
     "a row in the wrong place": (np.r_[0:50, 48, 51:100], False),
     "two loggers in one file": (np.arange(100) // 2 + 1000 * (np.arange(100) % 2), False),
+    "the newest row first, in whole seconds": (-(np.arange(100) // 40), False),
+    "the same, but for a step": (np.r_[np.repeat([9, 8, 7], 32), 6, 6, 6, 6.001], False),
     "both": (np.r_[0:50, 48, 51:70, 0:30], False),
 }
 

@@ -304,6 +304,23 @@ LINK = '<body pos=".2 0 0"><joint name="j{0}" axis="0 0 1"/><geom type="capsule"
 LINK += ' fromto="0 0 0 .2 0 0" contype="0" conaffinity="0"/>'
 
 
+@pytest.mark.parametrize("joints", [1, 6], ids=["six on one joint", "six links"])
+@pytest.mark.parametrize("ratio", [0, 0.3, 1])
+def test_damping_makes_no_coupled_joints_unstable(joints, ratio) -> None:
+    """At 3/4 of the time step at which the same springs without damping become unstable."""
+    links = "".join(LINK.format(k) for k in range(joints)) + "</body>" * joints
+    keys = {"sigma0": 1, "Fc": 0.01, "dampratio": ratio}
+    instances = {f"of {k}": keys | {"joint": f"j{k % joints}"} for k in range(6)}
+    model, data = made(instances, mechanism=f"<worldbody>{links}</worldbody>")
+    mujoco.mj_forward(model, data)
+    inverse = np.empty((joints, joints))
+    mujoco.mj_solveM(model, data, inverse, np.eye(joints))
+    model.opt.timestep = 1.5 / math.sqrt(np.linalg.eigvalsh(inverse).max() * 6 / joints)
+    data.qvel[:] = np.random.default_rng(0).normal(0, 1e-4, joints)
+    mujoco.mj_step(model, data, 400)
+    assert abs(data.qvel).max() < 1e-3
+
+
 @pytest.mark.parametrize("ratio", [0.3, 1.0])
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_an_arm_that_folds_keeps_losing_energy_and_comes_to_rest(ratio, integrator) -> None:

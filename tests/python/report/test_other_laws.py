@@ -50,3 +50,10 @@ def test_a_log_of_coulomb_friction_is_fitted_by_a_sign(scene, counts) -> None:
 
 def test_a_shaft_that_rests_has_no_other_law(scene) -> None:
     assert other_laws.fitted(scene, trace_of(np.full(50, 7)), np.zeros(50)) == []
+
+
+def test_a_travel_of_any_encoder_is_fitted(scene) -> None:
+    """Both ways by 2^31 - 1 counts from the first row."""
+    counts = np.rint((2**31 - 1) * np.sin(np.linspace(0, 20, 4000))).astype(int)
+    laws = other_laws.fitted(scene, trace_of(counts), np.sign(np.diff(counts, prepend=0)) * 1.0)
+    assert laws[0].r2 > 0.5 and laws[1].r2 > 0.99

@@ -15,7 +15,7 @@ from dahl.errors import InputError
 
 MAX_CORNER_HZ = 15.0  # suits most axes
 NOISY_CORNER_HZ = 10.0  # a loop without an integral then holds as without an observer within 20 %
-MAX_LIMIT_SHARE = 0.6400002  # limit over Fc, if the loop has an integral; 0.64 in float passes
+MAX_LIMIT_SHARE = 0.6400001  # limit over Fc, if the loop has an integral; 0.6400002 is refused
 
 
 class Residual(HasParameters, Copied):

@@ -68,10 +68,14 @@ class Log:
 
 
 def restarts(time: np.ndarray) -> np.ndarray:
-    """Return the rows at which a clock starts anew: it goes far back, and then on for many rows."""
+    """Return the rows at which a clock starts anew: it goes far back, and then on for many rows. A
+    clock that goes back more often than on has none: its newest row may be the first one.
+    """
     steps = np.diff(time)
-    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    rows = np.flatnonzero(steps < -MIN_RESTART_ROWS * usual) + 1
+    forward = steps[steps > 0]
+    if len(forward) <= (steps < 0).sum():
+        return np.zeros(0, dtype=int)
+    rows = np.flatnonzero(steps < -MIN_RESTART_ROWS * np.median(forward)) + 1
     apart = np.diff(rows, prepend=0, append=len(time))
     return rows if np.median(apart) >= MIN_RESTART_ROWS else rows[:0]
 

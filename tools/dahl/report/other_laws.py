@@ -50,7 +50,8 @@ def _held_sign(moves: np.ndarray) -> np.ndarray:
 
 def _slip(moves: np.ndarray, counts: float) -> np.ndarray:
     """Return the torque of a slip element that slips at 1 N m after so many counts."""
-    element = Slip(sigma0=[1.0], Fc=[1.0], theta_per_count=1 / max(counts, 1.0))
+    within = min(max(counts, 1.0), 2.0**30)  # the library moves a count by 2^-30 of it or more
+    element = Slip(sigma0=[1.0], Fc=[1.0], theta_per_count=1 / within)
     return element.run_counts(moves).astype(float)
 
 
