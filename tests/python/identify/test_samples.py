@@ -91,6 +91,18 @@ def test_edges_show_whether_strokes_turn_smoothly(speed):
         assert ("sharp turns" in samples_of([log]).angles) is not is_smooth
 
 
+@pytest.mark.parametrize("counts", [3.0, 5.0, 8.0])  # of the way in which a stroke slows down
+@pytest.mark.parametrize("least", [0.4, 0.7])  # speed at its ends, of that further in
+def test_a_stroke_that_slows_down_but_ends_at_speed_turns_sharply(counts, least):
+    way, sign, theta = 0.0, 1, [0.3]
+    while len(theta) < 20_000:
+        to_end = min(way, 60.7 - way)
+        step = min(1.0, least + (1 - least) * max(to_end, 0.0) / counts) / 12
+        way, sign = (way + step, sign) if way + step < 60.7 else (0.0, -sign)
+        theta.append(theta[-1] + sign * step)
+    assert not angle.turns_smoothly(read(np.array(theta) * COUNT), COUNT)
+
+
 def test_few_strokes_show_no_smooth_turn():
     for theta in (np.r_[1, 0:15, 13], np.r_[0:30], np.r_[0:30, 28:0:-1], np.zeros(9)):
         assert not angle.turns_smoothly(theta * COUNT, COUNT)

@@ -21,7 +21,7 @@ ALLOWED_OFF = 0.65  # counts from the reading; .5 is exact, the rest is for nois
 MAX_OFF_ROWS = 0.01  # part of the rows that may be further off
 MAX_GROWTH = 1.03  # of the distance from the reading against the next narrower cubic
 EDGES_AT_TURN = 7  # edges on either side of a turn that a parabola is drawn through
-MIN_SLOWER = 1.5  # times the rows of a count further in, that one at a smooth turn takes
+MIN_SLOWER = 2.2  # times the rows of a count further in, that one at a smooth turn takes
 MAX_TURNS = 400  # of a log; above it, sharp turns would cost seconds
 WHITE_CORRELATION = -0.3  # third differences of white noise have -.75; of a smooth motion, above 0
 THIRD_DIFFERENCE_GAIN = 20.0  # 1 + 9 + 9 + 1: variance of a third difference of white noise
@@ -57,8 +57,8 @@ def _within_count(inner: np.ndarray, theta: np.ndarray, count: float) -> np.ndar
 def turns_smoothly(theta: np.ndarray, count: float) -> bool:
     """Whether strokes slow down before they turn, and the turns have rows enough for two cubics.
 
-    A count at the end of a stroke then takes longer than one further in. With a constant
-    acceleration it takes at least twice as long. If the stroke ends at speed, it takes as long.
+    A count at the end of a stroke then takes longer than one further in: of a sine 2.3 to 3.5 times
+    as long. If the stroke ends at .4 of its speed, it takes at most twice as long.
     """
     edges, turns, _ = _edges_of(theta)
     angles = (theta[edges] + theta[edges + 1]) / 2
