@@ -89,7 +89,7 @@ def missed_limits(host: dict[str, Any]) -> list[str]:
 
 HOST_ROWS = {  # our calls of which only the time is measured here: their error is that of another
     "throughput_counts_16": ("**`dahl_throughput_counts_channels`**, 16", "throughput_counts"),
-    "throughput_counts_16_apart": ("the same, each stiffness another", "throughput_counts"),
+    "throughput_counts_16_apart": ("16 channels of different stiffness", "throughput_counts"),
 }
 HOST_KEYS = (
     "throughput_counts",
