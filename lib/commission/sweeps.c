@@ -57,8 +57,9 @@ static void add_to_bin(dahl_commission_t *axis)
     }
     int kind = (axis->command.speed > 0 ? 1 : 0) + (axis->work.sweeps.stroke > 2 ? 2 : 0);
     int bin = bin_of(axis, axis->theta);
-    const int is_reversed = axis->command.speed * axis->speed < 0;
-    axis->work.sweeps.backward_ticks = (uint16_t)(axis->work.sweeps.backward_ticks + is_reversed);
+    if (axis->command.speed * axis->speed < 0) {
+        axis->work.sweeps.backward_ticks++;
+    }
     axis->work.sweeps.sum[kind][bin] += axis->torque;
     axis->work.sweeps.samples[kind][bin]++;
 }
