@@ -167,3 +167,11 @@ def test_a_path_with_a_bad_angle_is_refused(theta, words) -> None:
     for element in (dahl.Friction(dahl.Plan(1, 1)), dahl.Throughput(1, 1)):
         with pytest.raises(dahl.InputError, match=words):
             element.run_path(theta)
+
+
+def test_an_array_is_not_its_own_output() -> None:
+    moves = np.ones(5, np.float32)
+    for element in (dahl.Friction(dahl.Plan(1, 1)), dahl.Throughput(1, 1)):
+        with pytest.raises(dahl.InputError, match="share memory"):
+            element.run(moves, out=moves)
+    assert (moves == 1).all()

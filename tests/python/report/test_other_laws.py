@@ -57,3 +57,10 @@ def test_a_travel_of_any_encoder_is_fitted(scene) -> None:
     counts = np.rint((2**31 - 1) * np.sin(np.linspace(0, 20, 4000))).astype(int)
     laws = other_laws.fitted(scene, trace_of(counts), np.sign(np.diff(counts, prepend=0)) * 1.0)
     assert laws[0].r2 > 0.5 and laws[1].r2 > 0.99
+
+
+def test_a_torque_that_helps_the_motion_is_no_friction(scene, counts) -> None:
+    """No law may explain it by a negative Fc."""
+    measured = -0.4 * np.sign(np.diff(counts, prepend=0))
+    for law in other_laws.fitted(scene, trace_of(counts), measured):
+        assert law.r2 < 0.1, law.name
