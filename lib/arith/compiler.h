@@ -32,7 +32,7 @@
 typedef char dahl_needs_a_float_of_4_bytes[sizeof(float) == 4 && sizeof(uint32_t) == 4 ? 1 : -1];
 
 /** A C tick that lib/cores may also have in assembly. It is weak, so the linker prefers the assembly tick. */
-#if DAHL_V6M || DAHL_THUMB2
+#if (DAHL_V6M || DAHL_THUMB2) && !defined(DAHL_WITHOUT_ASSEMBLY)
 #define DAHL_WEAK_TICK __attribute__((weak))
 #else
 #define DAHL_WEAK_TICK
