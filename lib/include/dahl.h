@@ -98,9 +98,9 @@
 /** @name Version */
 /** @{ */
 #define DAHL_VERSION_MAJOR 0 /**< major number */
-#define DAHL_VERSION_MINOR 2 /**< minor number */
+#define DAHL_VERSION_MINOR 3 /**< minor number */
 #define DAHL_VERSION_PATCH 0 /**< patch number */
-#define DAHL_VERSION "0.2.0" /**< whole version */
+#define DAHL_VERSION "0.3.0" /**< whole version */
 /** @} */
 
 /**

@@ -26,7 +26,7 @@ COMPONENTS = {
     "FLOAT": {"dahl_float.h"},
 }
 ASKED = [f"-DDAHL_BUILD_{name}=ON" for name in COMPONENTS]
-WANTED = dahl.__version__.rpartition(".")[0]  # of find_package: 0.2 accepts any 0.2.x and no other
+WANTED = dahl.__version__.rpartition(".")[0]  # of find_package: 0.3 accepts any 0.3.x and no other
 # Eq. 7: F = Fc (1 - exp(-sigma0/Fc theta)), sigma0 = 100, Fc = 0.5, theta = 100 counts of 14 bits.
 EXPECTED = 0.5 * (1 - math.exp(-100 / 0.5 * 100 * 2 * math.pi / 16384))
 

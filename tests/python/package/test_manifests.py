@@ -108,25 +108,21 @@ def test_no_two_sources_make_the_same_object_file() -> None:
     assert sorted(stems) == sorted(set(stems)) and len(stems) > 40
 
 
-ADDRESS = re.compile(r"https://[\w./-]+")
-
-
-def test_all_manifests_name_one_author_and_one_address() -> None:
-    """Each format has its fields for them."""
+def test_all_manifests_name_one_author_and_no_address() -> None:
+    """The release enters the address (test_release.py). Arduino's format must have the field."""
     pio = json.loads((ROOT / "library.json").read_text())
     idf = yaml.safe_load((ROOT / "idf_component.yml").read_text())
     lines = (ROOT / "port/arduino/library.properties").read_text().splitlines()
     arduino = dict(line.split("=", 1) for line in lines)
-    home = {pio["homepage"], idf["url"], arduino["url"], *(one["url"] for one in pio["authors"])}
-    assert len(home) == 1 and ADDRESS.fullmatch(home.pop())
-    repositories = {pio["repository"]["url"], idf["repository"], west_project()["url"]}
-    assert len(repositories) == 1 and ADDRESS.fullmatch(repositories.pop())
     (author,) = {one["name"] for one in pio["authors"]}
     assert [author] == idf["maintainers"] and author == arduino["author"] == arduino["maintainer"]
+    manifests = (pio, idf, arduino, citation(), (ROOT / "zephyr/module.yml").read_text())
+    assert [one for one in manifests if "://" in str(one)] == []
+    assert arduino["url"] == "" and west_project()["url"].isupper()
 
 
 CFF_KEYS = {"cff-version", "message", "type", "title", "abstract", "version", "license", "authors"}
-CFF_KEYS |= {"references"}
+CFF_KEYS |= {"date-released", "references"}
 CFF_PAPER = {"type", "title", "authors", "institution", "notes"}
 
 
@@ -134,9 +130,10 @@ def test_the_citation_file_has_the_form_of_cff_1_2_and_the_author_of_the_licence
     """Of its schema, the rules for the keys that the file has."""
     file = citation()
     assert set(file) == CFF_KEYS and file["cff-version"] == "1.2.0" and file["type"] == "software"
-    assert all(
-        isinstance(file[key], str) and file[key] for key in CFF_KEYS - {"authors", "references"}
-    )
+    texts = CFF_KEYS - {"authors", "references", "date-released"}
+    assert all(isinstance(file[key], str) and file[key] for key in texts)
+    changes = (ROOT / "CHANGELOG.md").read_text()
+    assert f"## {file['version']}, {file['date-released'].isoformat()}\n" in changes
     licence = (ROOT / "LICENSE").read_text()
     (author,) = file["authors"]
     assert author["name"].lower() in licence and file["license"] == licence.split()[0]
