@@ -18,7 +18,7 @@ mkdir -p "$BUILD"
 install_uv
 set_uv_index
 lock() { # LOCK_FILE ARGUMENT...
-    "$UV" pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-emit-index-url \
+    "$UV" pip compile --quiet --universal --python-version 3.11 --generate-hashes --annotation-style line --no-emit-index-url \
         --custom-compile-command tools/lock.sh "${@:2}" --output-file "$1" >/dev/null
 }
 

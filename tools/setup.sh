@@ -8,9 +8,10 @@
 #   firmware  demo, and a cross compiler and an emulator for Cortex-M (tools/demo.sh --target)
 #   test      identify, Unity and pytest: for tools/test.sh without options
 #   docs      test, Doxygen, Sphinx and a browser: for tools/docs.sh
+#   release   docs, and the tools that make and check wheels: for tools/release.sh
 #   explore   demo, clang and lld: for tools/explore.sh
 #   vm        demo, an emulator, can-utils, and a kernel with CAN if this one lacks it: for tools/vm.sh
-#   checks    test, firmware, vm, docs, other compilers, small cores, fuzzers, provers, a browser, CBMC, MuJoCo,
+#   checks    test, firmware, vm, release, other compilers, small cores, fuzzers, provers, a browser, CBMC, MuJoCo,
 #             JAX, MinGW-w64, Wine: for tools/test.sh --checks
 #   bench     identify, firmware, SLEEF and the other cores of tools/bench.sh
 #   all       everything

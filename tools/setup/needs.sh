@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 # The contents of each need of tools/setup.sh. Add a Debian package here, a Python package in pyproject.toml.
 
-NEEDS=(demo identify firmware docs test vm explore checks bench all)
+NEEDS=(demo identify firmware docs release test vm explore checks bench all)
 
 # Other needs that a need includes.
 declare -A INCLUDES=(
@@ -10,9 +10,10 @@ declare -A INCLUDES=(
     [firmware]='demo'
     [test]='identify'
     [docs]='test' # autodoc imports each module, the pytest plugin too
+    [release]='docs'
     [vm]='demo'
     [explore]='demo'
-    [checks]='test firmware vm docs'
+    [checks]='test firmware vm release'
     [bench]='identify firmware'
     [all]='checks bench'
 )
@@ -32,6 +33,7 @@ ${CC:-cc} -v >/dev/null 2>&1 || MUST[demo]+=' gcc'
 # Optional Debian packages: tests that need a missing one are skipped and say so.
 declare -A MAY=(
     [test]='valgrind'
+    [release]='clang binutils-aarch64-linux-gnu libc6-dev-arm64-cross libgcc-12-dev-arm64-cross' # a wheel for 64-bit Arm
     [docs]='chromium' # measures the pages and takes screenshots
     [vm]='can-utils qemu-system-x86 busybox-static kmod cpio iproute2 gdb'
     # clang builds the big-endian programs, because Debian's s390x gcc conflicts with gcc-multilib.
@@ -53,7 +55,7 @@ declare -A FETCHED=(
 )
 
 # Groups of Python packages in pyproject.toml.
-declare -A PYTHON_GROUP=([demo]=demo [identify]=identify [docs]=docs [test]=test [checks]=checks)
+declare -A PYTHON_GROUP=([demo]=demo [identify]=identify [docs]=docs [release]=release [test]=test [checks]=checks)
 
 # Python.h makes calls of the C library cheaper (docs/decisions/13-cffi.md). Debian's Python has it in this package.
 add_python_headers() { has_python_headers || MAY[demo]=python3-dev; }
