@@ -20,4 +20,5 @@ git ls-files -z | xargs -0 cp --parents -t "$DAHL_DOCS_SOURCE"
 mv "$DAHL_DOCS_SOURCE/README.md" "$DAHL_DOCS_SOURCE/index.md"
 doxygen docs/Doxyfile
 "$VENV/bin/sphinx-build" -q -W --keep-going -c tools/docs -d "$DAHL_DOCS_SOURCE/.doctrees" "$DAHL_DOCS_SOURCE" "$BUILD/docs"
+rm -f "$BUILD/docs/.buildinfo" # a hash of paths of this machine; the site of a release has equal bytes everywhere
 "$VENV/bin/python" tools/docs/widths.py "$BUILD/docs" "$BUILD/docs-pictures"
