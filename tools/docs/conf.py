@@ -24,7 +24,9 @@ from docstrings import add_markup
 
 SOURCE = Path(os.environ["DAHL_DOCS_SOURCE"])
 HEADERS = sorted(path.name for path in SOURCE.glob("lib/include/*.h*"))
-MODULES = "dahl dahl.identify dahl.can.codec dahl.can.node dahl.can.pytest_plugin".split()
+MODULES = "dahl dahl.identify dahl.jax dahl.mujoco".split()
+MODULES += "dahl.can.codec dahl.can.node dahl.can.pytest_plugin".split()
+EXPLORE = "explore.html"  # by tools/explore.sh; no page of Sphinx
 BUILT_IN = "dict, tuple, int, BaseException, OSError"  # their members are not listed
 MENU = {  # pages that are not listed follow under "Project"
     "In a firmware": "microcontroller encoder parts compensation commissioning steering rendering",
@@ -34,7 +36,7 @@ MENU = {  # pages that are not listed follow under "Project"
     "Reference": "c python",
 }
 SUBMENUS = {"docs/c": "/c/*", "docs/python": "/python/*", "docs/decisions/README": "[0-9]*"}
-NAME = re.compile(r"(docs/\w+\.md|\b(?:dahl|DAHL)[\w.]*\w)")
+NAME = re.compile(r"(docs/\w+\.md|tools/explore\.sh|\b(?:dahl|DAHL)[\w.]*\w)")
 NOT_LINKED = (nodes.reference, nodes.FixedTextElement, nodes.title, nodes.math, desc_signature)
 MARKUP = re.compile(r"(?<![\w`*|])[|*]+(?=\w)|(?<=\w)_(?!\w)")
 RENDER_STRING = SphinxRenderer.render_string
@@ -44,6 +46,7 @@ project, author, release = "dahl", "the dahl authors", dahl.__version__
 extensions = ["myst_parser", "breathe", "sphinx.ext.autodoc", "sphinx_copybutton"]
 include_patterns = ["*.md", "docs/**", "examples/**", "c/**", "python/**"]
 html_theme, html_title = "furo", f"dahl {release}"
+html_extra_path = [os.environ["DAHL_DOCS_EXPLORE"]]
 html_static_path, html_css_files = [str(Path(__file__).parent / "site.css")], ["site.css"]
 html_show_copyright = html_copy_source = html_show_sourcelink = html_use_index = (
     html_domain_indices
@@ -61,6 +64,7 @@ autodoc_member_order = "bysource"
 autodoc_class_signature = "mixed"
 autodoc_type_aliases = {name: name for name in ("ArrayLike", "NDArray")}
 autodoc_preserve_defaults = True
+autodoc_mock_imports = ["jax", "dahl.simulators.mujoco_plugin"]  # they may not be installed
 for module in (dahl, dahl.identify):  # autodoc does not call the __getattr__ of a module
     for name in module.__all__:
         setattr(module, name, getattr(module, name))
@@ -123,10 +127,11 @@ def prepare_page(app: Sphinx, docname: str, content: list[str]) -> None:
 
 
 def link_names(app: Sphinx, tree: nodes.document, docname: str) -> None:
-    """Link the names of functions, headers and pages ("docs/x.md") in text and in code words."""
+    """Link names of functions, headers, pages ("docs/x.md") and tools/explore.sh in text and code."""
     c, python = app.env.domains["c"], app.env.domains["py"]
     places = {name: place for name, _, _, *place, _ in (*c.get_objects(), *python.get_objects())}
     places |= {header: [f"c/{header}", ""] for header in HEADERS}
+    places["tools/explore.sh"] = [EXPLORE.removesuffix(".html"), ""]
     places |= {f"docs/{path.name}": [f"docs/{path.stem}", ""] for path in SOURCE.glob("docs/*.md")}
     for text in [text for text in tree.findall(nodes.Text) if not is_inside(text, NOT_LINKED)]:
         parts: list[nodes.Node] = []
@@ -145,9 +150,17 @@ def is_inside(node: nodes.Node, kinds: tuple[type, ...]) -> bool:
     return isinstance(node, kinds) or (node.parent is not None and is_inside(node.parent, kinds))
 
 
+def add_explore_page(app: Sphinx, docname: str, template: str, context: dict[str, Any], *_: Any) -> None:
+    """Begin the menu with the page of tools/explore.sh."""
+    link = f'<a class="reference internal" href="{context["pathto"](EXPLORE, 1)}">Try it in this browser</a>'
+    item = f'<ul><li class="toctree-l1">{link}</li></ul>'
+    context["furo_navigation_tree"] = item + context["furo_navigation_tree"]
+
+
 def format_docstring(app: Sphinx, *arguments: Any) -> None:
     """Add markup, and escape what looks like markup: |F|, **keys and PREFIX_."""
-    lines = add_markup("\n".join(arguments[-1])).split("\n")
+    text = re.sub(r"Alias for field number .*\n", "", "\n".join(arguments[-1]))
+    lines = add_markup(text).split("\n")
     for number, line in enumerate(lines):
         if not re.match(r" {4}|>>>|\.\.\.", line):
             lines[number] = re.sub(MARKUP, r"\\\g<0>", line)
@@ -175,3 +188,4 @@ def setup(app: Sphinx) -> None:
     app.connect("source-read", prepare_page)
     app.connect("autodoc-process-docstring", format_docstring)
     app.connect("doctree-resolved", link_names)
+    app.connect("html-page-context", add_explore_page, priority=900)  # after furo made the menu

@@ -3,7 +3,7 @@
 
 import re
 
-ROW = re.compile(r"( *)(\S(?:.*?\S)?) {2,}(\S.*)")
+ROW = re.compile(r"( *)(\S(?:.*?\S)?) {2,}([^\s#].*)")  # not code with a comment
 
 
 def add_markup(text: str) -> str:
