@@ -67,7 +67,9 @@ def chromium(page: Path, *options: str) -> str:
 def broken_links(pages: list[Path]) -> list[str]:
     """Return a line for each link inside the site that leads nowhere."""
     texts = {page: page.read_text() for page in pages}
-    names = {page: re.findall(r'\bid="([^"]*)"', html.unescape(text)) for page, text in texts.items()}
+    names = {
+        page: re.findall(r'\bid="([^"]*)"', html.unescape(text)) for page, text in texts.items()
+    }
     faults = []
     for page, text in texts.items():
         for link in re.findall(r'\b(?:href|src)="([^"]+)"', text):

@@ -127,7 +127,7 @@ def prepare_page(app: Sphinx, docname: str, content: list[str]) -> None:
 
 
 def link_names(app: Sphinx, tree: nodes.document, docname: str) -> None:
-    """Link names of functions, headers, pages ("docs/x.md") and tools/explore.sh in text and code."""
+    """Link the names of functions, headers, pages ("docs/x.md") and tools/explore.sh."""
     c, python = app.env.domains["c"], app.env.domains["py"]
     places = {name: place for name, _, _, *place, _ in (*c.get_objects(), *python.get_objects())}
     places |= {header: [f"c/{header}", ""] for header in HEADERS}
@@ -150,9 +150,11 @@ def is_inside(node: nodes.Node, kinds: tuple[type, ...]) -> bool:
     return isinstance(node, kinds) or (node.parent is not None and is_inside(node.parent, kinds))
 
 
-def add_explore_page(app: Sphinx, docname: str, template: str, context: dict[str, Any], *_: Any) -> None:
+def add_explore_page(
+    app: Sphinx, docname: str, template: str, context: dict[str, Any], *_: Any
+) -> None:
     """Begin the menu with the page of tools/explore.sh."""
-    link = f'<a class="reference internal" href="{context["pathto"](EXPLORE, 1)}">Try it in this browser</a>'
+    link = f'<a class="reference" href="{context["pathto"](EXPLORE, 1)}">Try it in this browser</a>'
     item = f'<ul><li class="toctree-l1">{link}</li></ul>'
     context["furo_navigation_tree"] = item + context["furo_navigation_tree"]
 
