@@ -17,7 +17,7 @@ export DAHL_DOCS_EXPLORE=$BUILD/explore.html DAHL_DOCS_SOURCE=$BUILD/docs-source
 rm -rf "$BUILD/docs" "$DAHL_DOCS_SOURCE" "$DAHL_DOCS_XML"
 mkdir -p "$DAHL_DOCS_SOURCE"
 cd "$ROOT"
-git ls-files -z | xargs -0 cp --parents -t "$DAHL_DOCS_SOURCE"
+git ls-files -zco --exclude-standard | xargs -0 cp --parents -t "$DAHL_DOCS_SOURCE"
 mv "$DAHL_DOCS_SOURCE/README.md" "$DAHL_DOCS_SOURCE/index.md"
 doxygen docs/Doxyfile
 "$VENV/bin/sphinx-build" -q -W --keep-going -c tools/docs -d "$DAHL_DOCS_SOURCE/.doctrees" "$DAHL_DOCS_SOURCE" "$BUILD/docs"

@@ -183,7 +183,7 @@ def _caption(scene: Scene, trace: traces.Trace, numbers: dict[str, Any]) -> str:
     words += f", {len(trace.row)} ticks"
     words += f" over {numbers['bus']}" if "bus" in numbers else ""
     offset = scene.measured.offset
-    return words + (f", offset {offset:g} {units['Fc']}" if offset else "")
+    return words + (f", offset {offset:g} {units['Fc']} added" if offset else "")
 
 
 def _optional_panels(

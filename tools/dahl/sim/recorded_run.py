@@ -220,8 +220,8 @@ def _open_log(folder: Path) -> Iterator[IO[str]]:
 
 
 def run_without(part: str, setup: Setup, keys: Iterable[str], *output: str | Path) -> None:
-    """Run the scene again without a part, that is with 0 for these keys, in virtual time and without
-    a bus. `output`: the option of dahl-loop that names the file to write, and the file.
+    """Run the scene again without a part: with 0 for its keys, in virtual time, without a bus.
+    `output`: the option of dahl-loop that names the file to write, and the file.
     """
     run = RunFile(scene.read(setup.scene.path, [f"{key}=0" for key in keys]), setup.log)
     options = ["--virtual", *output, *_options(setup, "both")]
