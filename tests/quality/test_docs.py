@@ -84,7 +84,7 @@ def test_the_check_finds_what_is_clipped_or_broken(root: Path, tmp_path: Path) -
         '<a href="none.html"><a href="good.html#none"><img src="none%20.png">'
     )
     faults = run("python3", root / "tools/docs/check.py", tmp_path, code=1).splitlines()
-    broken = [fault.split()[-1] for fault in faults if "links.html" in fault]
+    broken = [fault.split(" to ")[1] for fault in faults if "links.html" in fault]
     assert broken == ["none.html", "good.html#none", "none .png"]
     faults = [fault for fault in faults if "links.html" not in fault]
     found = {

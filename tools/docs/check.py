@@ -21,6 +21,8 @@ from urllib.parse import unquote
 WIDTHS = (390, 1280)
 SHOWN = ("index", "explore", "docs/model", "docs/compensation", "c/dahl.h", "python/dahl.jax")
 COLOURS = {"": "preferredColorScheme=1", "-dark": "preferredColorScheme=0"}
+CHROMIUM = "chromium --headless --no-sandbox --disable-gpu --hide-scrollbars"
+CHROMIUM += " --allow-file-access-from-files --disable-web-security --virtual-time-budget=600000"
 MEASURE = """<body><script>
 const frame = document.createElement("iframe");
 document.body.append(frame);
@@ -51,16 +53,7 @@ measure(PAGES, WIDTHS);
 
 def chromium(page: Path, *options: str) -> str:
     """Open a local page in Chromium without a window; return what it prints."""
-    local = "--no-sandbox --disable-gpu --hide-scrollbars --allow-file-access-from-files".split()
-    local += ["--disable-web-security", f"--user-data-dir={page.parent}/profile"]
-    words = [
-        "chromium",
-        "--headless",
-        *local,
-        "--virtual-time-budget=600000",
-        *options,
-        page.as_uri(),
-    ]
+    words = [*CHROMIUM.split(), f"--user-data-dir={page.parent}/profile", *options, page.as_uri()]
     return subprocess.run(words, check=True, capture_output=True, text=True, timeout=600).stdout
 
 

@@ -7,7 +7,6 @@ tools/docs.sh starts it in a copy of the project, so that it may add reference p
 import os
 import posixpath
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +17,6 @@ from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.addnodes import desc_signature
 from sphinx.application import Sphinx
-
-sys.path.insert(0, str(Path(__file__).parent))
-from docstrings import add_markup
 
 SOURCE = Path(os.environ["DAHL_DOCS_SOURCE"])
 HEADERS = sorted(path.name for path in SOURCE.glob("lib/include/*.h*"))
@@ -38,6 +34,7 @@ MENU = {  # pages that are not listed follow under "Project"
 SUBMENUS = {"docs/c": "/c/*", "docs/python": "/python/*", "docs/decisions/README": "[0-9]*"}
 NAME = re.compile(r"(docs/\w+\.md|tools/explore\.sh|\b(?:dahl|DAHL)[\w.]*\w)")
 NOT_LINKED = (nodes.reference, nodes.FixedTextElement, nodes.title, nodes.math, desc_signature)
+ROW = re.compile(r"( *)(\S(?:.*?\S)?) {2,}([^\s#].*)")  # of columns, not code with a comment
 MARKUP = re.compile(r"(?<![\w`*|])[|*]+(?=\w)|(?<=\w)_(?!\w)")
 RENDER_STRING = SphinxRenderer.render_string
 ACCENT = ' accent="true"'  # it would sink a dot into its letter
@@ -162,11 +159,29 @@ def add_explore_page(
 def format_docstring(app: Sphinx, *arguments: Any) -> None:
     """Add markup, and escape what looks like markup: |F|, **keys and PREFIX_."""
     text = re.sub(r"Alias for field number .*\n", "", "\n".join(arguments[-1]))
-    lines = add_markup(text).split("\n")
+    paragraphs = map(with_markup, re.split(r"\n[ \t]*\n", text))
+    lines = "\n\n".join(paragraphs).split("\n")
     for number, line in enumerate(lines):
         if not re.match(r" {4}|>>>|\.\.\.", line):
             lines[number] = re.sub(MARKUP, r"\\\g<0>", line)
     arguments[-1][:] = lines
+
+
+def with_markup(paragraph: str) -> str:
+    """Make a list of columns, and Python of other indented lines. A paragraph has columns if its
+    first line and another one have. A deeper line continues the row above.
+    """
+    lines = paragraph.split("\n")
+    rows = [ROW.fullmatch(line) for line in lines]
+    if rows[0] is None or sum(row is not None for row in rows) < 2:
+        return f".. code-block:: python\n\n{paragraph}" if paragraph[:4].isspace() else paragraph
+    items: list[str] = []
+    for line, row in zip(lines, rows, strict=True):
+        if row and row[1] == rows[0][1]:
+            items.append(f"- ``{row[2]}``: " + re.sub(" {2,}", "; ", row[3], count=1))
+        else:
+            items[-1] += " " + re.sub(" {2,}", " ", line.strip())
+    return "\n".join(items)
 
 
 def write_math(self: Any, node: nodes.Element) -> None:
