@@ -11,6 +11,7 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import dahl
 import numpy as np
@@ -66,7 +67,7 @@ def block(axes: Axes, middle: Point, words: str, is_ours: bool = True, width: fl
     name, _, text = words.partition("\n")
     x, y = middle
     colour = plots.COMPUTED if is_ours else plots.MEASURED
-    look = {"facecolor": "white", "edgecolor": colour, "linewidth": 1.5}
+    look: Any = {"facecolor": "white", "edgecolor": colour, "linewidth": 1.5}
     axes.add_patch(Rectangle((x - width / 2, y - 0.38), width, 0.76, **look))
     axes.text(x, y + 0.2 * bool(text), name, ha="center", va="center", weight="bold")
     axes.text(x, y - 0.1, text, ha="center", va="center", linespacing=1.1)
@@ -75,7 +76,7 @@ def block(axes: Axes, middle: Point, words: str, is_ours: bool = True, width: fl
 def arrow(axes: Axes, *way: Point, style: str = "-", words: str = "", at: Point = (0, 0)) -> None:
     """Draw a line with an arrow at its end, and words at a place."""
     x, y = zip(*way, strict=True)
-    look = {"color": plots.WITHOUT, "linewidth": 1.1, "linestyle": style}
+    look: Any = {"color": plots.WITHOUT, "linewidth": 1.1, "linestyle": style}
     axes.plot(x[:-1], y[:-1], **look)
     axes.annotate(
         "", way[-1], way[-2], arrowprops={"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, **look}

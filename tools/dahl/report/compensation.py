@@ -52,7 +52,8 @@ def draw(path: Path, comparison: Comparison) -> None:
         rows = [ROW * (len(cases) + 3) for cases in comparison.numbers.values()]
         upper = 2 * PANEL + LEGEND
         figure = Figure(figsize=(WIDTH, upper + sum(rows)), layout="constrained")
-        top, bottom = figure.subfigures(2, height_ratios=(upper, sum(rows)))
+        parts: Any = figure.subfigures(2, height_ratios=(upper, sum(rows)))
+        top, bottom = parts
         panels = top.subplots(2, 2).flat
         for panel, axes in zip((_errors, _wrong_Fc, _hand, _chatter), panels, strict=True):
             panel(axes, comparison)

@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 
 from dahl.facts import PERIOD_US
 from dahl.io import can_logs, files, readers
@@ -108,9 +109,9 @@ def add_title(figure: Figure, words: str) -> None:
     figure.suptitle(escape(textwrap.fill(words, TITLE_LETTERS)), x=0.01, ha="left")
 
 
-def add_legend(axes: Axes, columns: int) -> None:
+def add_legend(axes: Axes, columns: int) -> Legend:
     """Write the legend above a panel, in the order of drawing."""
-    axes.legend(
+    return axes.legend(
         loc="lower left", bbox_to_anchor=(0, 1), ncols=columns, borderaxespad=0.2, columnspacing=1
     )
 
@@ -293,8 +294,7 @@ def _draw_loop(
         label_arcs(axes, computed.angle * scale, computed.torque)
     measured = scene.measured
     axes.set(xlabel=escape(measured.label_angle), ylabel=escape(measured.label_torque))
-    add_legend(axes, 2)
-    rows = -(-len(axes.get_legend().get_texts()) // 2)
+    rows = -(-len(add_legend(axes, 2).get_texts()) // 2)
     words = escape(textwrap.fill(caption, CAPTION_LETTERS))
     axes.set_title(words, pad=LEGEND_ROW * rows + 6, **CAPTION)
 
