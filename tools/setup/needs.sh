@@ -34,9 +34,8 @@ declare -A MAY=(
     [test]='valgrind'
     [docs]='chromium' # measures the pages and takes screenshots
     [vm]='can-utils qemu-system-x86 busybox-static kmod cpio iproute2 gdb'
-    # clang builds the big-endian programs, because Debian's s390x gcc conflicts with gcc-multilib.
-    # chromium shows the page of tools/explore.sh, which clang and lld compile.
-    [checks]='tcc clang lld chromium libclang-rt-14-dev gcc-multilib g++-multilib
+    # clang of the need explore also builds the big-endian programs, because Debian's s390x gcc conflicts with gcc-multilib.
+    [checks]='tcc libclang-rt-14-dev gcc-multilib g++-multilib
         qemu-user-static binutils-s390x-linux-gnu libgcc-12-dev-s390x-cross libc6-dev-s390x-cross
         gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc gcc-avr avr-libc arduino-core-avr make
         gcc-mingw-w64-x86-64 wine64
