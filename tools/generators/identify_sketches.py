@@ -41,6 +41,7 @@ LAWS_SHOWN: dict[str, tuple[str, list[float]]] = {  # title; ln a of each elemen
     "breakaway": ("breakaway after rests", [0, 1.0, np.log(3)]),
 }
 LAGS_SHOWN: dict[str, tuple[str, list[float], list[float]]] = {  # title; rows; parts of columns
+    "none": ("none", [], []),
     "delay": ("delay", [16], []),
     "low pass": ("low pass", [16], []),
     "zero-phase filter": ("low pass, to and fro", [16], []),
@@ -82,7 +83,7 @@ def draw_loop(axes: Axes, samples: Samples, torque: np.ndarray, color: str, **st
 
 def draw_laws(figure: Figure) -> None:
     samples = strokes(FAST, rest=True)
-    panels = figure.subplots(3, 4, sharex=True, sharey=True).flat
+    panels = figure.subplots(4, 3, sharex=True, sharey=True).flat
     for axes, (law, (title, p)) in zip(panels, LAWS_SHOWN.items(), strict=True):
         draw_loop(axes, samples, torque_of(samples, "dahl", [0]), plots.MEASURED, linewidth=1)
         draw_loop(axes, samples, torque_of(samples, law, p), plots.COMPUTED)
@@ -92,7 +93,7 @@ def draw_laws(figure: Figure) -> None:
 def draw_lags(figure: Figure) -> None:
     fast = strokes(FAST)
     slow = strokes(SLOW, reference=fast.reference)
-    panels = list(figure.subplots(2, 4, sharex=True, sharey=True).flat)
+    panels = list(figure.subplots(3, 3, sharex=True, sharey=True).flat)
     for axes, (lag, (title, _, _)) in zip(panels, LAGS_SHOWN.items(), strict=False):
         draw_loop(axes, slow, torque_of(slow, "dahl", [0], lag), plots.MEASURED, linewidth=1.2)
         draw_loop(axes, fast, torque_of(fast, "dahl", [0], lag), plots.COMPUTED)
@@ -130,9 +131,9 @@ def draw_angles(figure: Figure) -> None:
 
 
 def main() -> None:
-    for draw, height in ((draw_laws, 5.7), (draw_lags, 4.0), (draw_angles, 7.0)):
+    for draw, height in ((draw_laws, 7.6), (draw_lags, 5.7), (draw_angles, 6.4)):
         with rc_context(plots.STYLE):
-            figure = Figure(figsize=(8, height), layout="constrained")
+            figure = Figure(figsize=(6.6, height), layout="constrained")
             draw(figure)
             name = draw.__name__.removeprefix("draw_")
             plots.save(figure, ROOT / f"docs/pictures/identify-{name}.png")
