@@ -8,7 +8,7 @@ docs/pictures/identify-angles.png  the angle between counts, by three treatments
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -63,7 +63,9 @@ def strokes(rows: int, *, rest: bool = False, reference: Reference | None = None
     return samples_of([log], block=1, reference=reference)
 
 
-def torque_of(samples: Samples, law: str, p: list[float], lag: str = "none") -> np.ndarray:
+def torque_of(
+    samples: Samples, law: str, p: Sequence[float] | np.ndarray, lag: str = "none"
+) -> np.ndarray:
     """Return F over Fc of a law behind a lag, each with its parameters in LAGS_SHOWN."""
     _, late, parts = LAGS_SHOWN.get(lag, ("", [], []))
     angle, sensor = "between counts", LAGS[lag]
@@ -99,7 +101,12 @@ def draw_lags(figure: Figure) -> None:
         draw_loop(axes, fast, torque_of(fast, "dahl", [0], lag), plots.COMPUTED)
         name_panel(axes, title)
     late = torque_of(fast, "dahl", [0], "low pass")
-    soft = least_squares(lambda p: torque_of(fast, "soft shaft", p) - late, [-0.2, 0.3]).x
+
+    def difference(p: np.ndarray) -> np.ndarray:
+        off: np.ndarray = torque_of(fast, "soft shaft", p) - late
+        return off
+
+    soft = least_squares(difference, [-0.2, 0.3]).x
     draw_loop(panels[-1], fast, late, plots.COMPUTED)
     draw_loop(panels[-1], fast, torque_of(fast, "soft shaft", soft), "black", linestyle=":")
     name_panel(panels[-1], "low pass, soft shaft")

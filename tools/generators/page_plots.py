@@ -12,13 +12,14 @@ import tempfile
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
+from cycler import cycler
 from dahl.paths import ROOT
 from dahl.report import plots
 
 PICTURES = {"python.md": "first-plot.png", "simulate.md": "simulate.png"}  # by page
 STYLE = {
     **plots.STYLE,
-    "axes.prop_cycle": mpl.cycler(color=[plots.COMPUTED, plots.MEASURED]),
+    "axes.prop_cycle": cycler(color=[plots.COMPUTED, plots.MEASURED]),
     "figure.figsize": (7, 4.4),
     "figure.constrained_layout.use": True,
 }
