@@ -41,7 +41,8 @@ declare -A MAY=(
         gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc gcc-avr avr-libc arduino-core-avr make
         gcc-mingw-w64-x86-64 wine64
         clang-19 llvm-19 libclang-rt-19-dev clang-tidy-19 cppcheck shellcheck gappa sollya'
-    [bench]='gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc libsleef-dev'
+    [bench]='gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc gcc-avr avr-libc
+        libsimavr-dev libelf-dev libsleef-dev'
 )
 
 # Downloads into build/deps (fetched.sh).
