@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Count cycles, instructions and stack of calls on an ATmega2560 in simavr (simavr.c).
 
-An AVR has neither caches nor wait states, so the cycles are those of the chip. Its cases are those of
-the other cores that fit into 8 KiB of RAM. Writes build/bench/avr.json.
+An AVR has neither caches nor wait states, so the cycles are those of the chip. Its cases are those
+of the other cores that fit into 8 KiB of RAM. Writes build/bench/avr.json.
 """
 
 from __future__ import annotations

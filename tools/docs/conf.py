@@ -27,7 +27,8 @@ HEADERS = sorted(path.name for path in SOURCE.glob("lib/include/*.h*"))
 MODULES = "dahl dahl.identify dahl.can.codec dahl.can.node dahl.can.pytest_plugin".split()
 BUILT_IN = "dict, tuple, int, BaseException, OSError"  # their members are not listed
 MENU = {  # pages that are not listed follow under "Project"
-    "In a firmware": "microcontroller encoder recipes parts compensation commissioning steering rendering",
+    "In a firmware": "microcontroller encoder recipes parts compensation commissioning steering"
+    " rendering",
     "From a log": "identify log_to_compensator",
     "Simulate and test": "simulate simulators loop quadrants",
     "Model and numbers": "model accuracy speed verification",

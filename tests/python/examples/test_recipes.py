@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Recipes of docs/recipes.md that compute something, against references that do not use the library.
+"""Recipes of docs/recipes.md that compute something, against references without the library.
 (test_readme.py compiles all of them.)
 """
 
@@ -19,7 +19,7 @@ from programs import call, shared_object
 from sources import as_one
 
 PAGE = (ROOT / "docs/recipes.md").read_text()
-PLAN = (ctypes.c_uint32 * 78)
+PLAN = ctypes.c_uint32 * 78
 
 
 class Params(ctypes.Structure):
@@ -101,8 +101,8 @@ MOTOR_COUNT, JOINT_COUNT = 2 * math.pi / 2**17, 2 * math.pi / 2**19
 
 
 def geared_plant() -> tuple[list[int], list[int], np.ndarray]:
-    """Return the counts of both encoders in each tick of 1 ms, and the friction as the motor feels it.
-    The motor swings by 2 rad; the gear twists by 10 mrad at the joint before the joint slips. Bristles
+    """Return the counts of both encoders in each tick of 1 ms, and the friction at the motor. The
+    motor swings by 2 rad; the gear twists by 10 mrad at the joint before the joint slips. Bristles
     and the joint are integrated in steps of 20 us.
     """
     stiffness, inertia, damping, step = 1000.0, 0.05, 5.0, 2e-5
@@ -158,7 +158,9 @@ def test_two_axes_share_a_plan_and_nothing_else(made: Any) -> None:
     params = Params(100.0, 0.5, 3.8e-4)
     plan = prepared(axes, params)
     both = [ctypes.create_string_buffer(axes.axis_bytes()) for _ in range(2)]
-    alone = [dahl.Friction(dahl.Plan(params.sigma0, params.Fc, params.theta_per_count)) for _ in both]
+    alone = [
+        dahl.Friction(dahl.Plan(params.sigma0, params.Fc, params.theta_per_count)) for _ in both
+    ]
     position = [0, 0]
     for axis in both:
         axes.axis_start(axis, plan, 65536)
@@ -172,7 +174,10 @@ def test_two_axes_share_a_plan_and_nothing_else(made: Any) -> None:
 def test_friction_follows_a_table_over_temperature(made: Any) -> None:
     library = made("Temperature")
     library.Fc_at.restype = ctypes.c_uint32
-    table = [int(word) for word in re.search(r"POINTS\] = \{(.*?)\}", recipe("Temperature"))[1].split(",")]
+    table = [
+        int(word)
+        for word in re.search(r"POINTS\] = \{(.*?)\}", recipe("Temperature"))[1].split(",")
+    ]
     hundredths = [-(10**9), *range(-4000, 10001, 7), 10**9]
     wanted = np.interp(np.array(hundredths) / 100, np.arange(len(table)) * 25 - 20, table)
     assert [library.Fc_at(c) for c in hundredths] == pytest.approx(wanted, abs=1)
@@ -217,7 +222,7 @@ class FastAxis(ctypes.Structure):
 
 
 def test_a_slower_element_has_the_torque_of_the_path(made: Any) -> None:
-    """Beside an element that steps in each tick; they differ only where five ticks hide a reversal."""
+    """Beside an element that steps in each tick. A reversal within five ticks is seldom."""
     library = made("20 kHz")
     params = Params(100.0, 0.5, 3.8e-4)
     plan, fast = prepared(library, params), FastAxis(encoder=started(library, 65536))
@@ -291,9 +296,15 @@ class SensorValue(ctypes.Structure):
 SENSOR = """
 static struct sensor_value next;
 static int next_code;
-void answer(int32_t val1, int32_t val2, int code) { next.val1 = val1; next.val2 = val2; next_code = code; }
+void answer(int32_t val1, int32_t val2, int code)
+{
+    next.val1 = val1;
+    next.val2 = val2;
+    next_code = code;
+}
 int sensor_sample_fetch(const struct device *dev) { (void)dev; return next_code; }
-int sensor_channel_get(const struct device *dev, enum sensor_channel channel, struct sensor_value *value)
+int sensor_channel_get(const struct device *dev, enum sensor_channel channel,
+                       struct sensor_value *value)
 {
     (void)dev;
     *value = next;
@@ -332,7 +343,9 @@ def test_counts_come_back_from_degrees(made: Any) -> None:
     library.answer(0, 0, -5)
     assert library.read_counts(None, ctypes.byref(count)) == -5
     for turn, is_exact in ((most, True), (16384, False)):
-        back = [round((v1 + v2 / 1e6) * turn / 360) for v1, v2 in (stm32(k, turn) for k in range(turn))]
+        back = [
+            round((v1 + v2 / 1e6) * turn / 360) for v1, v2 in (stm32(k, turn) for k in range(turn))
+        ]
         assert (back == list(range(turn))) == is_exact
 
 
