@@ -95,7 +95,7 @@ def main_menu() -> str:
     pages = [*SOURCE.glob("docs/*.md"), *SOURCE.glob("examples/**/README.md")]
     found = sorted(path.relative_to(SOURCE).with_suffix("").as_posix() for path in pages)
     others = [name for name in found if name not in listed]
-    others += ["docs/decisions/README", "CONTRIBUTING", "CHANGELOG"]
+    others += ["docs/decisions/README", "CONTRIBUTING", "CHANGELOG", "SECURITY"]
     parts = [menu([f"docs/{name}" for name in text.split()], key) for key, text in MENU.items()]
     return "".join(parts) + menu(others, "Project")
 
