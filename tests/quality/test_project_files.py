@@ -33,7 +33,9 @@ def schema_accepts(schema: str, file: Path) -> bool:
 def test_a_file_follows_its_schema(name: str, tmp_path: Path) -> None:
     schema, needed = SCHEMAS[name]
     assert schema_accepts(schema, ROOT / name)
-    (broken := tmp_path / Path(name).name).write_text((ROOT / name).read_text().replace(needed, "", 1))
+    (broken := tmp_path / Path(name).name).write_text(
+        (ROOT / name).read_text().replace(needed, "", 1)
+    )
     assert not schema_accepts(schema, broken)
 
 
@@ -54,7 +56,11 @@ def commands() -> set[str]:
 def test_the_workflow_runs_the_two_commands_and_the_release() -> None:
     """Each is a script with these options."""
     words = [shlex.split(line) for line in commands()]
-    assert {script for script, *_ in words} == {"tools/demo.sh", "tools/test.sh", "tools/release.sh"}
+    assert {script for script, *_ in words} == {
+        "tools/demo.sh",
+        "tools/test.sh",
+        "tools/release.sh",
+    }
     for script, *options in words:
         usage = run(ROOT / script, "--help")
         assert {one for one in options if one.startswith("-")} <= {*re.findall(r"--[\w-]+", usage)}
@@ -64,7 +70,9 @@ def test_the_workflow_runs_the_two_commands_and_the_release() -> None:
 def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The files of this checkout in a repository of their own, with its build folder."""
     folder = tmp_path_factory.mktemp("checkout")
-    for name in run("git", "ls-files", "--cached", "--others", "--exclude-standard", cwd=ROOT).split("\n"):
+    for name in run(
+        "git", "ls-files", "--cached", "--others", "--exclude-standard", cwd=ROOT
+    ).split("\n"):
         if (ROOT / name).is_file():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, folder / name)
