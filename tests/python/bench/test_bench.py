@@ -263,6 +263,7 @@ def test_a_part_of_a_run_is_refused_and_changes_no_page(
 
 
 FAILURES = {"host --quick": (1, "reason"), "target --quick m3": (1, "reason")}
+FAILURES["target avr"] = (1, "reason")
 FAILURES |= {"target m3 m9": (2, "m9"), "target --mhz=48 rv32": (1, "rv32")}
 FAILURES |= {f"target --mhz={clock} m0": (1, clock) for clock in ("0", "-48", "fast", "inf")}
 
