@@ -78,20 +78,26 @@ def joint_torques(sigma0: float, Fc: float, angles: list[float]) -> list[float]:
 
 
 def test_a_gear_gives_the_torque_of_the_joint(made: Any) -> None:
-    """The element at the motor gives it over N, that at the joint as it is."""
+    """The element at the motor gives it over N, that at the joint as it is. If the sides turn against
+    each other, the joint steps by the negated counts.
+    """
     gear, rng, theta = made("Gear ratio"), random.Random(5), 2 * math.pi / 16384
     gear.dahl_step_counts.restype = ctypes.c_float
     for _ in range(50):
-        N, Fc = rng.uniform(0.3, 200), 10 ** rng.uniform(-2, 2)
+        N, Fc, sign = rng.uniform(0.3, 200), 10 ** rng.uniform(-2, 2), rng.choice((-1, 1))
         joint = Params(Fc * 10 ** rng.uniform(1.5, 3.5), Fc, 0.0)
         moves = [rng.randrange(-4000, 4001) for _ in range(200)]
-        angles = [theta / N * count for count in itertools.accumulate(moves, initial=0)]
+        angles = [sign * theta / N * count for count in itertools.accumulate(moves, initial=0)]
         exact = np.array(joint_torques(joint.sigma0, joint.Fc, angles))
-        for convert, factor in ((gear.at_the_motor, N), (gear.at_the_joint, 1.0)):
+        for convert, turn, factor in (
+            (gear.at_the_motor, 1, sign * N),
+            (gear.at_the_joint, sign, 1.0),
+        ):
             convert.restype = Params
             plan = prepared(gear, convert(joint, ctypes.c_float(N), ctypes.c_float(theta)))
             state = State()
-            found = [gear.dahl_step_counts(plan, ctypes.byref(state), move) for move in moves]
+            step = gear.dahl_step_counts
+            found = [step(plan, ctypes.byref(state), turn * move) for move in moves]
             assert factor * np.array(found) == pytest.approx(exact, abs=1e-5 * Fc)
         assert np.abs(exact).max() > 0.01 * Fc
 
