@@ -78,8 +78,8 @@ def joint_torques(sigma0: float, Fc: float, angles: list[float]) -> list[float]:
 
 
 def test_a_gear_gives_the_torque_of_the_joint(made: Any) -> None:
-    """The element at the motor gives it over N, that at the joint as it is. If the sides turn against
-    each other, the joint steps by the negated counts.
+    """The element at the motor gives it over N, that at the joint as it is. If the sides turn
+    against each other, the joint steps by the negated counts.
     """
     gear, rng, theta = made("Gear ratio"), random.Random(5), 2 * math.pi / 16384
     gear.dahl_step_counts.restype = ctypes.c_float
