@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import avr
 import call_costs
 import figures
 import host as host_bench
@@ -241,6 +242,7 @@ def write_docs(target: dict[str, Any], host: dict[str, Any]) -> None:
         raise BenchError(
             "build/bench/target.json is of some cores or of a quick run; docs/ needs a full one"
         )
+    on_avr = load(avr.RESULT, "target avr")
     write_block(ROOT / "README.md", table.SHORT_MARKS, table.short(target))
     write_block(DOCS / "microcontroller.md", table.MARKS, table.markdown(target))
     write_block(DOCS / "microcontroller.md", call_costs.MARKS, call_costs.block(target))
@@ -249,6 +251,7 @@ def write_docs(target: dict[str, Any], host: dict[str, Any]) -> None:
     )
     write_block(DOCS / "microcontroller.md", table.CYCLE_MARKS, table.cycles_block(target))
     write_block(DOCS / "microcontroller.md", table.WORST_MARKS, table.worst_block(target))
+    write_block(DOCS / "microcontroller.md", avr.MARKS, avr.block(on_avr))
     write_block(DOCS / "speed.md", table.SPEED_MARKS, table.speed_block(target))
     write_block(DOCS / "speed.md", WAYS_MARKS, ways_table(target, host))
     result = results.combine(target, host)

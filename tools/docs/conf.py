@@ -25,7 +25,8 @@ MODULES += "dahl.can.codec dahl.can.node dahl.can.pytest_plugin".split()
 EXPLORE = "explore.html"  # by tools/explore.sh; no page of Sphinx
 BUILT_IN = "dict, tuple, int, BaseException, OSError"  # their members are not listed
 MENU = {  # pages that are not listed follow under "Project"
-    "In a firmware": "microcontroller encoder parts compensation commissioning steering rendering",
+    "In a firmware": "microcontroller encoder recipes parts compensation commissioning steering"
+    " rendering",
     "From a log": "identify log_to_compensator",
     "Simulate and test": "simulate simulators loop quadrants",
     "Model and numbers": "model accuracy speed verification",
@@ -95,7 +96,7 @@ def main_menu() -> str:
     pages = [*SOURCE.glob("docs/*.md"), *SOURCE.glob("examples/**/README.md")]
     found = sorted(path.relative_to(SOURCE).with_suffix("").as_posix() for path in pages)
     others = [name for name in found if name not in listed]
-    others += ["docs/decisions/README", "CONTRIBUTING", "CHANGELOG"]
+    others += ["docs/decisions/README", "CONTRIBUTING", "CHANGELOG", "SECURITY"]
     parts = [menu([f"docs/{name}" for name in text.split()], key) for key, text in MENU.items()]
     return "".join(parts) + menu(others, "Project")
 

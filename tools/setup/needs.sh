@@ -37,10 +37,12 @@ declare -A MAY=(
     # clang of the need explore also builds the big-endian programs, because Debian's s390x gcc conflicts with gcc-multilib.
     [checks]='tcc libclang-rt-14-dev gcc-multilib g++-multilib
         qemu-user-static binutils-s390x-linux-gnu libgcc-12-dev-s390x-cross libc6-dev-s390x-cross
-        gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc gcc-avr avr-libc arduino-core-avr make
+        gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc gcc-avr avr-libc libsimavr-dev
+        libelf-dev arduino-core-avr make
         gcc-mingw-w64-x86-64 wine64
         clang-19 llvm-19 libclang-rt-19-dev clang-tidy-19 cppcheck shellcheck gappa sollya'
-    [bench]='gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc libsleef-dev'
+    [bench]='gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc gcc-avr avr-libc
+        libsimavr-dev libelf-dev libsleef-dev'
 )
 
 # Downloads into build/deps (fetched.sh).
