@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /** Many channels: vectors run across the channels, so only the ticks are serial. A block of ticks computes only d =
  * w - w0, which is then carried into the state. If the channels have equal travel per count and the core has
- * AVX-512, g of few counts comes from a table in registers (count_table.h). */
+ * AVX-512, g of few counts comes from a table in registers (wide.h). */
 #include <stddef.h>
 #include <string.h>
 
-#include "count_table.h"
+#include "wide.h"
 
 #define CHUNK 16  /* channels at a time */
 #define BLOCK 128 /* ticks before d is carried into the state */
@@ -88,30 +88,47 @@ DAHL_INLINE void step_angles(chunk_t *chunk, const job_t *job, size_t count, siz
 }
 
 #ifdef DAHL_AVX512
-DAHL_WIDE void step_eight(chunk_t *chunk, const __m512d table[2], __m512d *d, size_t from, __mmask8 used, const int32_t *moves,
-                          float *F)
+typedef struct {
+    __m512d w0, Fc, F0, d;
+} eight_t;
+
+DAHL_WIDE eight_t load_eight(const chunk_t *chunk, size_t from)
 {
-    __m512i counts = _mm512_cvtepi32_epi64(_mm256_maskz_loadu_epi32(used, moves + from));
-    __m512d size = dahl_table_look_up(table, _mm512_abs_epi64(counts));
-    __m512d c = dahl_with_sign_of(counts, size) - _mm512_loadu_pd(chunk->w0 + from) * size;
-    *d = (1.0 - size) * *d + c;
-    __m512d torque = _mm512_loadu_pd(chunk->Fc + from) * *d + _mm512_loadu_pd(chunk->F0 + from);
-    _mm256_mask_storeu_ps(F + from, used, _mm512_cvtpd_ps(torque));
+    eight_t r = {_mm512_loadu_pd(chunk->w0 + from), _mm512_loadu_pd(chunk->Fc + from), _mm512_loadu_pd(chunk->F0 + from),
+                 _mm512_loadu_pd(chunk->d + from)};
+    return r;
+}
+
+DAHL_WIDE __m256 step_eight(eight_t *eight, const __m512d table[2], __m256i moves)
+{
+    __m512i counts = _mm512_cvtepi32_epi64(moves);
+    dahl_wide_g_t g = {dahl_wide_look_up(table, _mm512_abs_epi64(counts)), counts};
+    __m512d c = dahl_wide_with_sign(g) - eight->w0 * g.size;
+    eight->d = (1.0 - g.size) * eight->d + c;
+    return _mm512_cvtpd_ps(eight->Fc * eight->d + eight->F0);
 }
 
 DAHL_WIDE void step_by_table(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
 {
     const __m512d table[2] = {_mm512_loadu_pd(chunk->table), _mm512_loadu_pd(chunk->table + 8)};
-    const uint32_t used = (1u << count) - 1u;
-    __m512d d[2] = {_mm512_loadu_pd(chunk->d), _mm512_loadu_pd(chunk->d + 8)};
+    const __mmask8 used = (__mmask8)((1u << count) - 1u), more = (__mmask8)(((1u << count) - 1u) >> 8);
+    const size_t stride = job->stride;
+    const int32_t *moves = (const int32_t *)job->moves + first * stride;
+    float *F = job->F + first * stride;
+    eight_t low = load_eight(chunk, 0), high = load_eight(chunk, 8);
     for (size_t t = first; t < last; t++) {
-        const int32_t *moves = (const int32_t *)job->moves + t * job->stride;
-        float *F = job->F + t * job->stride;
-        step_eight(chunk, table, &d[0], 0, (__mmask8)used, moves, F);
-        step_eight(chunk, table, &d[1], 8, (__mmask8)(used >> 8), moves, F);
+        if (count == CHUNK) {
+        _mm256_storeu_ps(F, step_eight(&low, table, _mm256_loadu_si256((const void*)moves)));
+        _mm256_storeu_ps(F + 8, step_eight(&high, table, _mm256_loadu_si256((const void*)(moves+8))));
+        } else {
+        _mm256_mask_storeu_ps(F, used, step_eight(&low, table, _mm256_maskz_loadu_epi32(used, moves)));
+        _mm256_mask_storeu_ps(F + 8, more, step_eight(&high, table, _mm256_maskz_loadu_epi32(more, moves + 8)));
+        }
+        moves += stride;
+        F += stride;
     }
-    _mm512_storeu_pd(chunk->d, d[0]);
-    _mm512_storeu_pd(chunk->d + 8, d[1]);
+    _mm512_storeu_pd(chunk->d, low.d);
+    _mm512_storeu_pd(chunk->d + 8, high.d);
 }
 
 /** Make the table if all channels have the same travel per count. */
