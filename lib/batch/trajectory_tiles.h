@@ -17,9 +17,9 @@
 #ifdef DAHL_AVX512
 
 #define DAHL_NIBBLE_MOST 7u /* counts */
-#define DAHL_LANES 8 /* doubles in a register, ticks in a lane */
-#define DAHL_TILES 8 /* tiles in a block */
-#define DAHL_TURNS 2 /* tiles that take turns */
+#define DAHL_LANES 8        /* doubles in a register, ticks in a lane */
+#define DAHL_TILES 8        /* tiles in a block */
+#define DAHL_TURNS 2        /* tiles that take turns */
 #define DAHL_TILE_TICKS (DAHL_LANES * DAHL_LANES)
 #define DAHL_TILES_TICKS (DAHL_TILES * DAHL_TILE_TICKS)
 #define DAHL_LEAST_E 0x1p-110 /* of a lane: its 8th power times d is no subnormal number (see dahl_w_of) */
@@ -30,8 +30,8 @@ typedef struct {
 } dahl_map_t;
 
 typedef struct {
-    __m512d table[2];     /* g of 0 .. 15 counts */
-    __m512d e[2], c[2];   /* maps of 0 .. 7, -8 .. -1 counts */
+    __m512d table[2];   /* g of 0 .. 15 counts */
+    __m512d e[2], c[2]; /* maps of 0 .. 7, -8 .. -1 counts */
     __m512d a, w0, Fc, F0;
 } dahl_tile_element_t;
 
@@ -131,13 +131,13 @@ DAHL_WIDE void dahl_tile_angles_or_nan(__m512i pair, __m512d x[2])
     x[1] = dahl_wide_number(x[1]);
 }
 
-#define DAHL_TILE_MAPS(moves, kernel)                                                                                \
-    DAHL_WIDE void dahl_tile_maps_##kernel##_##moves(const dahl_tile_element_t *element, __m512i pair, dahl_map_t maps[2]) \
-    {                                                                                                                \
-        __m512d x[2];                                                                                                \
-        dahl_tile_##moves(pair, x);                                                                                  \
-        maps[0] = dahl_tile_map(element, dahl_wide_g(element->a * x[0], dahl_wide_##kernel));                        \
-        maps[1] = dahl_tile_map(element, dahl_wide_g(element->a * x[1], dahl_wide_##kernel));                        \
+#define DAHL_TILE_MAPS(moves, kernel)                                                                                          \
+    DAHL_WIDE void dahl_tile_maps_##kernel##_##moves(const dahl_tile_element_t *element, __m512i pair, dahl_map_t maps[2])     \
+    {                                                                                                                          \
+        __m512d x[2];                                                                                                          \
+        dahl_tile_##moves(pair, x);                                                                                            \
+        maps[0] = dahl_tile_map(element, dahl_wide_g(element->a * x[0], dahl_wide_##kernel));                                  \
+        maps[1] = dahl_tile_map(element, dahl_wide_g(element->a * x[1], dahl_wide_##kernel));                                  \
     }
 DAHL_TILE_MAPS(counts, tiny)
 DAHL_TILE_MAPS(counts, small)
@@ -253,8 +253,13 @@ DAHL_WIDE dahl_tile_element_t dahl_tile_element(const dahl_tile_job_t *job)
 {
     const dahl_throughput_scale_t *scale = job->scale;
     const __m512d zero = _mm512_setzero_pd(), *table = job->table;
-    dahl_tile_element_t element = {{table[0], table[1]}, {zero, zero}, {zero, zero}, dahl_tile_all(scale->a),
-        dahl_tile_all(job->w0), dahl_tile_all(scale->Fc), dahl_tile_all(scale->Fc * job->w0)};
+    dahl_tile_element_t element = {{table[0], table[1]},
+                                   {zero, zero},
+                                   {zero, zero},
+                                   dahl_tile_all(scale->a),
+                                   dahl_tile_all(job->w0),
+                                   dahl_tile_all(scale->Fc),
+                                   dahl_tile_all(scale->Fc * job->w0)};
     __m512d back = _mm512_permutex2var_pd(table[0], _mm512_setr_epi64(8, 7, 6, 5, 4, 3, 2, 1), table[1]);
     dahl_wide_g_t g[2] = {{table[0], _mm512_setzero_si512()}, {back, _mm512_set1_epi64(-1)}};
     for (int i = 0; i < 2; i++) {

@@ -93,7 +93,7 @@ DAHL_WIDE __m512i dahl_wide_angles(__m512i moves)
     return _mm512_and_si512(moves, _mm512_set1_epi32(INT32_MAX));
 }
 
-/** Return the largest measure of n moves. Two sums at a time, since one would wait for itself. */
+/** Return the largest measure of n moves. Two maxima take turns, since one would wait for itself. */
 DAHL_WIDE uint32_t dahl_wide_largest(const void *moves, size_t n, dahl_wide_measure_t measure)
 {
     const int32_t *from = moves, *end = from + n;
