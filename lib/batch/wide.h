@@ -103,8 +103,8 @@ DAHL_WIDE uint32_t dahl_wide_largest(const void *moves, size_t n, dahl_wide_meas
         other = _mm512_max_epu32(other, measure(_mm512_loadu_si512(from + 16)));
     }
     for (; from < end; from += 16) {
-        __mmask16 used = end - from < 16 ? (__mmask16)((1u << (end - from)) - 1u) : (__mmask16)0xffff;
-        one = _mm512_max_epu32(one, measure(_mm512_maskz_loadu_epi32(used, from)));
+        uint32_t used = end - from < 16 ? (1u << (end - from)) - 1u : 0xffffu;
+        one = _mm512_max_epu32(one, measure(_mm512_maskz_loadu_epi32((__mmask16)used, from)));
     }
     return _mm512_reduce_max_epu32(_mm512_max_epu32(one, other));
 }
