@@ -42,7 +42,7 @@ class Element(Copied):
         array is read in place, other whole numbers are copied first. No value may be masked.
         """
         batch = getattr(c, f"dahl_batch_{self._kind}counts")
-        return arrays.run(batch, self._arguments(), arrays.moves(moves, np.int32), out)
+        return arrays.run(batch, self._arguments(), arrays.moves(moves, arrays.INT32), out)
 
 
 class RatioElement(Element):
