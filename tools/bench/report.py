@@ -168,7 +168,7 @@ def direction_line(logs: dict[str, Any]) -> str:
     )
     return (
         f"- `Friction.run_counts`: {random:.1f} ns a tick of the longest log, whose directions are"
-        f" random, and {forward:.1f} ns if all moves are forward: the processor predicts the direction"
+        f" random, and {forward:.1f} ns if all are forward, which a processor predicts"
     )
 
 

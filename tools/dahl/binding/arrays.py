@@ -47,8 +47,10 @@ def run(
     if more:
         arguments = (*arguments, pointer(moves), *map(pointer, more))
         batch(*arguments, pointer(torques), len(moves))
-    else:
-        batch(*arguments, pointer(moves), pointer(torques), len(moves))
+    else:  # quick: without calls of pointer()
+        address = c.from_buffer
+        from_moves, to_torques = _types[moves.dtype], _types[FLOAT32]
+        batch(*arguments, address(from_moves, moves), address(to_torques, torques), len(moves))
     return torques
 
 
@@ -178,13 +180,15 @@ def output(given: np.ndarray | None, wanted: np.ndarray) -> np.ndarray:
 
 
 def _is_free(given: np.ndarray, wanted: np.ndarray) -> bool:
-    """Return whether it surely is a good output. It shares no memory if another array owns it."""
-    if type(given) is not np.ndarray or not _is_ready(given, FLOAT32):
+    """Return whether it surely is a good output: it owns its memory, and the moves have another
+    owner.
+    """
+    if type(given) is not np.ndarray or given.dtype is not FLOAT32 or given.ndim != 1:
         return False
-    mine = given if given.base is None else given.base
-    other = wanted if wanted.base is None else wanted.base
-    owners = type(mine) is type(other) is np.ndarray and mine.flags.owndata and other.flags.owndata
-    return owners and mine is not other and given.shape == wanted.shape
+    flags, owner = given.flags, wanted if wanted.base is None else wanted.base
+    if not (flags.owndata and flags.carray and type(owner) is np.ndarray and owner.flags.owndata):
+        return False
+    return owner is not given and given.shape == wanted.shape
 
 
 def _check_output(given: np.ndarray, wanted: np.ndarray) -> None:
