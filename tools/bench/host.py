@@ -231,13 +231,16 @@ def measure_threads(ticks: int) -> dict[str, float]:
     return {str(n): best_time(partial(run, n)) / ticks * 1e9 for n in numbers}
 
 
-def cpu() -> str:
-    names = [
-        line.split(":", 1)[1].strip()
-        for line in Path("/proc/cpuinfo").read_text().splitlines()
-        if line.startswith("model name")
-    ]
-    return names[0] if names else "unknown"
+def cpu(text: str) -> str:
+    """Return name, family, model and vectors of the first processor in /proc/cpuinfo."""
+    lines = [line.partition(":") for line in text.partition("\n\n")[0].splitlines()]
+    said = {key.strip(): value.strip() for key, _, value in lines}
+    if "model name" not in said:
+        return "unknown processor"
+    flags = said.get("flags", "").split()
+    vectors = "AVX-512" if "avx512bw" in flags else "AVX2" if "avx2" in flags else "no AVX2"
+    family = f"family {said.get('cpu family', '?')}, model {said.get('model', '?')}"
+    return f"{said['model name']} ({family}, {vectors})"
 
 
 def measure(quick: bool, core_math: Path | None) -> dict[str, Any]:
@@ -247,7 +250,7 @@ def measure(quick: bool, core_math: Path | None) -> dict[str, Any]:
     errors = measure_errors(sizes)
     return {
         "quick": quick,
-        "cpu": cpu(),
+        "cpu": cpu(Path("/proc/cpuinfo").read_text()),
         "compiler": run("cc", "--version").splitlines()[0],
         "ticks": vars(sizes),
         "errors": errors,

@@ -186,6 +186,17 @@ def test_the_distance_to_a_copy_names_the_worst_motion(results) -> None:
     assert results.distances({"speed": speed})["ours"] == wanted
 
 
+def test_the_processor_is_named_with_its_vectors(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(BENCH))
+    host = import_module("host")
+    text = (
+        "model name\t: A\ncpu family\t: 6\nmodel\t\t: 85\nflags\t\t: sse avx2{}\n\nmodel name\t: B"
+    )
+    assert host.cpu(text.format("")) == "A (family 6, model 85, AVX2)"
+    assert host.cpu(text.format(" avx512bw")) == "A (family 6, model 85, AVX-512)"
+    assert "unknown" in host.cpu("Processor\t: ARM")
+
+
 def numbers_of(row: list[str]) -> list[float]:
     return [9.9 if error == "diverges" else float(error) for error in row[1:3]]
 
