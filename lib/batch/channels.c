@@ -219,17 +219,18 @@ DAHL_WIDE uint32_t largest_wide(const job_t *job, size_t first, size_t last, dah
 /** Return true if all channels have the same travel per count, so that one table serves them. */
 DAHL_INLINE bool is_uniform(const chunk_t *chunk, size_t count)
 {
-    bool is_same = true;
     for (size_t c = 1; c < count; c++) {
-        is_same = is_same && !(chunk->a[0] < chunk->a[c] || chunk->a[0] > chunk->a[c]);
+        if (chunk->a[0] < chunk->a[c] || chunk->a[0] > chunk->a[c]) {
+            return false;
+        }
     }
-    return is_same;
+    return true;
 }
 
 DAHL_WIDE void step_wide_counts(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
 {
     uint32_t most = largest_wide(job, first, last, dahl_wide_counts);
-    if (most <= DAHL_TABLE_MOST && last - first >= 16 && is_uniform(chunk, count)) { /* enough ticks to pay for the table */
+    if (most <= DAHL_TABLE_MOST && job->n >= 16 && is_uniform(chunk, count)) { /* enough ticks to pay for the table */
         __m512d table[2];
         dahl_wide_table(chunk->a[0], table);
         step_wide(chunk, job, count, first, last, table, g_by_table);
