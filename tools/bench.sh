@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
 # Usage: tools/bench.sh [--quick]
-#        tools/bench.sh target [--quick] [--mhz CLOCK] [CORE...] | host [--quick] | report [--cycles] | docs | laws [--docs]
+#        tools/bench.sh target [--quick] [--mhz CLOCK] [CORE...] | host [--quick] [--core-math FILE]
+#        tools/bench.sh report [--cycles] | docs | laws [--docs]
 #
 # Measures cost and error of the library and of other methods. Without a command it runs target, host and docs: 5 minutes on two
 # cores. With --quick it runs target, host and report: 1 minute.
@@ -10,6 +11,7 @@
 #            --mhz also prints microseconds at a clock: tools/bench.sh target --quick --mhz 48 m0
 #   host     measures errors against long double, speed on this machine and calls from Python, also for MuJoCo, Newton, SciPy,
 #            JAX and numba (installed in build/bench/venv); writes build/bench/host.json. --quick runs shorter motions.
+#            --core-math FILE adds the expm1f.c of CORE-MATH, which neither Debian nor PyPI has
 #   report   reads these two files; writes build/bench/results.json and the pictures speed, pareto and growth (.png, .svg).
 #            --cycles shows cycles of Cortex-M0, M3 and M4F instead of instructions
 #   docs     runs report, then writes the tables and pictures of docs/

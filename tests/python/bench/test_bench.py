@@ -29,7 +29,8 @@ EXACT = [
     ("docs/microcontroller.md", name)
     for name in ("target", "calls", "memory", "cycles", "worst", "avr")
 ]
-EXACT += [("README.md", "short"), ("docs/speed.md", "speed")]
+EXACT += [("README.md", "short")]
+EXACT += [("docs/speed.md", name) for name in ("speed", "libc", "computed")]
 
 
 class Bench:
@@ -200,6 +201,17 @@ def test_the_distance_to_a_copy_names_the_worst_motion(results) -> None:
     assert results.distances({"speed": speed})["ours"] == wanted
 
 
+def test_the_processor_is_named_with_its_vectors(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(BENCH))
+    host = import_module("host")
+    text = (
+        "model name\t: A\ncpu family\t: 6\nmodel\t\t: 85\nflags\t\t: sse avx2{}\n\nmodel name\t: B"
+    )
+    assert host.cpu(text.format("")) == "A (family 6, model 85, AVX2)"
+    assert host.cpu(text.format(" avx512bw")) == "A (family 6, model 85, AVX-512)"
+    assert "unknown" in host.cpu("Processor\t: ARM")
+
+
 def numbers_of(row: list[str]) -> list[float]:
     return [9.9 if error == "diverges" else float(error) for error in row[1:3]]
 
@@ -264,6 +276,7 @@ def test_a_part_of_a_run_is_refused_and_changes_no_page(
 
 
 FAILURES = {"host --quick": (1, "reason"), "target --quick m3": (1, "reason")}
+FAILURES |= {"host --core-math=absent.c": (1, "absent.c")}
 FAILURES |= {"target m3 m9": (2, "m9"), "target --mhz=48 rv32": (1, "rv32")}
 FAILURES |= {f"target --mhz={clock} m0": (1, clock) for clock in ("0", "-48", "fast", "inf")}
 FAILURES["target avr"] = (1, "reason")
