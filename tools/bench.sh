@@ -1,15 +1,17 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
 # Usage: tools/bench.sh [--quick]
-#        tools/bench.sh target [--quick] [--mhz CLOCK] [CORE...] | host [--quick] | report [--cycles] | docs | laws [--docs]
+#        tools/bench.sh target [--quick] [--mhz CLOCK] [CORE...] | host [--quick] [--core-math FILE]
+#        tools/bench.sh report [--cycles] | docs | laws [--docs]
 #
 # Measures cost and error of the library and of other methods. Without a command it runs target, host and docs: 5 minutes on two
 # cores. With --quick it runs target, host and report: 1 minute.
-#   target   counts instructions, cycles, bytes and stack in QEMU, on all small cores or on those given (m4f rv32 ...); prints
-#            tables and writes build/bench/target.json. --quick leaves picolibc out. --mhz also prints microseconds at a clock:
-#            tools/bench.sh target --quick --mhz 48 m0
+#   target   counts instructions, cycles, bytes and stack in QEMU, on all small cores or on those given (m4f rv32 ...), and on an
+#            AVR (avr) in simavr; prints tables and writes build/bench/target.json and avr.json. --quick leaves picolibc out.
+#            --mhz also prints microseconds at a clock: tools/bench.sh target --quick --mhz 48 m0
 #   host     measures errors against long double, speed on this machine and calls from Python, also for MuJoCo, Newton, SciPy,
 #            JAX and numba (installed in build/bench/venv); writes build/bench/host.json. --quick runs shorter motions.
+#            --core-math FILE adds the expm1f.c of CORE-MATH, which neither Debian nor PyPI has
 #   report   reads these two files; writes build/bench/results.json and the pictures speed, pareto and growth (.png, .svg).
 #            --cycles shows cycles of Cortex-M0, M3 and M4F instead of instructions
 #   docs     runs report, then writes the tables and pictures of docs/
@@ -47,7 +49,7 @@ case "$command" in
     report) python report "$@" ;;
     docs) python report --docs ;;
     all)
-        say "counting instructions on six cores"
+        say "counting instructions on seven cores"
         python target "$@" >"$BUILD/bench-target.log"
         install_rivals
         python host "$@"

@@ -24,6 +24,9 @@ compile() { # OUT.wasm
 }
 
 "$ROOT/tools/setup.sh" explore
+for tool in clang wasm-ld; do
+    command -v $tool >/dev/null || die "no $tool here, which compiles the library for the page (Debian: clang and lld)"
+done
 library=$(mktemp)
 trap 'rm -f "$library"' EXIT
 compile "$library"

@@ -7,7 +7,7 @@
 #   identify  demo, and the packages of the other commands of `dahl`
 #   firmware  demo, and a cross compiler and an emulator for Cortex-M (tools/demo.sh --target)
 #   test      identify, Unity and pytest: for tools/test.sh without options
-#   docs      test, Doxygen, Sphinx and a browser: for tools/docs.sh
+#   docs      test, explore, Doxygen, Sphinx and a browser: for tools/docs.sh
 #   release   docs, and the tools that make and check wheels: for tools/release.sh
 #   explore   demo, clang and lld: for tools/explore.sh
 #   vm        demo, an emulator, can-utils, and a kernel with CAN if this one lacks it: for tools/vm.sh

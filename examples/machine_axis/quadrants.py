@@ -75,20 +75,21 @@ def best_reversal(program: Path, friction: str) -> list[float]:
 def draw(program: Path, picture: Path) -> None:
     """Draw the circles of LuGre friction with magnified errors."""
     circles = {"projection": "polar"}
-    figure, panels = plt.subplots(1, 3, figsize=(11, 4.4), subplot_kw=circles, layout="constrained")
+    figure, panels = plt.subplots(1, 3, figsize=(7, 3), subplot_kw=circles, layout="constrained")
     for panel, feed in zip(panels, FEEDS, strict=True):
         for case, colour in DRAWN.items():
             angle, error = errors(program, feed, "lugre", *CASES[case]).T
             way = RADIUS_MM + MAGNIFIED * 1e-3 * error
             panel.plot(np.radians(angle), way, color=colour, linewidth=1.3, label=case)
         ticks = np.array([-10, 10])  # um
-        panel.set_rticks(RADIUS_MM + MAGNIFIED * 1e-3 * ticks, [f"{x:+d} µm" for x in ticks])
+        panel.set_rticks(RADIUS_MM + MAGNIFIED * 1e-3 * ticks, ["", "±10 µm"])
         panel.set_rlabel_position(45)
+        panel.spines["polar"].set_visible(False)
         panel.set(title=f"{feed:g} m/min", ylim=(0, 36))
-        panel.set_thetagrids((0, 90, 180, 270))
+        panel.set_thetagrids((0, 90, 180, 270), ["", "", "", ""])
     handles, names = panels[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper center", ncols=len(DRAWN), frameon=False)
-    figure.savefig(picture, dpi=110)
+    figure.savefig(picture, dpi=200)
 
 
 if __name__ == "__main__":

@@ -1,20 +1,18 @@
 /* SPDX-License-Identifier: MIT */
 /** Many channels: vectors run across the channels, so only the ticks are serial. A block of ticks computes only d =
- * w - w0, which is then carried into the state. If the channels have equal travel per count and the core has
- * AVX-512, g of few counts comes from a table in registers (count_table.h). */
+ * w - w0, which is then carried into the state. With AVX-512 d stays in registers, and if the channels have equal travel
+ * per count, g of few counts comes from a table (wide.h). */
 #include <stddef.h>
 #include <string.h>
 
-#include "count_table.h"
+#include "wide.h"
 
 #define CHUNK 16  /* channels at a time */
 #define BLOCK 128 /* ticks before d is carried into the state */
 
 typedef struct {
     double a[CHUNK], Fc[CHUNK], w0[CHUNK], F0[CHUNK], d[CHUNK];
-    uint32_t small, tiny;             /* least values of all channels */
-    double table[DAHL_TABLE_ENTRIES]; /* g of 0 .. table_most counts, equal for all channels */
-    uint32_t table_most;              /* 0: no table */
+    uint32_t small, tiny; /* least values of all channels */
 } chunk_t;
 
 typedef struct {
@@ -88,55 +86,172 @@ DAHL_INLINE void step_angles(chunk_t *chunk, const job_t *job, size_t count, siz
 }
 
 #ifdef DAHL_AVX512
-DAHL_WIDE void step_eight(chunk_t *chunk, const __m512d table[2], __m512d *d, size_t from, __mmask8 used, const int32_t *moves,
-                          float *F)
+#define TURNS 4 /* ticks of which g is computed in turns: the latency of one exceeds the look-ahead of a processor */
+
+/** Eight channels in registers, and the table of g, which only channels of equal travel per count may use. */
+typedef struct {
+    __m512d a, w0, Fc, F0, d;
+    const __m512d *table;
+    __mmask8 used;
+    bool is_masked; /* a store with a mask is slower */
+} eight_t;
+
+/** Returns g of the moves of a tick. */
+typedef dahl_wide_g_t (*g_of_eight_t)(const eight_t *eight, __m256i moves);
+
+DAHL_WIDE dahl_wide_g_t g_by_table(const eight_t *eight, __m256i moves)
 {
-    __m512i counts = _mm512_cvtepi32_epi64(_mm256_maskz_loadu_epi32(used, moves + from));
-    __m512d size = dahl_table_look_up(table, _mm512_abs_epi64(counts));
-    __m512d c = dahl_with_sign_of(counts, size) - _mm512_loadu_pd(chunk->w0 + from) * size;
-    *d = (1.0 - size) * *d + c;
-    __m512d torque = _mm512_loadu_pd(chunk->Fc + from) * *d + _mm512_loadu_pd(chunk->F0 + from);
-    _mm256_mask_storeu_ps(F + from, used, _mm512_cvtpd_ps(torque));
+    __m512i counts = _mm512_cvtepi32_epi64(moves);
+    dahl_wide_g_t g = {dahl_wide_look_up(eight->table, _mm512_abs_epi64(counts)), counts};
+    return g;
 }
 
-DAHL_WIDE void step_by_table(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
+DAHL_WIDE __m512d counts_of(__m256i moves)
 {
-    const __m512d table[2] = {_mm512_loadu_pd(chunk->table), _mm512_loadu_pd(chunk->table + 8)};
-    const uint32_t used = (1u << count) - 1u;
-    __m512d d[2] = {_mm512_loadu_pd(chunk->d), _mm512_loadu_pd(chunk->d + 8)};
-    for (size_t t = first; t < last; t++) {
-        const int32_t *moves = (const int32_t *)job->moves + t * job->stride;
-        float *F = job->F + t * job->stride;
-        step_eight(chunk, table, &d[0], 0, (__mmask8)used, moves, F);
-        step_eight(chunk, table, &d[1], 8, (__mmask8)(used >> 8), moves, F);
-    }
-    _mm512_storeu_pd(chunk->d, d[0]);
-    _mm512_storeu_pd(chunk->d + 8, d[1]);
+    return _mm512_cvtepi32_pd(moves);
 }
 
-/** Make the table if all channels have the same travel per count. */
-DAHL_INLINE void make_table(chunk_t *chunk, size_t count)
+DAHL_WIDE __m512d angles_of(__m256i moves)
 {
-    double a = chunk->a[0];
-    chunk->table_most = DAHL_TABLE_MOST;
-    for (size_t c = 0; c < count; c++) {
-        chunk->table_most = a < chunk->a[c] || a > chunk->a[c] ? 0 : chunk->table_most;
-    }
-    for (uint32_t n = 0; n <= chunk->table_most; n++) {
-        chunk->table[n] = dahl_g_any(a * n);
-    }
+    return _mm512_cvtps_pd(_mm256_castsi256_ps(moves));
 }
 
-DAHL_WIDE void step_few_counts(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
+DAHL_WIDE __m512d angles_or_nan_of(__m256i moves)
 {
-    if (first == 0 && last >= 16) { /* enough ticks to pay for the table */
-        make_table(chunk, count);
+    return dahl_wide_number(angles_of(moves));
+}
+
+#define G_BY_KERNEL(moves, kernel)                                                                                             \
+    DAHL_WIDE dahl_wide_g_t g_##kernel##_##moves(const eight_t *eight, __m256i read)                                           \
+    {                                                                                                                          \
+        return dahl_wide_g(eight->a * moves##_of(read), dahl_wide_##kernel);                                                   \
     }
-    uint32_t most = largest(job, first, last, dahl_measure_of_count);
-    if (chunk->table_most != 0 && most <= chunk->table_most) {
-        step_by_table(chunk, job, count, first, last);
+G_BY_KERNEL(counts, tiny)
+G_BY_KERNEL(counts, small)
+G_BY_KERNEL(counts, any)
+G_BY_KERNEL(angles, tiny)
+G_BY_KERNEL(angles, small)
+G_BY_KERNEL(angles_or_nan, any)
+
+DAHL_WIDE eight_t load_eight(const chunk_t *chunk, size_t count, size_t from, const __m512d *table)
+{
+    eight_t eight = {_mm512_loadu_pd(chunk->a + from),         _mm512_loadu_pd(chunk->w0 + from),
+                     _mm512_loadu_pd(chunk->Fc + from),        _mm512_loadu_pd(chunk->F0 + from),
+                     _mm512_loadu_pd(chunk->d + from),         table,
+                     (__mmask8)(((1u << count) - 1u) >> from), count != CHUNK};
+    return eight;
+}
+
+DAHL_WIDE __m256i load_moves(const eight_t *eight, const int32_t *moves)
+{
+    return eight->is_masked ? _mm256_maskz_loadu_epi32(eight->used, moves) : _mm256_loadu_si256((const void *)moves);
+}
+
+DAHL_WIDE void move_eight(eight_t *eight, dahl_wide_g_t g, float *F)
+{
+    if (eight->table != NULL) {
+        __m512d c = dahl_wide_with_sign(g) - eight->w0 * g.size;
+        eight->d = (1.0 - g.size) * eight->d + c;
     } else {
-        step_up_to(most, chunk, job, count, first, last, dahl_value_of_count, dahl_value_of_count);
+        __m512d w = eight->w0 + eight->d;
+        eight->d += dahl_wide_with_sign(g) - w * g.size;
+    }
+    __m256 torques = _mm512_cvtpd_ps(eight->Fc * eight->d + eight->F0);
+    if (eight->is_masked) {
+        _mm256_mask_storeu_ps(F, eight->used, torques);
+    } else {
+        _mm256_storeu_ps(F, torques);
+    }
+}
+
+DAHL_WIDE void step_turns(eight_t eights[2], const int32_t *moves, float *F, size_t stride, int turns, g_of_eight_t g_of)
+{
+    dahl_wide_g_t g[TURNS][2];
+    DAHL_UNROLL_8
+    for (int t = 0; t < turns; t++) {
+        DAHL_UNROLL_8
+        for (int i = 0; i < 2; i++) {
+            g[t][i] = g_of(&eights[i], load_moves(&eights[i], moves + (size_t)t * stride + 8 * i));
+        }
+    }
+    DAHL_UNROLL_8
+    for (int t = 0; t < turns; t++) {
+        DAHL_UNROLL_8
+        for (int i = 0; i < 2; i++) {
+            move_eight(&eights[i], g[t][i], F + (size_t)t * stride + 8 * i);
+        }
+    }
+}
+
+DAHL_WIDE void step_wide(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last, const __m512d *table,
+                         g_of_eight_t g_of)
+{
+    const size_t stride = job->stride;
+    const int32_t *moves = (const int32_t *)job->moves;
+    float *F = job->F;
+    eight_t eights[2] = {load_eight(chunk, count, 0, table), load_eight(chunk, count, 8, table)};
+    size_t t = first;
+    for (; t + TURNS <= last; t += TURNS) {
+        step_turns(eights, moves + t * stride, F + t * stride, stride, TURNS, g_of);
+    }
+    for (; t < last; t++) {
+        step_turns(eights, moves + t * stride, F + t * stride, stride, 1, g_of);
+    }
+    _mm512_storeu_pd(chunk->d, eights[0].d);
+    _mm512_storeu_pd(chunk->d + 8, eights[1].d);
+}
+
+DAHL_WIDE uint32_t largest_wide(const job_t *job, size_t first, size_t last, dahl_wide_measure_t measure)
+{
+    const int32_t *moves = (const int32_t *)job->moves + first * job->stride;
+    uint32_t most = 0;
+    if (job->stride == job->count) {
+        return dahl_wide_largest(moves, (last - first) * job->count, measure);
+    }
+    for (size_t t = first; t < last; t++) {
+        uint32_t size = dahl_wide_largest(moves, job->count, measure);
+        most = size > most ? size : most;
+        moves += job->stride;
+    }
+    return most;
+}
+
+/** Return true if all channels have the same travel per count, so that one table serves them. */
+DAHL_INLINE bool is_uniform(const chunk_t *chunk, size_t count)
+{
+    for (size_t c = 1; c < count; c++) {
+        if (chunk->a[0] < chunk->a[c] || chunk->a[0] > chunk->a[c]) {
+            return false;
+        }
+    }
+    return true;
+}
+
+DAHL_WIDE void step_wide_counts(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
+{
+    uint32_t most = largest_wide(job, first, last, dahl_wide_counts);
+    if (most <= DAHL_TABLE_MOST && job->n >= 16 && is_uniform(chunk, count)) { /* enough ticks to pay for the table */
+        __m512d table[2];
+        dahl_wide_table(chunk->a[0], table);
+        step_wide(chunk, job, count, first, last, table, g_by_table);
+    } else if (most > chunk->small) {
+        step_wide(chunk, job, count, first, last, NULL, g_any_counts);
+    } else if (most <= chunk->tiny) {
+        step_wide(chunk, job, count, first, last, NULL, g_tiny_counts);
+    } else {
+        step_wide(chunk, job, count, first, last, NULL, g_small_counts);
+    }
+}
+
+DAHL_WIDE void step_wide_angles(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
+{
+    uint32_t most = largest_wide(job, first, last, dahl_wide_angles);
+    if (most > chunk->small) {
+        step_wide(chunk, job, count, first, last, NULL, g_any_angles_or_nan);
+    } else if (most <= chunk->tiny) {
+        step_wide(chunk, job, count, first, last, NULL, g_tiny_angles);
+    } else {
+        step_wide(chunk, job, count, first, last, NULL, g_small_angles);
     }
 }
 #endif
@@ -189,8 +304,8 @@ DAHL_INLINE void run_by_size(const job_t *job, steps_t steps)
     }
 }
 
-DAHL_VARIANTS(counts, job_t, run_by_size(job, step_few_counts), run_by_size(job, step_counts), run_by_size(job, step_counts))
-DAHL_VARIANTS(angles, job_t, run_by_size(job, step_angles), run_by_size(job, step_angles), run_by_size(job, step_angles))
+DAHL_VARIANTS(counts, job_t, run_by_size(job, step_wide_counts), run_by_size(job, step_counts), run_by_size(job, step_counts))
+DAHL_VARIANTS(angles, job_t, run_by_size(job, step_wide_angles), run_by_size(job, step_angles), run_by_size(job, step_angles))
 
 static dahl_err_t check_all(const dahl_throughput_params_t *params, size_t channels, bool by_counts)
 {

@@ -19,12 +19,23 @@
 #define DAHL_INLINE static inline __attribute__((always_inline))
 #define DAHL_AVX2 __attribute__((target("avx2,fma")))
 #define DAHL_AVX512 __attribute__((target("avx2,fma,avx512f,avx512bw,avx512dq,avx512vl")))
+#ifndef DAHL_HAS_AVX2 /* 0 as a compiler flag measures the form without it; so does DAHL_HAS_AVX512 */
 #define DAHL_HAS_AVX2 (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
+#endif
+#ifndef DAHL_HAS_AVX512
 #define DAHL_HAS_AVX512 \
     (__builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
+#endif
+
+/* Let independent chains of AVX-512 take turns. With the 16 registers of AVX2 this would cost more than it saves. */
+#if defined(__clang__)
+#define DAHL_SCHEDULED
+#else
+#define DAHL_SCHEDULED __attribute__((optimize("schedule-insns", "sched-pressure")))
+#endif
 
 #define DAHL_VARIANTS(name, type, run_avx512, run_avx2, run_plain)                      \
-    DAHL_AVX512 static void name##_avx512(const type *job) { run_avx512; }              \
+    DAHL_AVX512 DAHL_SCHEDULED static void name##_avx512(const type *job) { run_avx512; }              \
     DAHL_AVX2 static void name##_avx2(const type *job) { run_avx2; }                    \
     static void name##_plain(const type *job) { run_plain; }                            \
     static void name(const type *job)                                                   \

@@ -24,7 +24,7 @@ typedef struct {
     const void *moves; /* int32_t or float */
     float *F;
     size_t n;
-    const double *table; /* g of few counts, for trajectory_tiles.h */
+    const void *table; /* g of few counts in registers, for trajectory_tiles.h */
 } job_t;
 
 typedef struct {
@@ -164,20 +164,20 @@ typedef char the_tiles_are_a_block[DAHL_TILES_TICKS == BLOCK ? 1 : -1];
 DAHL_WIDE double counts_tiles(const job_t *job, double w0, const void *moves, float *F)
 {
     const dahl_tile_job_t block = {job->scale, job->table, w0, moves, F};
-    return dahl_tiles_by_counts(&block, largest(moves, dahl_measure_of_count));
+    return dahl_tiles_by_counts(&block, dahl_wide_largest(moves, BLOCK, dahl_wide_counts));
 }
 
 DAHL_WIDE double angles_tiles(const job_t *job, double w0, const void *moves, float *F)
 {
     const dahl_tile_job_t block = {job->scale, job->table, w0, moves, F};
-    return dahl_tiles_by_angle(&block, largest(moves, dahl_measure_of_angle));
+    return dahl_tiles_by_angle(&block, dahl_wide_largest(moves, BLOCK, dahl_wide_angles));
 }
 
 DAHL_WIDE void run_tiles(const job_t *job, block_t block)
 {
-    double table[DAHL_TABLE_ENTRIES];
+    __m512d table[2];
     job_t with_table = *job;
-    dahl_tiles_table(job->scale->a, table);
+    dahl_wide_table(job->scale->a, table);
     with_table.table = table;
     run(&with_table, block);
 }

@@ -212,12 +212,12 @@ typedef enum {
  *
  * @param params parameters
  * @return the first remark of dahl_plausible_t; #DAHL_PLAUSIBLE also for #DAHL_ERR_PARAM
- * @note If a count is below 16 presliding lengths, it has no remark on linear axes in m, nor on
- *   rotary axes of 4 to 2^26 counts per turn. By chance, 1 of 20000 gears looks like degrees, and so
- *   do 13 of these numbers of counts, all above 4 million.
- * @note It cannot find turns per count, degrees per count with more than 46080 counts per turn that
- *   are no power of two, nor sigma0 in N m/deg if Fc/sigma0 stays below 128 rad: a motor behind a
- *   gear has such values, too.
+ * @note If a count is below 16 presliding lengths, correct parameters get no remark: neither on a
+ *   linear axis in m, nor on a rotary axis of 4 to 2^26 counts per turn. By chance, 1 of 20000
+ *   gears looks like degrees. So do 13 of these numbers of counts, all above 4 million.
+ * @note A motor behind a gear may have values that look like some mistakes. These are not found:
+ *   turns per count; degrees per count, with more than 46080 counts per turn that are no power of
+ *   two; sigma0 in N m/deg, if Fc/sigma0 stays below 128 rad.
  * @note A program that does not call it does not link it. It is not for a tick.
  */
 dahl_plausible_t dahl_params_plausible(const dahl_params_t *params);

@@ -418,12 +418,14 @@ typedef struct {
  * @param[out] plan     plan to write; unchanged if the call fails
  * @param      params   parameters of the compensator, accepted by dahl_compensator_prepare()
  * @param      residual parameters of the observer
- * @return #DAHL_COMPENSATOR_OK; #DAHL_COMPENSATOR_WRONG_LAW for the measured law;
- *   #DAHL_COMPENSATOR_PARAM if a parameter is NaN, infinite, negative, or zero but must not be, or
- *   if speed_gain and resonance are both 0; #DAHL_COMPENSATOR_RANGE if one is out of range, if the
- *   limit is above 0.64 Fc without no_integral, if the slew is below 2^-23 Fc in a tick, or if 2 pi
- *   corner inertia is 64 Fc or more at 2 noise + 2 counts per tick;
- *   #DAHL_COMPENSATOR_CORNER if the rule of the corner fails: lower the corner.
+ * @return #DAHL_COMPENSATOR_OK, or
+ *   - #DAHL_COMPENSATOR_WRONG_LAW for the measured law;
+ *   - #DAHL_COMPENSATOR_PARAM if a parameter is NaN, infinite, negative, or zero but must not be;
+ *     also if speed_gain and resonance are both 0;
+ *   - #DAHL_COMPENSATOR_RANGE if one is out of range; if the limit is above 0.64 Fc without
+ *     no_integral; if the slew is below 2^-23 Fc in a tick; if 2 pi corner inertia is 64 Fc or more
+ *     at 2 noise + 2 counts per tick;
+ *   - #DAHL_COMPENSATOR_CORNER if the rule of the corner fails: lower the corner.
  * @note The first rule is rounded to the safe side by 2^-30 of it, the second one is exact.
  */
 DAHL_NODISCARD dahl_compensator_err_t dahl_residual_prepare(dahl_residual_plan_t *plan,

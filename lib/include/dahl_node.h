@@ -149,7 +149,7 @@ typedef struct {
     uint32_t ramp_us;          /**< [us] time of the gain from 0 to 1; 0: none. A gap of more
                                     than 65 ms counts as 65 ms. If it changes while the gain
                                     moves, the next answer goes on from the present gain at the
-                                    new rate, and with 0 reaches the gain at once. Each change may
+                                    new rate. With 0, it reaches the gain at once. Each change may
                                     shift the gain by 1/DAHL_NODE_ONE */
     uint32_t timeout_us;       /**< [us] timeout */
     uint32_t max_step;         /**< [counts/ms] MaxStep; 0: no limit */

@@ -48,10 +48,10 @@ static inline dahl_scaled_t dahl_scaled_of(uint64_t product, int32_t exponent)
 }
 
 /**
- * Far plans. If a/ln 2 is 2^62 or more, the exponent of a zero angle looks like that of a usual travel. If it is below 2^-121,
- * that of an infinite angle does. prepare.c subtracts DAHL_FAR from the a_exponent of such a plan, so that no shift is usual. A
- * tick then needs no check of the angle. The ticks in assembly find an unusual shift by its bits, also by those of
- * DAHL_FAR.
+ * Far plans. If a/ln 2 is 2^62 or more, v of a zero angle has the shift of a normal travel. If a/ln 2 is below
+ * 2^-121, so has v of an infinite angle. prepare() marks such a plan: it subtracts DAHL_FAR from a_exponent. The shift
+ * of v is then never that of a normal travel, so a tick needs no check of the angle. The ticks in assembly find such a
+ * shift by its bits, also by those of DAHL_FAR.
  */
 #define DAHL_FAR 0x600000
 

@@ -1,29 +1,33 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * Fault table: the reaction of the node to each frame, and to missing frames. The unit test of the node runs each
- * row, and tools/generators/facts.py writes the table into the documentation. The product does not compile it.
+ * Fault tables: the reaction of the node to each frame, and to missing frames. The unit test of the node runs each
+ * row, and tools/generators/facts.py writes the tables into the documentation. The product does not compile them.
  *
- * Columns: name; frame; counts that increment (members of dahl_node_counts_t); state in Status; whether the bristle
- * moves or is kept; whether the node answers. Unless a row says otherwise, frames arrive within the timeout, and
- * counters are relative to the last frame in sequence. Frames out of sequence or too far away are consecutive if
- * each has the counter after the one before. An accepted count ends such a run; repeated, bad and invalid frames do
- * not.
+ * Both have the columns: name; ...; counts that increment (members of dahl_node_counts_t); state in Status; whether the
+ * bristle moves or is kept; whether the node answers. Unless a row says otherwise, frames arrive within the timeout.
+ *
+ * FAULT_COUNTERS is for good and valid frames, by their counter after that of the last frame in sequence, by their
+ * distance from its count (MaxStep 0: no limit), and by whether the frame is the third in a row that is out of
+ * sequence or too far away. In a row, each frame has the counter after the one before. An accepted count ends the row;
+ * repeated, bad and invalid frames do not. FAULT_EVENTS has all other frames and events.
  */
 #ifndef FAULT_TABLE_H
 #define FAULT_TABLE_H
 
-#define FAULT_TABLE(ROW) \
-    ROW(FIRST, "first good frame", "ok", INIT, "kept", true) \
-    ROW(NEXT, "counter + 1", "ok", OK, "moved", true) \
-    ROW(GAP, "counter + 2 or + 3", "ok, lost", LOST, "moved", true) \
-    ROW(LONG_GAP, "counter + 4 to + 8, with MaxStep", "ok, lost", LOST, "moved", true) \
-    ROW(AGAIN, "same counter as before", "repeated", REPEATED, "kept", false) \
-    ROW(OTHER, "any other counter", "wrong_sequence", WRONG_SEQUENCE, "kept", false) \
-    ROW(FAR, "counter + 1, exceeds MaxStep", "jump", OK, "kept", false) \
-    ROW(FAR_GAP, "counter + 2 to + 8, exceeds MaxStep", "lost, jump", LOST, "kept", false) \
-    ROW(THIRD, "any other counter, valid, third frame in a row; MaxStep is 0 or exceeded", "wrong_sequence", WRONG_SEQUENCE, "kept", true) \
-    ROW(THIRD_FAR, "counter + 1, third frame in a row that exceeds MaxStep", "jump", WRONG_SEQUENCE, "kept", true) \
-    ROW(THIRD_NEAR, "any other counter, valid, third frame in a row; within MaxStep", "ok", LOST, "moved", true) \
+#define FAULT_COUNTERS(ROW) \
+    ROW(FIRST, "any, first good frame", "any", "", "ok", INIT, "kept", true) \
+    ROW(NEXT, "+ 1", "0, within", "", "ok", OK, "moved", true) \
+    ROW(GAP, "+ 2, + 3", "0, within", "", "ok, lost", LOST, "moved", true) \
+    ROW(LONG_GAP, "+ 4 to + 8", "within", "", "ok, lost", LOST, "moved", true) \
+    ROW(FAR, "+ 1", "exceeded", "no", "jump", OK, "kept", false) \
+    ROW(FAR_GAP, "+ 2 to + 8", "exceeded", "no", "lost, jump", LOST, "kept", false) \
+    ROW(THIRD_FAR, "+ 1", "exceeded", "yes", "jump", WRONG_SEQUENCE, "kept", true) \
+    ROW(AGAIN, "the same", "any", "", "repeated", REPEATED, "kept", false) \
+    ROW(OTHER, "any other", "any", "no", "wrong_sequence", WRONG_SEQUENCE, "kept", false) \
+    ROW(THIRD, "any other", "0, exceeded", "yes", "wrong_sequence", WRONG_SEQUENCE, "kept", true) \
+    ROW(THIRD_NEAR, "any other", "within", "yes", "ok", LOST, "moved", true)
+
+#define FAULT_EVENTS(ROW) \
     ROW(DISOWNED, "counter + 1, marked invalid by the encoder", "invalid", OK, "kept", false) \
     ROW(DISOWNED_GAP, "counter + 2 or + 3 (with MaxStep up to + 8), marked invalid by the encoder", "lost, invalid", LOST, "kept", false) \
     ROW(DISOWNED_FIRST, "marked invalid by the encoder, before the first good frame", "invalid", INIT, "kept", false) \

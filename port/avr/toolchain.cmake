@@ -12,6 +12,7 @@ endif()
 
 find_program(CMAKE_C_COMPILER avr-gcc REQUIRED)
 set(CMAKE_C_FLAGS_INIT "-mmcu=atmega2560")
+set(CMAKE_ASM_FLAGS_INIT "-mmcu=atmega2560")
 
 # An image cannot end QEMU on this board: run.py ends it.
 set(CMAKE_CROSSCOMPILING_EMULATOR python3 ${CMAKE_CURRENT_LIST_DIR}/run.py)

@@ -394,7 +394,9 @@ typedef struct {
 #define LENGTH(beats) (sizeof(beats) / sizeof(beats)[0])
 #define ROW(id, frame, counted, state, bristle, answered) \
     {#id, counted, bristle, play_##id, LENGTH(play_##id), DAHL_FRAMES_##state, answered},
-static const row_t rows[] = {FAULT_TABLE(ROW)};
+#define COUNTER_ROW(id, counter, max_step, third, counted, state, bristle, answered) \
+    ROW(id, counter, counted, state, bristle, answered)
+static const row_t rows[] = {FAULT_COUNTERS(COUNTER_ROW) FAULT_EVENTS(ROW)};
 
 static void check_row(const row_t *row)
 {

@@ -17,6 +17,9 @@ LINKS = {  # page: a page that it must link to
     "docs/python.html": "../python/dahl.html#dahl.Client",
     "docs/c.html": "../c/dahl_compensator.h.html",
     "docs/identify.html": "../python/dahl.identify.html",
+    "docs/simulators.html": "../python/dahl.jax.html",
+    "docs/verification.html": "../explore.html",
+    "search.html": "explore.html",
     "c/dahl.h.html": "../docs/microcontroller.html",
     "c/dahl_encoder.h.html": "../docs/encoder.html",
     "python/dahl.can.node.html": "../docs/loop.html",
@@ -29,6 +32,9 @@ WORDS = {  # page: what a reader must find there
     "c/dahl_node.h.html": '\n<span class="w">    </span><span class="k">if</span>',
     "python/dahl.html": "Friction(plan)</span></code>:",
     "python/dahl.identify.html": "dahl.identify.Options",
+    "python/dahl.jax.html": 'id="dahl.jax.ElastoPlastic.step"',
+    "python/dahl.mujoco.html": "dahl.friction",
+    "explore.html": "AGFzbQEAAAAB",  # the library as WebAssembly
 }
 
 
@@ -53,7 +59,7 @@ def test_each_page_is_in_the_menu_and_in_the_search_of_all(site: Path) -> None:
     index = (site / "searchindex.js").read_text()
     pages = {path.relative_to(site).with_suffix("").as_posix() for path in site.rglob("*.html")}
     found = set(re.findall(r'"([^"]*)"', index.split('"docnames":[')[1].split("]")[0]))
-    assert pages - found <= {"search"} and found <= pages
+    assert pages - found <= {"search", "explore"} and found <= pages
     folders = {page.split("/")[0] for page in found if "/" in page}
     assert folders == {"docs", "c", "python", "examples"}
     menu = (site / "search.html").read_text()
@@ -62,18 +68,25 @@ def test_each_page_is_in_the_menu_and_in_the_search_of_all(site: Path) -> None:
 
 def test_nothing_is_clipped_on_a_phone_and_on_a_desk(site: Path, root: Path) -> None:
     need("chromium", "no page of the site is clipped")
-    assert run("python3", root / "tools/docs/widths.py", site).endswith(" pages, 0 faults\n")
+    assert run("python3", root / "tools/docs/check.py", site).endswith(" pages, 0 faults\n")
     assert all((root / f"build/docs-pictures/{width}.png").exists() for width in WIDTHS)
 
 
-def test_the_measurement_finds_what_is_clipped(root: Path, tmp_path: Path) -> None:
+def test_the_check_finds_what_is_clipped_or_broken(root: Path, tmp_path: Path) -> None:
     need("chromium", "the measurement of pages finds faults")
     (tmp_path / "good.html").write_text("<article>text</article>")
     (tmp_path / "wide.html").write_text('<article><p style="width: 700px">text</article>')
     hidden = '<article><p style="width: 90px; overflow: hidden; white-space: pre">'
     (tmp_path / "hidden.html").write_text(hidden + "a long line of text" * 9)
     (tmp_path / "remote.html").write_text('<article><img src="http://localhost:9/x.png">')
-    faults = run("python3", root / "tools/docs/widths.py", tmp_path, code=1).splitlines()
+    (tmp_path / "links.html").write_text(
+        '<article id="a"><a href="good.html"><a href="#a"><a href="http://localhost:9/">'
+        '<a href="none.html"><a href="good.html#none"><img src="none%20.png">'
+    )
+    faults = run("python3", root / "tools/docs/check.py", tmp_path, code=1).splitlines()
+    broken = [fault.split(" to ")[1] for fault in faults if "links.html" in fault]
+    assert broken == ["none.html", "good.html#none", "none .png"]
+    faults = [fault for fault in faults if "links.html" not in fault]
     found = {
         (page, width) for page, width in re.findall(r"(\w+).html at (\d+) px", "\n".join(faults))
     }

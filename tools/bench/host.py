@@ -67,9 +67,12 @@ def say(text: str) -> None:
     print(f"bench: {text}", flush=True)
 
 
-def build() -> None:
+def build(core_math: Path | None) -> None:
     say("building")
-    run("cmake", "--preset", "host", cwd=ROOT)
+    if core_math and not core_math.is_file():
+        raise BenchError(f"--core-math {core_math} is not a file")
+    given = core_math.resolve() if core_math else ""
+    run("cmake", "--preset", "host", f"-DCORE_MATH={given}", cwd=ROOT)
     run("cmake", "--build", ROOT / "build/host", "--target", "host_bench", "dahl_shared", cwd=ROOT)
 
 
@@ -228,23 +231,26 @@ def measure_threads(ticks: int) -> dict[str, float]:
     return {str(n): best_time(partial(run, n)) / ticks * 1e9 for n in numbers}
 
 
-def cpu() -> str:
-    names = [
-        line.split(":", 1)[1].strip()
-        for line in Path("/proc/cpuinfo").read_text().splitlines()
-        if line.startswith("model name")
-    ]
-    return names[0] if names else "unknown"
+def cpu(text: str) -> str:
+    """Return name, family, model and vectors of the first processor in /proc/cpuinfo."""
+    lines = [line.partition(":") for line in text.partition("\n\n")[0].splitlines()]
+    said = {key.strip(): value.strip() for key, _, value in lines}
+    if "model name" not in said:
+        return "unknown processor"
+    flags = said.get("flags", "").split()
+    vectors = "AVX-512" if "avx512bw" in flags else "AVX2" if "avx2" in flags else "no AVX2"
+    family = f"family {said.get('cpu family', '?')}, model {said.get('model', '?')}"
+    return f"{said['model name']} ({family}, {vectors})"
 
 
-def measure(quick: bool) -> dict[str, Any]:
+def measure(quick: bool, core_math: Path | None) -> dict[str, Any]:
     sizes = QUICK if quick else WHOLE
-    build()
+    build(core_math)
     calls = measure_calls()
     errors = measure_errors(sizes)
     return {
         "quick": quick,
-        "cpu": cpu(),
+        "cpu": cpu(Path("/proc/cpuinfo").read_text()),
         "compiler": run("cc", "--version").splitlines()[0],
         "ticks": vars(sizes),
         "errors": errors,
@@ -264,8 +270,10 @@ def main(arguments: list[str]) -> int:
         prog="tools/bench.sh host", description=__doc__.split("\n\n")[0]
     )
     parser.add_argument("--quick", action="store_true", help="shorter motions: under 2 minutes")
-    start = perf_counter()
-    write_json(RESULT, measure(parser.parse_args(arguments).quick))
+    words = "also race the expm1f.c of CORE-MATH (src/binary32/expm1), which this tree cannot hold"
+    parser.add_argument("--core-math", type=Path, metavar="FILE", help=words)
+    given, start = parser.parse_args(arguments), perf_counter()
+    write_json(RESULT, measure(given.quick, given.core_math))
     say(f"build/bench/host.json written, {perf_counter() - start:.0f} s")
     return 0
 

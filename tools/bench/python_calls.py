@@ -113,7 +113,9 @@ LOG_CALLS = {
 
 
 def log_calls() -> dict[str, Any]:
-    """Return {"ticks": LENGTHS, "ns": {call: ns of each length}, "missing": {call: reason}}."""
+    """Return {"ticks": LENGTHS, "ns": {call: ns of each length}, "missing": {call: reason}}, and
+    as "one_direction" the ns of Friction for the longest log, with all moves forward.
+    """
     import numpy as np
 
     random = np.random.default_rng(1).integers(-8, 9, LENGTHS[-1]).astype(np.int32)
@@ -128,7 +130,9 @@ def log_calls() -> dict[str, Any]:
                 missing[name] = str(error)
         for name, each in least_ns(calls).items():
             ns.setdefault(name, []).append(each)
-    return {"ticks": LENGTHS, "ns": ns, "missing": missing}
+    forward = {"one direction": friction_call(np.abs(random), np.empty(LENGTHS[-1], np.float32))}
+    [one_direction] = least_ns(forward).values()
+    return {"ticks": LENGTHS, "ns": ns, "one_direction": one_direction, "missing": missing}
 
 
 if __name__ == "__main__":

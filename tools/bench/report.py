@@ -13,10 +13,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import avr
 import call_costs
 import figures
 import host as host_bench
 import measured
+import published
 import results
 import table
 import target as target_bench
@@ -100,6 +102,7 @@ HOST_KEYS = (
     "sleef",
     "double_state",
     "expm1f",
+    "core_math",
     *results.OUTSIDE,
 )
 
@@ -159,6 +162,17 @@ def single_lines(calls: dict[str, Any]) -> list[str]:
     ]
 
 
+def direction_line(logs: dict[str, Any]) -> str:
+    """Return how long a tick of the exact form takes with random directions, and with one."""
+    random, forward = (
+        ns / logs["ticks"][-1] for ns in (logs["ns"]["friction"][-1], logs["one_direction"])
+    )
+    return (
+        f"- `Friction.run_counts`: {random:.1f} ns a tick of the longest log, whose directions are"
+        f" random, and {forward:.1f} ns if all are forward, which a processor predicts"
+    )
+
+
 def log_rows(calls: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
     logs = calls["logs"]
     head = ["us a call, by ticks of the log", *(f"{n:,}" for n in logs["ticks"])]
@@ -178,7 +192,7 @@ def python_block(result: dict[str, Any]) -> str:
     lines.insert(1, "|---|" + "---:|" * (len(head) - 1))
     missing = [f"- not compared here: {k} ({why})" for k, why in calls["logs"]["missing"].items()]
     note = f"{result['machine']['cpu']}, Python {calls['python']}; least of many calls in turns."
-    lines = [*lines, "", *single_lines(calls), *missing, "", note]
+    lines = [*lines, "", *single_lines(calls), direction_line(calls["logs"]), *missing, "", note]
     return "\n".join([PYTHON_MARKS[0], *lines, PYTHON_MARKS[1]])
 
 
@@ -241,6 +255,7 @@ def write_docs(target: dict[str, Any], host: dict[str, Any]) -> None:
         raise BenchError(
             "build/bench/target.json is of some cores or of a quick run; docs/ needs a full one"
         )
+    on_avr = load(avr.RESULT, "target avr")
     write_block(ROOT / "README.md", table.SHORT_MARKS, table.short(target))
     write_block(DOCS / "microcontroller.md", table.MARKS, table.markdown(target))
     write_block(DOCS / "microcontroller.md", call_costs.MARKS, call_costs.block(target))
@@ -249,8 +264,11 @@ def write_docs(target: dict[str, Any], host: dict[str, Any]) -> None:
     )
     write_block(DOCS / "microcontroller.md", table.CYCLE_MARKS, table.cycles_block(target))
     write_block(DOCS / "microcontroller.md", table.WORST_MARKS, table.worst_block(target))
+    write_block(DOCS / "microcontroller.md", avr.MARKS, avr.block(on_avr))
     write_block(DOCS / "speed.md", table.SPEED_MARKS, table.speed_block(target))
     write_block(DOCS / "speed.md", WAYS_MARKS, ways_table(target, host))
+    write_block(DOCS / "speed.md", table.LIBC_MARKS, table.libc_block(target))
+    write_block(DOCS / "speed.md", published.MARKS, published.block(target))
     result = results.combine(target, host)
     write_block(DOCS / "speed.md", HOST_MARKS, host_block(result))
     write_block(DOCS / "speed.md", PYTHON_MARKS, python_block(result))

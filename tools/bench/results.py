@@ -38,6 +38,7 @@ WAYS = (
     Way("throughput_counts", "`dahl_throughput_counts`", ours=True, on_target=False),
     Way("throughput_angle", "`dahl_throughput`", ours=True, on_target=False),
     Way("expm1f", "`expm1f` step"),
+    Way("core_math", "CORE-MATH `cr_expm1f` step", on_target=False),
     Way("expf", "`1 - expf` step"),
     Way("exp_double", "`1 - exp` (double) step"),
     Way("expm1_double", "`expm1` (double) step"),
@@ -140,7 +141,7 @@ def host_points(host: dict[str, Any]) -> list[Point]:
     points = []
     for way in WAYS:
         name = HOST_KEY.get(way.key, way.key)
-        if way.on_host and name in host["errors"][JUMPS]:  # SLEEF may be missing
+        if way.on_host and name in host["errors"][JUMPS]:  # SLEEF and CORE-MATH may be missing
             cost = {scenario: ways[name] for scenario, ways in host["speed"].items()}
             points.append(Point(way.key, way.title, way.ours, cost, errors_of(host, way.key)))
     for name, entry in host["outside"].items():
@@ -153,7 +154,7 @@ def host_points(host: dict[str, Any]) -> list[Point]:
 
 OUTSIDE = {
     "mujoco": "MuJoCo `dcmotor`",
-    "newton": "Newton's Dahl axis (in float; a move within 1e-6 rad keeps the direction)",
+    "newton": "Newton's Dahl axis, float (dead band: within 1e-6 rad the direction stays)",
     "scipy": "SciPy `solve_ivp`",
     "numba": "numba loop, state in double",
     "jax_float": "JAX `associative_scan`, float",

@@ -315,6 +315,25 @@ def markdown(result: dict[str, dict[str, Any]]) -> str:
     return "\n".join([MARKS[0], *lines, "", note, bare_link(result), MARKS[1]])
 
 
+LIBC_MARKS = ("<!-- bench:libc -->", "<!-- /bench:libc -->")
+LIBC_CORES = ("m0", "m3", "m4f", "m33", "rv32")
+LIBC_ROWS = [("`dahl_step_counts`, one count", "one_count_float")]
+LIBC_ROWS += [
+    (f"{libc} {title} step", f"{libc}_{name}")
+    for title, name in (("`expm1f`", "expm1f"), ("`expf`", "expf"), ("`exp`", "exp_double"))
+    for libc in ("newlib", "picolibc")
+]
+
+
+def libc_block(result: dict[str, dict[str, Any]]) -> str:
+    """Return the block of docs/speed.md with the steps by the exponentials of C libraries."""
+    cores = {name: result[name] for name in LIBC_CORES}
+    head = ["instructions of one count", *(core["core"] for core in cores.values())]
+    lines = ["| " + " | ".join(head) + " |", "|---|" + "---:|" * len(cores)]
+    lines += ["| " + " | ".join([title, *cells(cores, key)]) + " |" for title, key in LIBC_ROWS]
+    return "\n".join([LIBC_MARKS[0], *lines, LIBC_MARKS[1]])
+
+
 SHORT_MARKS = ("<!-- bench:short -->", "<!-- /bench:short -->")
 SHORT_ROWS = [  # title, key, worst error
     ("`dahl_step_counts_q30`, one count: F/Fc in Q30", "one_count_q30", "1.21e-9 of Fc"),

@@ -4,7 +4,8 @@
 Usage: target.py [--quick] [--mhz CLOCK] [CORE...]. The image of a core (tools/bench/target) makes
 all its calls from one place, and a plugin of QEMU counts the instructions from entry to return. The
 counts are exact and the same on every machine. The cycles of Cortex-M0, M3 and M4F follow from the
-trace and from the tables of the manuals (cycles.py). Writes build/bench/target.json.
+trace and from the tables of the manuals (cycles.py). Writes build/bench/target.json. The core `avr`
+runs in simavr instead (avr.py).
 """
 
 from __future__ import annotations
@@ -64,6 +65,8 @@ CORES = {
         Core("rv32", "RV32IMAC", "virt", RISCV),
     )
 }
+
+ALL = [*CORES, "avr"]
 
 # Functions that a user links for each path. A path may need only the library and the integer
 # helpers of the compiler.
@@ -491,12 +494,33 @@ def clock(word: str) -> float:
     return mhz
 
 
+def measure_and_show(names: list[str], quick: bool, mhz: float | None) -> None:
+    from table import show, show_times
+
+    if not names:
+        return
+    result = measure_all(names, quick)
+    write(RESULT, result)
+    show(result)
+    if mhz is not None:
+        show_times(result, mhz)
+
+
+def measure_and_show_avr() -> None:
+    import avr
+    from table import make_console
+
+    result = avr.measure()
+    write(avr.RESULT, result)
+    avr.show(result, make_console().print)
+
+
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="tools/bench.sh target", description=__doc__.split("\n\n")[0]
     )
     parser.add_argument(
-        "cores", nargs="*", metavar="CORE", help=f"some of {' '.join(CORES)} (default: all)"
+        "cores", nargs="*", metavar="CORE", help=f"some of {' '.join(ALL)} (default: all)"
     )
     parser.add_argument("--quick", action="store_true", help="leave picolibc out")
     parser.add_argument(
@@ -504,26 +528,24 @@ def main(arguments: list[str]) -> int:
     )
     options = parser.parse_args(arguments)
     mhz = None if options.mhz is None else clock(options.mhz)
-    unknown = set(options.cores) - set(CORES)
+    unknown = set(options.cores) - {*ALL}
     if unknown:
-        parser.error(f"unknown core {sorted(unknown)[0]}; known are {' '.join(CORES)}")
-    names = options.cores or list(CORES)
+        parser.error(f"unknown core {sorted(unknown)[0]}; known are {' '.join(ALL)}")
+    names = options.cores or ALL
     if mhz is not None and not cycles.TABLES.keys() & set(names):
         known = " ".join(cycles.TABLES)
         raise BenchError(f"--mhz: no cycles are known for {' '.join(names)}; add one of {known}")
-    from table import show, show_times
-
-    result = measure_all(names, options.quick)
-    write(RESULT, result)
-    show(result)
-    if mhz is not None:
-        show_times(result, mhz)
+    measure_and_show([name for name in names if name in CORES], options.quick, mhz)
+    if "avr" in names:
+        measure_and_show_avr()
     return 0
 
 
 if __name__ == "__main__":
+    import target  # whose errors avr.py raises
+
     try:
-        sys.exit(main(sys.argv[1:]))
-    except BenchError as problem:
+        sys.exit(target.main(sys.argv[1:]))
+    except target.BenchError as problem:
         print(f"error: {problem}", file=sys.stderr)
         sys.exit(1)

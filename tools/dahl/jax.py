@@ -18,8 +18,10 @@ RANGE  sigma0 > 0, Fc > 0, 0 < breakaway < 1; they are not checked. sigma0/Fc*dt
 number. As in the library, a NaN is no motion and an infinite move saturates.
 
 ERROR  Of the exact torque, for parameters and moves as given: at most
+
     Dahl                    8 eps Fc, for any motion; a move below eps Fc/sigma0 adds up to eps^2 Fc
     Slip, ElastoPlastic     8 eps Fc (1 + U)
+
 eps is 2^-24 in float32 and 2^-53 in float64. U is the travel within the spring, in units of
 Fc/sigma0, since the torque last reached Fc: a spring does not forget. The bits are not those of the
 library, which has an error of its own, at most 0.6 ulp of Fc.

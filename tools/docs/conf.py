@@ -7,7 +7,6 @@ tools/docs.sh starts it in a copy of the project, so that it may add reference p
 import os
 import posixpath
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -19,23 +18,24 @@ from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.addnodes import desc_signature
 from sphinx.application import Sphinx
 
-sys.path.insert(0, str(Path(__file__).parent))
-from docstrings import add_markup
-
 SOURCE = Path(os.environ["DAHL_DOCS_SOURCE"])
 HEADERS = sorted(path.name for path in SOURCE.glob("lib/include/*.h*"))
-MODULES = "dahl dahl.identify dahl.can.codec dahl.can.node dahl.can.pytest_plugin".split()
+MODULES = "dahl dahl.identify dahl.jax dahl.mujoco".split()
+MODULES += "dahl.can.codec dahl.can.node dahl.can.pytest_plugin".split()
+EXPLORE = "explore.html"  # by tools/explore.sh; no page of Sphinx
 BUILT_IN = "dict, tuple, int, BaseException, OSError"  # their members are not listed
 MENU = {  # pages that are not listed follow under "Project"
-    "In a firmware": "microcontroller encoder parts compensation commissioning steering rendering",
+    "In a firmware": "microcontroller encoder recipes parts compensation commissioning steering"
+    " rendering",
     "From a log": "identify log_to_compensator",
     "Simulate and test": "simulate simulators loop quadrants",
     "Model and numbers": "model accuracy speed verification",
     "Reference": "c python",
 }
 SUBMENUS = {"docs/c": "/c/*", "docs/python": "/python/*", "docs/decisions/README": "[0-9]*"}
-NAME = re.compile(r"(docs/\w+\.md|\b(?:dahl|DAHL)[\w.]*\w)")
+NAME = re.compile(r"(docs/\w+\.md|tools/explore\.sh|\b(?:dahl|DAHL)[\w.]*\w)")
 NOT_LINKED = (nodes.reference, nodes.FixedTextElement, nodes.title, nodes.math, desc_signature)
+ROW = re.compile(r"( *)(\S(?:.*?\S)?) {2,}([^\s#].*)")  # of columns, not code with a comment
 MARKUP = re.compile(r"(?<![\w`*|])[|*]+(?=\w)|(?<=\w)_(?!\w)")
 RENDER_STRING = SphinxRenderer.render_string
 ACCENT = ' accent="true"'  # it would sink a dot into its letter
@@ -44,6 +44,7 @@ project, author, release = "dahl", "the dahl authors", dahl.__version__
 extensions = ["myst_parser", "breathe", "sphinx.ext.autodoc", "sphinx_copybutton"]
 include_patterns = ["*.md", "docs/**", "examples/**", "c/**", "python/**"]
 html_theme, html_title = "furo", f"dahl {release}"
+html_extra_path = [os.environ["DAHL_DOCS_EXPLORE"]]
 html_static_path, html_css_files = [str(Path(__file__).parent / "site.css")], ["site.css"]
 html_show_copyright = html_copy_source = html_show_sourcelink = html_use_index = (
     html_domain_indices
@@ -61,6 +62,7 @@ autodoc_member_order = "bysource"
 autodoc_class_signature = "mixed"
 autodoc_type_aliases = {name: name for name in ("ArrayLike", "NDArray")}
 autodoc_preserve_defaults = True
+autodoc_mock_imports = ["jax", "dahl.simulators.mujoco_plugin"]  # they may not be installed
 for module in (dahl, dahl.identify):  # autodoc does not call the __getattr__ of a module
     for name in module.__all__:
         setattr(module, name, getattr(module, name))
@@ -94,7 +96,7 @@ def main_menu() -> str:
     pages = [*SOURCE.glob("docs/*.md"), *SOURCE.glob("examples/**/README.md")]
     found = sorted(path.relative_to(SOURCE).with_suffix("").as_posix() for path in pages)
     others = [name for name in found if name not in listed]
-    others += ["docs/decisions/README", "CONTRIBUTING", "CHANGELOG"]
+    others += ["docs/decisions/README", "CONTRIBUTING", "CHANGELOG", "SECURITY"]
     parts = [menu([f"docs/{name}" for name in text.split()], key) for key, text in MENU.items()]
     return "".join(parts) + menu(others, "Project")
 
@@ -123,10 +125,11 @@ def prepare_page(app: Sphinx, docname: str, content: list[str]) -> None:
 
 
 def link_names(app: Sphinx, tree: nodes.document, docname: str) -> None:
-    """Link the names of functions, headers and pages ("docs/x.md") in text and in code words."""
+    """Link the names of functions, headers, pages ("docs/x.md") and tools/explore.sh."""
     c, python = app.env.domains["c"], app.env.domains["py"]
     places = {name: place for name, _, _, *place, _ in (*c.get_objects(), *python.get_objects())}
     places |= {header: [f"c/{header}", ""] for header in HEADERS}
+    places["tools/explore.sh"] = [EXPLORE.removesuffix(".html"), ""]
     places |= {f"docs/{path.name}": [f"docs/{path.stem}", ""] for path in SOURCE.glob("docs/*.md")}
     for text in [text for text in tree.findall(nodes.Text) if not is_inside(text, NOT_LINKED)]:
         parts: list[nodes.Node] = []
@@ -145,13 +148,41 @@ def is_inside(node: nodes.Node, kinds: tuple[type, ...]) -> bool:
     return isinstance(node, kinds) or (node.parent is not None and is_inside(node.parent, kinds))
 
 
+def add_explore_page(
+    app: Sphinx, docname: str, template: str, context: dict[str, Any], *_: Any
+) -> None:
+    """Begin the menu with the page of tools/explore.sh."""
+    link = f'<a class="reference" href="{context["pathto"](EXPLORE, 1)}">Try it in this browser</a>'
+    item = f'<ul><li class="toctree-l1">{link}</li></ul>'
+    context["furo_navigation_tree"] = item + context["furo_navigation_tree"]
+
+
 def format_docstring(app: Sphinx, *arguments: Any) -> None:
     """Add markup, and escape what looks like markup: |F|, **keys and PREFIX_."""
-    lines = add_markup("\n".join(arguments[-1])).split("\n")
+    text = re.sub(r"Alias for field number .*\n", "", "\n".join(arguments[-1]))
+    paragraphs = map(with_markup, re.split(r"\n[ \t]*\n", text))
+    lines = "\n\n".join(paragraphs).split("\n")
     for number, line in enumerate(lines):
         if not re.match(r" {4}|>>>|\.\.\.", line):
             lines[number] = re.sub(MARKUP, r"\\\g<0>", line)
     arguments[-1][:] = lines
+
+
+def with_markup(paragraph: str) -> str:
+    """Make a list of columns, and Python of other indented lines. A paragraph has columns if its
+    first line and another one have. A deeper line continues the row above.
+    """
+    lines = paragraph.split("\n")
+    rows = [ROW.fullmatch(line) for line in lines]
+    if rows[0] is None or sum(row is not None for row in rows) < 2:
+        return f".. code-block:: python\n\n{paragraph}" if paragraph[:4].isspace() else paragraph
+    items: list[str] = []
+    for line, row in zip(lines, rows, strict=True):
+        if row and row[1] == rows[0][1]:
+            items.append(f"- ``{row[2]}``: " + re.sub(" {2,}", "; ", row[3], count=1))
+        else:
+            items[-1] += " " + re.sub(" {2,}", " ", line.strip())
+    return "\n".join(items)
 
 
 def write_math(self: Any, node: nodes.Element) -> None:
@@ -175,3 +206,4 @@ def setup(app: Sphinx) -> None:
     app.connect("source-read", prepare_page)
     app.connect("autodoc-process-docstring", format_docstring)
     app.connect("doctree-resolved", link_names)
+    app.connect("html-page-context", add_explore_page, priority=900)  # after furo made the menu

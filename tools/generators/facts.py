@@ -150,17 +150,24 @@ MODEL_KEYS = {  # by the numbers of sigma0 and of Fc
     (1, 2): "one `sigma0`; two `Fc`: {limits}",
 }
 WHOLE = {0: "the sum of Fc", 1: "Fc", 2: "the larger Fc"}  # by the number of Fc
-FAULT_HEAD = ("frame", "counted as", "state", "bristle", "answer")
+REACTION = ("counted as", "state", "bristle", "answer")
+FAULT_TABLES = {  # macros of fault_table.h, by the mark: the columns before the reaction
+    "counters": ("FAULT_COUNTERS", ("counter", "MaxStep", "third in a row")),
+    "faults": ("FAULT_EVENTS", ("frame or event",)),
+}
 
 
 def page(text: str) -> str:
     """Return docs/loop.md with its tables of models and faults."""
-    faults = [
-        (*cells, "yes" if answered == "true" else "no")
-        for _, *cells, answered in rows_of("fault_table.h", "FAULT_TABLE", 6)
-    ]
     text = _between(text, "models", MODEL_HEAD, [_model_row(model) for model in models()])
-    return _between(text, "faults", FAULT_HEAD, faults)
+    for mark, (macro, columns) in FAULT_TABLES.items():
+        head = (*columns, *REACTION)
+        rows = [
+            (*cells, "yes" if answered == "true" else "no")
+            for _, *cells, answered in rows_of("fault_table.h", macro, 1 + len(head))
+        ]
+        text = _between(text, mark, head, rows)
+    return text
 
 
 def _between(text: str, mark: str, head: tuple[str, ...], rows: list[Any]) -> str:

@@ -9,7 +9,7 @@ declare -A INCLUDES=(
     [identify]='demo'
     [firmware]='demo'
     [test]='identify'
-    [docs]='test' # autodoc imports each module, the pytest plugin too
+    [docs]='test explore' # autodoc imports each module, the pytest plugin too
     [release]='docs'
     [vm]='demo'
     [explore]='demo'
@@ -33,17 +33,18 @@ ${CC:-cc} -v >/dev/null 2>&1 || MUST[demo]+=' gcc'
 # Optional Debian packages: tests that need a missing one are skipped and say so.
 declare -A MAY=(
     [test]='valgrind'
-    [release]='clang binutils-aarch64-linux-gnu libc6-dev-arm64-cross libgcc-12-dev-arm64-cross' # a wheel for 64-bit Arm
+    [release]='binutils-aarch64-linux-gnu libc6-dev-arm64-cross libgcc-12-dev-arm64-cross' # with clang: a wheel for 64-bit Arm
     [docs]='chromium' # measures the pages and takes screenshots
     [vm]='can-utils qemu-system-x86 busybox-static kmod cpio iproute2 gdb'
-    # clang builds the big-endian programs, because Debian's s390x gcc conflicts with gcc-multilib.
-    # chromium shows the page of tools/explore.sh, which clang and lld compile.
-    [checks]='tcc clang lld chromium libclang-rt-14-dev gcc-multilib g++-multilib
+    # clang of the need explore also builds the big-endian programs, because Debian's s390x gcc conflicts with gcc-multilib.
+    [checks]='tcc libclang-rt-14-dev gcc-multilib g++-multilib
         qemu-user-static binutils-s390x-linux-gnu libgcc-12-dev-s390x-cross libc6-dev-s390x-cross
-        gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc gcc-avr avr-libc arduino-core-avr make
+        gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc gcc-avr avr-libc libsimavr-dev
+        libelf-dev arduino-core-avr make
         gcc-mingw-w64-x86-64 wine64
         clang-19 llvm-19 libclang-rt-19-dev clang-tidy-19 cppcheck shellcheck gappa sollya'
-    [bench]='gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc libsleef-dev'
+    [bench]='gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc gcc-avr avr-libc
+        libsimavr-dev libelf-dev libsleef-dev'
 )
 
 # Downloads into build/deps (fetched.sh).

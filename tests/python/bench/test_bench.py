@@ -23,11 +23,14 @@ SMALL = ("m0", "m3", "m4f")
 TOOLS = {name: ("arm-none-eabi-gcc", "qemu-system-arm") for name in (*SMALL, "m7", "m33")}
 TOOLS["rv32"] = ("riscv64-unknown-elf-gcc", "qemu-system-riscv32")
 HERE = [name for name, tools in TOOLS.items() if all(map(shutil.which, tools))]
+HAS_AVR = bool(shutil.which("avr-gcc")) and Path("/usr/include/simavr/sim_avr.h").exists()
 PAGES = ("README.md", "docs/microcontroller.md", "docs/speed.md")
 EXACT = [
-    ("docs/microcontroller.md", name) for name in ("target", "calls", "memory", "cycles", "worst")
+    ("docs/microcontroller.md", name)
+    for name in ("target", "calls", "memory", "cycles", "worst", "avr")
 ]
-EXACT += [("README.md", "short"), ("docs/speed.md", "speed")]
+EXACT += [("README.md", "short")]
+EXACT += [("docs/speed.md", name) for name in ("speed", "libc", "computed")]
 
 
 class Bench:
@@ -74,13 +77,14 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
         pytest.skip("unproven: what a tick costs: no cross compiler with its QEMU is installed")
     made = Bench(tmp_path_factory.mktemp("bench"))
     made.program("cmake", f'cd "{ROOT}" && exec {shutil.which("cmake")} "$@"')
-    for name in ("host", *HERE):
+    cores = [*HERE, *(["avr"] if HAS_AVR else [])]
+    for name in ("host", *cores):
         (ROOT / "build" / name).mkdir(exist_ok=True)
         (made.folder / "build" / name).symlink_to(ROOT / "build" / name)
     (made.folder / "lib").symlink_to(ROOT / "lib")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PATH", f"{made.folder}/bin:{os.environ['PATH']}")
-        for command, words in (("target", HERE), ("host", ["--quick"])):
+        for command, words in (("target", cores), ("host", ["--quick"])):
             done = made.run(command, *words)
             assert done.returncode == 0, done.stderr
     return made
@@ -138,6 +142,18 @@ def test_each_budget_bites(name: str) -> None:
         assert over_budget(limits | {key: limit + 1}, name) == {key: limit + 1}
 
 
+@pytest.mark.checks
+def test_an_avr_is_within_its_budgets(bench: Bench) -> None:
+    """Also: code whose cycles the data sheet gives is counted exactly."""
+    if not HAS_AVR:
+        pytest.skip("unproven: what a tick costs on an AVR: no avr-gcc or no libsimavr-dev")
+    result, limits = bench.get("avr"), BUDGETS["on an avr at most"]
+    assert result["known"] == {"cycles": 82, "instructions": 41, "stack": 6}
+    assert limits.keys() == {key for key in result if key not in ("core", "compiler", "known")}
+    for key, row in limits.items():
+        assert {name: n for name, n in row.items() if result[key][name] > n} == {}, key
+
+
 def test_each_public_call_has_a_budget_of_instructions_and_stack(monkeypatch) -> None:
     """A new call needs a case in tools/bench/target, and a budget."""
     monkeypatch.syspath_prepend(str(BENCH))
@@ -185,6 +201,17 @@ def test_the_distance_to_a_copy_names_the_worst_motion(results) -> None:
     assert results.distances({"speed": speed})["ours"] == wanted
 
 
+def test_the_processor_is_named_with_its_vectors(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(BENCH))
+    host = import_module("host")
+    text = (
+        "model name\t: A\ncpu family\t: 6\nmodel\t\t: 85\nflags\t\t: sse avx2{}\n\nmodel name\t: B"
+    )
+    assert host.cpu(text.format("")) == "A (family 6, model 85, AVX2)"
+    assert host.cpu(text.format(" avx512bw")) == "A (family 6, model 85, AVX-512)"
+    assert "unknown" in host.cpu("Processor\t: ARM")
+
+
 def numbers_of(row: list[str]) -> list[float]:
     return [9.9 if error == "diverges" else float(error) for error in row[1:3]]
 
@@ -195,10 +222,12 @@ def test_the_pages_show_what_is_counted_now(bench: Bench, tmp_path: Path) -> Non
     run tools/bench.sh.
     """
     target, before = bench.get("target"), block_of(ROOT, "docs/microcontroller.md", "target")
-    if target.keys() != TOOLS.keys() or any(c["compiler"] not in before for c in target.values()):
+    is_other = any(c["compiler"] not in before for c in target.values())
+    if target.keys() != TOOLS.keys() or is_other or not HAS_AVR:
         pytest.skip("unproven: the pages' numbers: they are of all cores and of other compilers")
     pages = Bench(tmp_path)
     pages.result("target").write_text(json.dumps(target))
+    shutil.copy(bench.result("avr"), pages.result("avr"))
     pages.result("host").write_text(json.dumps(bench.get("host") | {"quick": False}))
     assert pages.run("report", "--docs").returncode == 0
     for page, name in EXACT:
@@ -240,14 +269,17 @@ def test_a_part_of_a_run_is_refused_and_changes_no_page(
     elif broken == "no host":
         copy.result("host").unlink()
     before = page.read_text()
+    copy.result("avr").write_text("{}")
     done = copy.run("report", "--docs")
     assert done.returncode == 2 and re.search(rf"^error: .*{REFUSALS[broken]}", done.stderr)
     assert page.read_text() == before
 
 
 FAILURES = {"host --quick": (1, "reason"), "target --quick m3": (1, "reason")}
+FAILURES |= {"host --core-math=absent.c": (1, "absent.c")}
 FAILURES |= {"target m3 m9": (2, "m9"), "target --mhz=48 rv32": (1, "rv32")}
 FAILURES |= {f"target --mhz={clock} m0": (1, clock) for clock in ("0", "-48", "fast", "inf")}
+FAILURES["target avr"] = (1, "reason")
 
 
 @pytest.mark.parametrize("words", FAILURES)

@@ -169,9 +169,17 @@ def test_a_path_with_a_bad_angle_is_refused(theta, words) -> None:
             element.run_path(theta)
 
 
-def test_an_array_is_not_its_own_output() -> None:
-    moves = np.ones(5, np.float32)
-    for element in (dahl.Friction(dahl.Plan(1, 1)), dahl.Throughput(1, 1)):
+@pytest.mark.parametrize("element", [dahl.Friction(dahl.Plan(1, 1)), dahl.Throughput(1, 1)])
+def test_an_array_is_not_its_own_output(element) -> None:
+    """Neither as a whole nor in part, whichever array owns the memory."""
+    moves = np.ones(8, np.float32)
+    same = np.frombuffer(memoryview(moves), np.float32)
+    shared = [(moves, moves), (moves, moves[:]), (moves[:], moves), (moves, same), (same, moves)]
+    shared += [(moves[:5], moves[3:]), (moves[:5], same[3:]), (same[:5], moves[3:])]
+    for read, out in shared:
         with pytest.raises(dahl.InputError, match="share memory"):
-            element.run(moves, out=moves)
+            element.run(read, out=out)
     assert (moves == 1).all()
+    assert element.run(moves[:4], out=moves[4:]) is not None
+    assert (moves[:4] == 1).all()
+    assert (moves[4:] != 1).all()

@@ -9,6 +9,8 @@ import pytest
 from conftest import ROOT
 from dahl import facts
 from dahl.binding import models
+from dahl.identify.lags import LAGS
+from dahl.identify.laws import LAWS
 from dahl.sim.reference import EXACT
 
 
@@ -39,3 +41,11 @@ def test_the_dbc_and_the_references_have_each_model_and_the_period(dbc):
         signal = database.get_message_by_name(frame).get_signal_by_name("Model")
         assert {number: str(word) for number, word in signal.choices.items()} == named
     assert database.get_message_by_name("EncoderState").cycle_time * 1000 == facts.PERIOD_US
+
+
+def test_each_law_and_lag_of_identify_has_a_sketch():
+    """Sums of several elements look like the one that is drawn; the page has friction by load."""
+    sketches = generator("identify_sketches")
+    assert set(sketches.LAGS_SHOWN) == set(LAGS)
+    alike = {"2 slip", "4 slip", "mixed 3", "mixed 4", "loaded"}
+    assert set(sketches.LAWS_SHOWN) == set(LAWS) - alike

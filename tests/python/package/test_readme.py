@@ -50,7 +50,9 @@ def test_a_block_of_c_compiles_also_as_cpp(block: str, tmp_path: Path) -> None:
     done = commission(simulated(), Shaft())
     (tmp_path / "dahl_plan_axis.h").write_text(Report(done, "simulated").header("axis"))
     (tmp_path / "block.c").write_text(block)
-    includes = [f"-I{folder}" for folder in (tmp_path, ROOT / "lib", ROOT / "lib/include")]
+    mocks = ROOT / "tests/python/examples/zephyr_mock"
+    folders = (tmp_path, ROOT / "lib", ROOT / "lib/include", mocks)
+    includes = [f"-I{folder}" for folder in folders]
     strict = ["-Wall", "-Wextra", "-Werror", "-fsyntax-only", *includes, tmp_path / "block.c"]
     run("cc", "-std=c99", *strict)
     run("c++", "-std=c++20", "-x", "c++", *strict, "-Wno-missing-field-initializers")

@@ -93,7 +93,8 @@ def test_each_panel_has_both_curves_in_their_units(library, picture):
     for line in whole.lines:
         assert line.get_xdata() == pytest.approx(CLOCK[rows])
     assert axis(loop) == ("way [mm]", "friction torque [N m]")
-    assert axis(whole) == axis(part) == ("time in the log [s]", "torque [N m]")
+    assert axis(whole) == ("time in the log [s]", "torque [N m]")
+    assert axis(part) == ("time in the log [s], a part enlarged", "torque [N m]")
     left, spread = TORQUE[rows] - computed, TORQUE[rows] - TORQUE[rows].mean()
     legend = [text.get_text() for text in loop.get_legend().get_texts()]
     r2 = 1 - np.sum(left**2) / np.sum(spread**2)
@@ -169,6 +170,41 @@ def test_a_compensated_loop_shows_its_gain_and_both_errors(steady, picture, tmp_
     assert [float(one) for one in re.findall(r"[\d.]+", words)] == [0.354, 2.16, 6.11]
     (tmp_path / "uncompensated.csv").unlink()
     assert len(picture(steady, control={}).axes[-1].lines) == 1
+
+
+def test_a_run_with_faults_lies_over_the_same_run_without(library, steady, picture, tmp_path):
+    """The first frame of the run is lost, and the shaft stands still after 2 of 3 ticks."""
+    steady.write(tmp_path / "faultless.log")
+    rows = np.arange(1, TICKS)
+    run = made(100 + np.minimum(rows, 2 * TICKS // 3), rows)
+    for frame in run.frames:
+        frame.timestamp += 0.001
+    figure = picture(run, **FAULTS)
+    a, way = SIGMA0 / FC * THETA, np.arange(TICKS)
+    without, with_faults = (
+        FC * -np.expm1(-a * moved) for moved in (way, np.minimum(way, 2 * TICKS // 3)[1:] - 1)
+    )
+    for axes, x, first in zip(figure.axes, (THETA, 1e-3), (0, 1), strict=False):
+        under, over = axes.lines[:2]
+        assert under.get_xdata() == pytest.approx((way[first:] - 1) * x, abs=2e-6)
+        assert under.get_ydata() == pytest.approx(without[first:], abs=1e-6)
+        assert over.get_ydata() == pytest.approx(with_faults, abs=1e-6)
+        assert under.get_linewidth() > over.get_linewidth()
+    names = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert "without faults" in names[0] and "over the bus" in names[1]
+    share = np.mean(np.abs(without[1:] - with_faults) <= 0.01 * FC)
+    (shown,) = re.findall(r"([\d.]+) % of the answers", figure.axes[0].get_title(loc="left"))
+    assert 1 < float(shown) < 99 and float(shown) == pytest.approx(100 * share, abs=0.06)
+
+
+def test_a_free_rotor_has_its_angle_over_time(steady, picture, tmp_path):
+    (tmp_path / "trace.csv").write_text("time_s,angle_rad\n0,0.25\n0.001,1.5\n")
+    parts = "[rotor]\ninertia = 1\nsigma0 = 1\nFc = 1\n[motor]\nbias = 1\nseconds = 1\n"
+    angle = picture(steady, friction=parts, bus="socketcand").axes[1]
+    assert axis(angle) == ("time [s]", "angle [rad]")
+    assert [*angle.lines[0].get_xdata()] == [0, 0.001]
+    assert [*angle.lines[0].get_ydata()] == [0.25, 1.5]
+    assert len(picture(steady, bus="socketcand").axes) == 3
 
 
 def test_a_force_is_in_newton_and_an_empty_panel_is_left_out(steady, picture):

@@ -5,6 +5,7 @@ bars. The table that park-steer prints.
 
 import json
 import re
+from itertools import combinations
 from types import SimpleNamespace
 
 import can
@@ -18,6 +19,10 @@ from dahl.sim.compensation_axis import PERIOD_S
 from log_reading import drawing
 from log_reading import run as command
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.legend import Legend
+from matplotlib.transforms import Bbox
 
 RANDOM = np.random.default_rng(1)
 PANELS = [  # of compensation: title, and the ends of the labels of x and y
@@ -31,6 +36,19 @@ PANELS = [  # of compensation: title, and the ends of the labels of x and y
 PLACES = {"position": (0, 1e3), "hand": (2, 1.0)}  # panel of the errors, scale
 WRONG_FC = {-30: "Fc 30 % low", -10: "Fc 10 % low", 0: "17 bits"}
 WRONG_FC |= {10: "Fc 10 % high", 30: "Fc 30 % high"}
+
+
+def assert_apart(figure: Figure, *legends: Legend) -> None:
+    """No panel, legend or title lies over another or beyond the edge of the picture."""
+    figure.draw(renderer := FigureCanvasAgg(figure).get_renderer())
+    parts = [*legends, *figure.texts]
+    for axes in figure.axes:
+        labels = (axes.title, axes._left_title, axes.xaxis.label, axes.yaxis.label)
+        parts += [axes, *(text for text in labels if text.get_text())]
+        parts += [axes.get_legend()] * (axes.get_legend() is not None)
+    boxes = [part.get_window_extent(renderer) for part in parts]
+    assert [box for box in boxes if Bbox.intersection(box, figure.bbox).bounds != box.bounds] == []
+    assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
 
 
 def assert_labels(panels: list[Axes], wanted: list[tuple[str, str, str]]) -> None:
@@ -71,10 +89,13 @@ def test_each_law_has_its_curves_and_dots(tmp_path) -> None:
     panels = figures[0].axes
     assert_labels(panels, PANELS)
     assert not any(panel.collections for panel in panels)
-    (legend,) = figures[0].legends
+    (legend,) = figures[0].subfigs[0].legends
+    assert_apart(figures[0], legend)
+    assert legend.get_title().get_text()
+    names = [text.get_text().removesuffix("(v)") for text in legend.get_texts()]
+    assert names == list(LAWS)  # the order of the tables
     shown = zip(legend.get_texts(), legend.get_lines(), strict=True)
-    law_of = {line.get_color(): text.get_text() for text, line in shown}
-    assert {*law_of.values()} == {*LAWS}
+    law_of = {line.get_color(): text.get_text().removesuffix("(v)") for text, line in shown}
     for name, (place, scale) in PLACES.items():
         assert {"none", "dahl"} < {law_of[line.get_color()] for line in panels[place].lines}
         for line in panels[place].lines:
@@ -98,8 +119,12 @@ def test_each_law_has_its_curves_and_dots(tmp_path) -> None:
 def test_the_hand_is_drawn_without_and_with_compensation(tmp_path) -> None:
     """Its torque over its angle in degrees, and with compensation all torques over time."""
     plain, assisted = (traces("hand_angle", "hand", "tyres", "assist", "time") for _ in range(2))
+    for run, torque in ((plain, 12.34), (assisted, 5.678)):
+        run.numbers = lambda torque=torque: {"largest_hand_Nm": torque}
     with drawing(rendered=False) as figures:
         park_steer.draw(tmp_path / "x.png", plain, assisted)
+    assert re.findall(r"[\d.]+", figures[0].get_suptitle()) == ["12.3", "5.68"]
+    assert_apart(figures[0])
     loops, torques = figures[0].axes
     ends = [("", "[deg]", "torque of the hand [N m]"), ("", "time [s]", "compensation [N m]")]
     assert_labels([loops, torques], ends)
@@ -163,6 +188,9 @@ def test_a_commissioning_has_its_motion_friction_turn_kicks_and_tracking(
     with drawing() as drawn:
         commission_plot.draw(tmp_path / "all.png", commissioned, tracking)
     motion, by_angle, by_speed, turn, kicks, errors = drawn[0].axes
+    assert_apart(drawn[0])
+    rms = [f"{1e3 * one.rms:.3g}" for one in reversed(tracking)]
+    assert re.findall(r"[\d.]+", drawn[0].get_suptitle()) == rms
     assert [*curves(motion)] == list(simulation.STAGES)
     found = curves(by_angle)
     assert found["friction"][1] == pytest.approx(simulation.FC, rel=0.05)

@@ -213,6 +213,7 @@ SCENES_IN_ONE_FOLDER = [  # words, picture, and the other files of such a run
         "loop.png",
         {"run.log", "trace.csv", "uncompensated.csv", "both.err"},
     ),
+    (("--scene", "fault-storm", *SHORT), "loop.png", {"run.log", "faultless.log", "both.err"}),
     (("--scene", "park-steer"), "park-steer.png", {"run.log"}),
     (("--scene", "commission"), "commission.png", set()),
     (SEGMENTS, "loop.png", {"run.log", *PAIR}),

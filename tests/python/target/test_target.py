@@ -80,6 +80,19 @@ def test_avr_gives_the_golden_bits() -> None:
     run("ctest", "--test-dir", ROOT / "build/avr", "--no-tests=error")
 
 
+def test_an_esp32_c3_executes_the_code_of_the_column_rv32imac(tmp_path: Path) -> None:
+    """RV32IMC lacks the atomic instructions of RV32IMAC, which the library does not use."""
+    texts = []
+    for march in ("rv32imac", "rv32imc"):
+        (folder := tmp_path / march).mkdir()
+        words = [f"-march={march}", "-mabi=ilp32", "--specs=picolibc.specs", "-O2", "-std=c99"]
+        units = [path for path in (*CORE, *PARTS) if path.suffix == ".c"]
+        run(tool("rv32", "gcc"), *words, f"-I{ROOT}/lib/include", "-c", *units, cwd=folder)
+        objects = [path.name for path in sorted(folder.glob("*.o"))]
+        texts.append(run(tool("rv32", "objdump"), "-d", *objects, cwd=folder))
+    assert texts[0] == texts[1] and "<dahl_step_counts_q30>:" in texts[0]
+
+
 def test_no_double_load_overwrites_its_address_first() -> None:
     """Erratum 602117: an interrupt in such a load breaks an early Cortex-M3."""
     code = run(tool("m3", "objdump"), "-d", build("m3", "dahl") / "lib/libdahl.a")

@@ -32,6 +32,19 @@
         r->rival_state = state;                                                             \
     }
 
+#ifdef HAS_CORE_MATH
+float cr_expm1f(float x);
+
+static float rival_core_math(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts)
+{
+    return move(plan, state, dcounts, -cr_expm1f(-travel(plan, dcounts)));
+}
+RIVAL(core_math)
+#define CORE_MATH_WAY WAY(core_math, 0),
+#else
+#define CORE_MATH_WAY
+#endif
+
 RIVAL(expm1f)
 RIVAL(expf)
 RIVAL(exp_double)
@@ -182,7 +195,7 @@ const way_t ways[] = {
     WAY(throughput_angle, 1), WAY(expm1f, 0),      WAY(expf, 0),           WAY(exp_double, 0),     WAY(expm1_double, 0),
     WAY(double_state, 0),    WAY(anchored, 0),     WAY(direct, 0),         WAY(euler, 0),          WAY(rk4, 0),
     WAY(table, 0),           WAY(table_counts, 0), WAY(backward_parts, 0), WAY(trapezoid_parts, 0), WAY(euler_parts, 0),
-    WAY(rk4_parts, 0),       WAY(vector_exp, 0),   SLEEF_WAY
+    WAY(rk4_parts, 0),       WAY(vector_exp, 0),   SLEEF_WAY CORE_MATH_WAY
 };
 
 const size_t ways_count = sizeof ways / sizeof ways[0];

@@ -29,5 +29,6 @@ void bench_any(void);
 void bench_node(void);
 void bench_seldom(void);
 void bench_worst(void);
+void bench_known_code(void);
 
 #endif

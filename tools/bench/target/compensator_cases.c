@@ -25,7 +25,7 @@ int32_t call_damping(const dahl_damping_plan_t *, dahl_damping_t *, int32_t) __a
 dahl_compensator_err_t call_compensator_prepare(dahl_compensator_plan_t *,
                                                 const dahl_compensator_params_t *) __asm__("bench_call");
 
-#define ONE_Q30 (1 << 30)
+#define ONE_Q30 ((int32_t)1 << 30)
 #define BAD 1000 /* counts: a jump */
 
 enum { WORST_TICKS = 20000 };

@@ -15,16 +15,24 @@ from dahl.binding.checks import INT32_MAX, INT32_MIN, ONE_Q30
 from dahl.binding.library import c
 from dahl.errors import InputError
 
-C_TYPES = {
-    np.dtype(np.int32): "int32_t[]",
-    np.dtype(np.uint32): "uint32_t[]",
-    np.dtype(np.float32): "float[]",
-}
+INT32, UINT32, FLOAT32 = np.dtype(np.int32), np.dtype(np.uint32), np.dtype(np.float32)
+C_NAMES = {INT32: "int32_t[]", UINT32: "uint32_t[]", FLOAT32: "float[]"}
+
+
+class _ArrayTypes(dict[np.dtype, Any]):
+    """The types of C_NAMES in cffi, which parses a name once: when it is first used."""
+
+    def __missing__(self, dtype: np.dtype) -> Any:
+        self[dtype] = c.typeof(C_NAMES[dtype])
+        return self[dtype]
+
+
+_types = _ArrayTypes()
 
 
 def pointer(array: np.ndarray) -> Any:
     """Return the address of an array for C. It keeps the array alive."""
-    return c.from_buffer(C_TYPES[array.dtype], array)
+    return c.from_buffer(_types[array.dtype], array)
 
 
 def run(
@@ -36,8 +44,13 @@ def run(
 ) -> np.ndarray:
     """Call batch(*arguments, moves, *more, torques, n), and return the torques."""
     torques = output(out, moves)
-    more_pointers = map(pointer, more) if more else ()
-    batch(*arguments, pointer(moves), *more_pointers, pointer(torques), len(moves))
+    if more:
+        arguments = (*arguments, pointer(moves), *map(pointer, more))
+        batch(*arguments, pointer(torques), len(moves))
+    else:  # quick: without calls of pointer()
+        address = c.from_buffer
+        from_moves, to_torques = _types[moves.dtype], _types[FLOAT32]
+        batch(*arguments, address(from_moves, moves), address(to_torques, torques), len(moves))
     return torques
 
 
@@ -53,7 +66,7 @@ def is_iterable(values: object) -> bool:
     return isinstance(values, Iterable) and getattr(values, "ndim", 1) > 0
 
 
-def moves(values: ArrayLike, dtype: type, channels: int | None = None) -> np.ndarray:
+def moves(values: ArrayLike, dtype: np.dtype, channels: int | None = None) -> np.ndarray:
     """Return moves for C, shape (n,) or (n, channels): the same array if C can read it. Raises
     TypeError for no numbers, and dahl.InputError with the first bad value.
     """
@@ -61,13 +74,13 @@ def moves(values: ArrayLike, dtype: type, channels: int | None = None) -> np.nda
         return values
     array = _array("moves", values)
     if array.size and array.dtype.kind not in "fiu":
-        raise TypeError(f"moves has type {array.dtype}, not {np.dtype(dtype)}")
+        raise TypeError(f"moves has type {array.dtype}, not {dtype}")
     wanted = "(n,)" if channels is None else f"(n, {channels})"
     if array.ndim != (1 if channels is None else 2) or array.shape[1:] not in ((), (channels,)):
         raise InputError(f"moves has shape {array.shape}, not {wanted}")
     if array.dtype == dtype or array.size == 0:
         return _for_c(array, dtype)
-    if dtype is np.int32:
+    if dtype is INT32:
         return _whole(array)
     with np.errstate(over="ignore"):  # beyond a float is infinite, which saturates
         return _for_c(array, dtype)
@@ -91,12 +104,12 @@ def moves_of_path(theta: ArrayLike) -> np.ndarray:
         return np.diff(wide, prepend=wide[:1]).astype(np.float32)
 
 
-def _is_ready(array: np.ndarray, dtype: type) -> bool:
+def _is_ready(array: np.ndarray, dtype: np.dtype) -> bool:
     """Return whether C can use it as it is, shape (n,). It costs less than the checks below."""
-    return array.dtype == dtype and array.ndim == 1 and array.flags.carray
+    return array.dtype is dtype and array.ndim == 1 and array.flags.carray
 
 
-def _for_c(array: np.ndarray, dtype: type) -> np.ndarray:
+def _for_c(array: np.ndarray, dtype: np.dtype) -> np.ndarray:
     """Return a contiguous array with aligned values."""
     if array.dtype == dtype and array.flags.carray:  # quick: np.require() costs as much as the call
         return array
@@ -131,7 +144,7 @@ def _whole(array: np.ndarray) -> np.ndarray:
             f"moves[{', '.join(map(str, place))}] = {value!r}"
             f" is not a whole number from {INT32_MIN} to {INT32_MAX}"
         )
-    return _for_c(array, np.int32)
+    return _for_c(array, INT32)
 
 
 def loads(values: ArrayLike, moves: np.ndarray) -> np.ndarray:
@@ -167,11 +180,15 @@ def output(given: np.ndarray | None, wanted: np.ndarray) -> np.ndarray:
 
 
 def _is_free(given: np.ndarray, wanted: np.ndarray) -> bool:
-    """Return whether it surely is a good output: two arrays that own their memory share none."""
-    if type(given) is not np.ndarray or not _is_ready(given, np.float32):
+    """Return whether it surely is a good output: it owns its memory, and the moves have another
+    owner.
+    """
+    if type(given) is not np.ndarray or given.dtype is not FLOAT32 or given.ndim != 1:
         return False
-    owned = given is not wanted and given.flags.owndata and wanted.flags.owndata
-    return owned and given.shape == wanted.shape
+    flags, owner = given.flags, wanted if wanted.base is None else wanted.base
+    if not (flags.owndata and flags.carray and type(owner) is np.ndarray and owner.flags.owndata):
+        return False
+    return owner is not given and given.shape == wanted.shape
 
 
 def _check_output(given: np.ndarray, wanted: np.ndarray) -> None:

@@ -328,11 +328,11 @@ class Compensator(HasParameters, Copied):
         element.
         """
         checks.instance("element", element, RatioElement)
-        array = arrays.moves(moves, np.int32)
+        array = arrays.moves(moves, arrays.INT32)
         if (reference_moves is not None) != self._reference:
             needed = "the counts of the reference" if self._reference else "None"
             raise InputError(f"reference = {self._reference} needs reference_moves = {needed}")
-        steps = array if reference_moves is None else arrays.moves(reference_moves, np.int32)
+        steps = array if reference_moves is None else arrays.moves(reference_moves, arrays.INT32)
         flags = np.ones(len(array), bool) if is_good is None else arrays.flags("is_good", is_good)
         for name, one in (("reference_moves", steps), ("is_good", flags)):
             if one.shape != array.shape:

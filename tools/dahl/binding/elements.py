@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,6 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from dahl.binding import arrays, checks
 from dahl.binding.copies import Copied
 from dahl.binding.library import c
+
+
+@cache  # quick: a name is joined once
+def _log_call(kind: str) -> Any:
+    return getattr(c, f"dahl_batch_{kind}counts")
 
 
 class Element(Copied):
@@ -41,8 +47,8 @@ class Element(Copied):
         shape (n,), float32, into `out` if given: the bits of step_counts(). A C-contiguous int32
         array is read in place, other whole numbers are copied first. No value may be masked.
         """
-        batch = getattr(c, f"dahl_batch_{self._kind}counts")
-        return arrays.run(batch, self._arguments(), arrays.moves(moves, np.int32), out)
+        batch = _log_call(self._kind)
+        return arrays.run(batch, self._arguments(), arrays.moves(moves, arrays.INT32), out)
 
 
 class RatioElement(Element):

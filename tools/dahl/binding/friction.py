@@ -133,8 +133,10 @@ class Friction(PlanAndState, RatioElement):
             self._step = super().step_counts  # raises dahl.Error
 
     def _arguments(self) -> tuple[Any, ...]:
-        self._plan._need_counts()
-        return self._plan._prepared, self._state._c
+        plan = self._plan
+        if plan.theta_per_count == 0:
+            plan._need_counts()  # raises dahl.Error
+        return plan._prepared, self._state._c
 
     @checks.quick_counts
     def step_counts(self, dcounts: int) -> float:
@@ -190,7 +192,7 @@ class Friction(PlanAndState, RatioElement):
         rounded to float32 first.
         """
         plan, state = self._plan._prepared, self._state._c
-        return arrays.run(c.dahl_batch, (plan, state), arrays.moves(moves, np.float32), out)
+        return arrays.run(c.dahl_batch, (plan, state), arrays.moves(moves, arrays.FLOAT32), out)
 
     def run_path(
         self, theta: ArrayLike, out: NDArray[np.float32] | None = None

@@ -86,7 +86,7 @@ class Loaded(Copied):
         (n,), float32, into `out` if given: the bits of step().
         """
         self._need_rule(True, "run")
-        array = arrays.moves(moves, np.float32)
+        array = arrays.moves(moves, arrays.FLOAT32)
         given, result = arrays.loads(loads, array), arrays.output(out, array)
         for k, (angle, load) in enumerate(zip(array.tolist(), given.tolist(), strict=True)):
             result[k] = self._clamped_step(angle, load)
@@ -108,7 +108,7 @@ class Loaded(Copied):
         shape (n,), float32, into `out` if given: the bits of step_counts().
         """
         self._need_rule(False, "run_counts")
-        array = arrays.moves(moves, np.int32)
+        array = arrays.moves(moves, arrays.INT32)
         given, arguments = arrays.loads(loads, array), (self._plan._prepared, self._state)
         return arrays.run(c.dahl_batch_loaded_counts, arguments, array, out, given)
 

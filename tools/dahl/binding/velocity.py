@@ -77,7 +77,7 @@ class VelocityTable(Copied):
         """Moves in counts of each tick, shape (n,), whole numbers within int32 -> torques in N m,
         shape (n,), float32, into `out` if given: the bits of step_counts().
         """
-        array = arrays.moves(moves, np.int32)
+        array = arrays.moves(moves, arrays.INT32)
         return arrays.run(c.dahl_batch_velocity, (self._prepared,), array, out)
 
     def __eq__(self, other: object) -> bool:

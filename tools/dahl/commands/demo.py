@@ -275,14 +275,11 @@ def _play(
     console: Any,
 ) -> tuple[dict[str, Any], Trace]:
     """Run and record. Return the counts of dahl-loop and the trace, read back from run.log."""
-    from dahl.report import traces
-    from dahl.sim import recorded_run
-
     setup = _setup(args, scene, log, console)
     _forget_earlier_run(args.output, scene, log)
     numbers = _run_with_progress(setup, _expected(args, scene, recorded), console)
-    if setup.trace and scene.compensates and not numbers["interrupted"]:
-        recorded_run.run_uncompensated(setup, args.output / traces.UNCOMPENSATED)
+    if setup.alone and not numbers["interrupted"]:
+        _run_without(setup)
     source = args.log or log  # a user's own log is replayed by a copy of its columns
     numbers |= {"bus": setup.bus, "log": str(source.resolve()) if source else None}
     now = datetime.now().astimezone().isoformat(sep=" ", timespec="seconds")
@@ -290,6 +287,19 @@ def _play(
     if args.target:  # the node that serves the bus received no frame
         numbers |= {"node": {}, "target": args.target}
     return numbers, _trace(args.output / "run.log", scene)
+
+
+def _run_without(setup: Setup) -> None:
+    """Run again without compensation or without faults, to draw both runs."""
+    from dahl.report import traces
+    from dahl.sim.recorded_run import run_without
+
+    if setup.trace and setup.scene.compensates:
+        trace = setup.folder / traces.UNCOMPENSATED
+        run_without("compensation", setup, ["friction.gain"], "--trace", trace)
+    faults = [f"faults.{key}" for section, key in setup.scene.file.values if section == "faults"]
+    if faults:
+        run_without("faults", setup, faults, "--log", setup.folder / traces.FAULTLESS)
 
 
 def _run_with_progress(setup: Setup, ticks: int | None, console: Any) -> dict[str, Any]:
@@ -325,11 +335,11 @@ def _forget_earlier_run(folder: Path, scene: Scene, log: Path | None) -> None:
     """Remove the files of an earlier run, also of another scene, except those that this run reads.
     Other files of the names that it writes are renamed in any case, since this run may fail.
     """
-    from dahl.report import run_files
+    from dahl.report import run_files, traces
 
     run_files.remove_earlier(folder, [scene.path, *([log] if log else [])])
-    traces = "trace.csv", "uncompensated.csv"
-    run_files.set_aside(folder, "summary.json", "run.log", "loop.png", *traces)
+    again = traces.UNCOMPENSATED, traces.FAULTLESS
+    run_files.set_aside(folder, "summary.json", "run.log", "loop.png", "trace.csv", *again)
 
 
 def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: Any) -> Setup:

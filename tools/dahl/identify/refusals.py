@@ -19,7 +19,7 @@ NEXT_STEPS = {
     "unexplained torque": "record friction alone: no load, no stops, strokes over the same angles",
     "hidden travel": "use an encoder with more counts, or smooth turns",
     "short presliding": "move slower, with 8 rows and 4 counts or more in a presliding length",
-    "law and lag": "record the torque without a filter, with strokes of dahl excite",
+    "law and lag": "record a faster and a slower motion, and the torque without a filter",
     "law and play": "remove the play, or put the encoder on the bearing",
     "peak after a rest": "record strokes without rests",
     "steepest at rest": "move slower, with more counts in a presliding length",

@@ -499,7 +499,7 @@ def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
         text = "the torque has a peak after each rest: its form changes the slope there"
         yield (True, False), "peak after a rest", text
     if result.samples.has_rests and not law.is_one_element and (is_hidden or is_unusual):
-        text = "friction may change in the rests, or law and lag both round the loop at a reversal"
+        text = "friction may change in the rests, or the torque may lag and the friction be soft"
         yield (True, is_unusual), "peak after a rest", text
     if is_hidden:
         what, reason = "presliding is", "short presliding"
@@ -507,11 +507,11 @@ def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
             what, reason = "the steepest part of the fitted law is", "steepest at rest"
         yield (True, False), reason, f"{what} shorter than a count or a move of one row"
     if (is_unusual and best.lag is PLAY) or has_play:
-        text = "a play and an unusual law both round the loop at a reversal"
-        yield (True, is_unusual), "law and play", f"{text}: no log separates them"
+        text = "a play and a soft friction turn the loop alike, and this log needs both"
+        yield (True, is_unusual), "law and play", text
     elif is_unusual:
-        text = "law and lag both round the loop at a reversal, and both are unusual"
-        yield (True, is_unusual), "law and lag", f"{text}: no log separates them"
+        text = "a torque that lags and a soft friction turn the loop alike, and this log needs both"
+        yield (True, is_unusual), "law and lag", text
     if any(fit.hypothesis.law.is_steepest_at_rest(fit.p) for fit in result.plausible.fits):
         text = "the loop is steepest at rest, as of small stiff elements: sigma0 is larger"
         yield (True, False), "steepest at rest", text

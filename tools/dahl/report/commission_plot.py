@@ -13,13 +13,24 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dahl.binding.commission import Commission
-from dahl.report.plots import COMPUTED, MARK, MEASURED, STYLE, save
+from dahl.report.plots import (
+    COMPUTED,
+    MARK,
+    MEASURED,
+    MISSING,
+    STYLE,
+    WIDTH,
+    WITHOUT,
+    add_legend,
+    add_title,
+    save,
+)
 from dahl.sim.axis import Commissioned, Trace, Tracking
 
 MILLI = 1e3
-COLOURS = dict(rest="#20262c", sweeps="#3d7ea6", cycle=MARK, breakaway=COMPUTED)
+COLOURS = dict(rest=WITHOUT, sweeps=MISSING, cycle=MARK, breakaway=COMPUTED)
 COLOURS |= dict(inertia=MEASURED, kick="#5b8c5a")  # of a stage
-PANEL_HEIGHT, WIDTH = 3.1, 11.0  # inches
+PANEL_HEIGHT, TITLE_HEIGHT = 2.4, 0.3  # inches
 MAX_TURN_LENGTHS = 3.0  # shown of the travel since the turn
 
 
@@ -31,7 +42,7 @@ def draw(path: Path, done: Commissioned, tracking: tuple[Tracking, ...] = ()) ->
     panels += [["turn", "kicks"]] * is_done
     panels += [["tracking", "tracking"]] * bool(tracking)
     with rc_context(STYLE):
-        size = WIDTH, PANEL_HEIGHT * len(panels)
+        size = WIDTH, PANEL_HEIGHT * len(panels) + TITLE_HEIGHT
         figure = Figure(figsize=size, layout="constrained")
         axes = figure.subplot_mosaic(panels)  # type: ignore[arg-type]
         _draw_motion(axes["motion"], done.trace)
@@ -43,7 +54,15 @@ def draw(path: Path, done: Commissioned, tracking: tuple[Tracking, ...] = ()) ->
             _draw_kicks(axes["kicks"], done.trace)
         if tracking:
             _draw_tracking(axes["tracking"], *tracking)
+        add_title(figure, _title(done, tracking))
         save(figure, path)
+
+
+def _title(done: Commissioned, tracking: tuple[Tracking, ...]) -> str:
+    if not tracking:
+        return f"Commissioning of an axis: {done.axis.stage}"
+    before, after = (f"{MILLI * one.rms:.3g}" for one in tracking)
+    return f"An axis measures its friction: error {after}, not {before} mrad"
 
 
 def _draw_motion(axes: Axes, trace: Trace) -> None:
@@ -53,33 +72,35 @@ def _draw_motion(axes: Axes, trace: Trace) -> None:
         rows = stages == stage
         if rows.any():
             shown = np.where(rows, angle, np.nan)
-            axes.plot(time, shown, color=colour, linewidth=1.2, label=stage)
+            axes.plot(time, shown, color=colour, label=stage)
     axes.set(xlabel="time [s]", ylabel="angle [rad]")
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=len(COLOURS))
+    add_legend(axes, len(COLOURS))
 
 
 def _draw_angle(axes: Axes, axis: Commission) -> None:
     found = axis.sweeps
-    axes.plot(found["angle"], found["friction"], "o-", color=COMPUTED, label="friction")
-    axes.plot(found["angle"], found["load"], "o-", color=MEASURED, label="load")
+    axes.plot(
+        found["angle"], found["friction"], "o-", markersize=4, color=COMPUTED, label="friction"
+    )
+    axes.plot(found["angle"], found["load"], "o-", markersize=4, color=MEASURED, label="load")
     if axis.stage == "done":
         result = axis.result
         band = found["load"] - result["load_error"], found["load"] + result["load_error"]
         axes.fill_between(found["angle"], *band, color=MEASURED, alpha=0.2, linewidth=0)
         axes.axhline(result["Fc"].least, color=COMPUTED, linestyle=":", label="Fc_low")
     axes.set(xlabel="angle [rad]", ylabel="torque [N m]")
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3)
+    add_legend(axes, 3)
 
 
 def _draw_speed(axes: Axes, axis: Commission) -> None:
     found = axis.sweeps
     speed, level = np.array(found["friction_at_speed"]).T
-    axes.plot(speed, level, "o", color=COMPUTED, label="measured")
+    axes.plot(speed, level, "o", markersize=4, color=COMPUTED, label="measured")
     line = np.array([0.0, speed.max()])
     viscous = found["viscous"]
     axes.plot(line, found["Fc"].best + viscous.best * line, color=MEASURED, label="Fc and viscous")
     axes.set(xlabel="speed [rad/s]", ylabel="friction [N m]", ylim=(0, 1.2 * level.max()))
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
+    add_legend(axes, 2)
 
 
 def _draw_turn(axes: Axes, axis: Commission, trace: Trace) -> None:
@@ -99,7 +120,7 @@ def _draw_turn(axes: Axes, axis: Commission, trace: Trace) -> None:
     axes.plot(MILLI * travel, low, color=COMPUTED, linestyle=":", label="bounds")
     axes.set(xlabel="travel since the turn [mrad]", ylabel="torque over the load [N m]")
     axes.set_xlim(0, MILLI * far)
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3)
+    add_legend(axes, 2)
 
 
 def _ramps(trace: Trace) -> list[np.ndarray]:
@@ -120,16 +141,16 @@ def _draw_kicks(axes: Axes, trace: Trace) -> None:
     angle = MILLI * np.array(trace.angle)
     for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
         time = (run - run[0]) * trace.period
-        axes.plot(time, angle[run] - angle[run[0]], linewidth=1.2)
-    axes.set(xlabel="time of a kick [s]", ylabel="angle [mrad]")
+        axes.plot(time, angle[run] - angle[run[0]], color=COLOURS["kick"])
+    axes.set(xlabel="time since a kick [s]", ylabel="angle [mrad]")
 
 
 def _draw_tracking(axes: Axes, without: Tracking, with_it: Tracking) -> None:
     for one, colour, label in (
-        (without, MEASURED, "without compensation"),
+        (without, WITHOUT, "without compensation"),
         (with_it, COMPUTED, "with compensation"),
     ):
         words = f"{label}: rms {MILLI * one.rms:.3g} mrad"
-        axes.plot(one.time, MILLI * one.error, color=colour, linewidth=1.2, label=words)
+        axes.plot(one.time, MILLI * one.error, color=colour, label=words)
     axes.set(xlabel="time [s]", ylabel="tracking error [mrad]")
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
+    add_legend(axes, 2)

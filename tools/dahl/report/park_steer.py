@@ -10,43 +10,52 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dahl.report.plots import STYLE, save
+from dahl.report.plots import (
+    COMPUTED,
+    MARK,
+    MISSING,
+    STYLE,
+    WIDTH,
+    WITHOUT,
+    add_legend,
+    add_title,
+    save,
+)
 from dahl.sim.park_steer import GAIN, Run
 
-WITHOUT, WITH = "#20262c", "#d1495b"
-SIZE = (11.0, 4.8)  # inches
+HEIGHT = 6.6  # inches
 
 
 def draw(path: Path, plain: Run, assisted: Run) -> None:
     """Write the picture."""
     with rc_context(STYLE):
-        figure = Figure(figsize=SIZE, layout="constrained")
-        loops, torques = figure.subplots(1, 2)
+        figure = Figure(figsize=(WIDTH, HEIGHT), layout="constrained")
+        loops, torques = figure.subplots(2, height_ratios=(3, 2))
         _draw_loops(loops, plain, assisted)
         _draw_torques(torques, assisted)
+        largest, less = (run.numbers()["largest_hand_Nm"] for run in (plain, assisted))
+        add_title(
+            figure, f"The assist lowers the hand's torque from {largest:.3g} to {less:.3g} N m"
+        )
         save(figure, path)
 
 
 def _draw_loops(axes: Axes, plain: Run, assisted: Run) -> None:
     for run, colour, name in (
         (plain, WITHOUT, "without compensation"),
-        (assisted, WITH, f"with gain {GAIN:g}"),
+        (assisted, COMPUTED, f"with gain {GAIN:g}"),
     ):
-        axes.plot(np.degrees(run.hand_angle), run.hand, color=colour, linewidth=1.3, label=name)
+        axes.plot(np.degrees(run.hand_angle), run.hand, color=colour, label=name)
     axes.set(xlabel="angle of the hand wheel [deg]", ylabel="torque of the hand [N m]")
-    _add_legend(axes)
+    add_legend(axes, 3)
 
 
 def _draw_torques(axes: Axes, run: Run) -> None:
     for torque, colour, name in (
-        (run.tyres, "#3d7ea6", "tyres"),
-        (run.assist, "#e9a23b", "assist"),
-        (run.hand, WITH, "hand"),
+        (run.tyres, MISSING, "tyres"),
+        (run.assist, MARK, "assist"),
+        (run.hand, COMPUTED, "hand"),
     ):
-        axes.plot(run.time, torque, color=colour, linewidth=1.3, label=name)
+        axes.plot(run.time, torque, color=colour, label=name)
     axes.set(xlabel="time [s]", ylabel="torque with compensation [N m]")
-    _add_legend(axes)
-
-
-def _add_legend(axes: Axes) -> None:
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, columnspacing=1)
+    add_legend(axes, 3)

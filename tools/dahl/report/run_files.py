@@ -19,7 +19,8 @@ from dahl.io import files
 
 LIST = ".dahl-files.json"
 WRITTEN = (  # by a demo, `dahl plot` and `dahl report`
-    *("own.ini", "own.csv", "hub.ini", "run.log", "trace.csv", "uncompensated.csv"),
+    *("own.ini", "own.csv", "hub.ini", "run.log", "trace.csv"),
+    *("faultless.log", "uncompensated.csv"),
     *(f"{role}.err" for role in ("node", "encoder", "both")),
     *("params.*.bin", "qemu.*.err", "summary.json", "report.html"),
     *("loop.png", "commission.png", "compensation.png", "park-steer.png"),

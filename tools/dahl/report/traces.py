@@ -31,6 +31,7 @@ BOUND_ULP = 0.52  # of Fc: bound of the error of the torque (DAHL_ULP_COUNTS)
 BOUND_ULP_PARTS = 0.55  # the same for the other models (DAHL_ULP_PARTS)
 FULL_LOAD = round(1 / codec.UNITS[codec.Param.LOAD])  # raw load of 1, at which Fc holds
 UNCOMPENSATED = "uncompensated.csv"  # trace of the same rotor with gain 0
+FAULTLESS = "faultless.log"  # frames of the same run without faults
 # States of FrictionTorque in which the count is a new starting point and no travel is integrated.
 NEW_START = {"Init", "Stale", "WrongSequence"}
 

@@ -12,7 +12,7 @@ import re
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -219,16 +219,18 @@ def _open_log(folder: Path) -> Iterator[IO[str]]:
         yield log
 
 
-def run_uncompensated(setup: Setup, trace: Path) -> None:
-    """Run the scene again with gain 0, in virtual time and without a bus; leave its trace."""
-    run = RunFile(scene.read(setup.scene.path, ["friction.gain=0"]), setup.log)
-    options = ["--virtual", "--trace", trace, *_options(setup, "both")]
+def run_without(part: str, setup: Setup, keys: Iterable[str], *output: str | Path) -> None:
+    """Run the scene again without a part: with 0 for its keys, in virtual time, without a bus.
+    `output`: the option of dahl-loop that names the file to write, and the file.
+    """
+    run = RunFile(scene.read(setup.scene.path, [f"{key}=0" for key in keys]), setup.log)
+    options = ["--virtual", *output, *_options(setup, "both")]
     streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "errors": "replace"}
     with program.start(run, *options, **streams) as process:
         _, errors = process.communicate()
     if process.returncode:
         last = errors.strip().splitlines()[-1:] or [f"code {process.returncode}"]
-        raise RunError(f"dahl-loop without compensation: {last[0].removeprefix('error: ')}")
+        raise RunError(f"dahl-loop without {part}: {last[0].removeprefix('error: ')}")
 
 
 def _record(

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Look for clipped content in a built site, at the widths of a phone and of a desk, in Chromium.
+"""Check a built site: its links, and in Chromium its widths on a phone and on a desk.
 
-Usage: widths.py SITE [PICTURES]. It prints each page that is wider than the window, and each
-equation and box that hides a part of its content. It also prints each request to a network, then
-the number of pages. It exits with 1 if it found a fault. PICTURES gets screenshots. Without
-Chromium it measures nothing, and exits with 0.
+Usage: check.py SITE [PICTURES]. It prints each link without a target, each page that is wider than
+the window, each equation and box that hides a part of its content, and each request to a network.
+It exits with 1 if it found such a fault. PICTURES gets screenshots. Without Chromium it checks the
+links only.
 """
 
 import html
@@ -14,10 +14,15 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from itertools import product
 from pathlib import Path
+from urllib.parse import unquote
 
 WIDTHS = (390, 1280)
-SHOWN = ("index", "docs/model", "docs/accuracy", "docs/c", "c/dahl.h", "python/dahl")
+SHOWN = ("index", "explore", "docs/model", "docs/compensation", "c/dahl.h", "python/dahl.jax")
+COLOURS = {"": "preferredColorScheme=1", "-dark": "preferredColorScheme=0"}
+CHROMIUM = "chromium --headless --no-sandbox --disable-gpu --hide-scrollbars"
+CHROMIUM += " --allow-file-access-from-files --disable-web-security --virtual-time-budget=600000"
 MEASURE = """<body><script>
 const frame = document.createElement("iframe");
 document.body.append(frame);
@@ -48,17 +53,25 @@ measure(PAGES, WIDTHS);
 
 def chromium(page: Path, *options: str) -> str:
     """Open a local page in Chromium without a window; return what it prints."""
-    local = "--no-sandbox --disable-gpu --hide-scrollbars --allow-file-access-from-files".split()
-    local += ["--disable-web-security", f"--user-data-dir={page.parent}/profile"]
-    words = [
-        "chromium",
-        "--headless",
-        *local,
-        "--virtual-time-budget=600000",
-        *options,
-        page.as_uri(),
-    ]
+    words = [*CHROMIUM.split(), f"--user-data-dir={page.parent}/profile", *options, page.as_uri()]
     return subprocess.run(words, check=True, capture_output=True, text=True, timeout=600).stdout
+
+
+def broken_links(pages: list[Path]) -> list[str]:
+    """Return a line for each link inside the site that leads nowhere."""
+    texts = {page: page.read_text() for page in pages}
+    names = {
+        page: re.findall(r'\bid="([^"]*)"', html.unescape(text)) for page, text in texts.items()
+    }
+    faults = []
+    for page, text in texts.items():
+        for link in re.findall(r'\b(?:href|src)="([^"]+)"', text):
+            path, _, name = unquote(html.unescape(link)).partition("#")
+            target = page.parent / path.partition("?")[0] if path else page
+            is_there = target.exists() and (not name or name in names.get(target.resolve(), [name]))
+            if not is_there and not re.match("[a-z]+:", link):
+                faults.append(f"{page.as_uri()} has a link to {path}{name and '#'}{name}")
+    return faults
 
 
 def clipped(pages: list[str], folder: Path) -> list[str]:
@@ -74,26 +87,28 @@ def clipped(pages: list[str], folder: Path) -> list[str]:
 
 
 def take_pictures(site: Path, pictures: Path, folder: Path) -> None:
-    """Write a picture of some pages side by side, for each width."""
+    """Write a picture of some pages side by side, for each width, light and dark."""
     pictures.mkdir(exist_ok=True)
-    for width in WIDTHS:
+    for width, (end, colours) in product(WIDTHS, COLOURS.items()):
         frames = [f'<iframe src="{(site / name).as_uri()}.html"></iframe>' for name in SHOWN]
         style = f"<style>body {{ margin: 0; width: {(width + 5) * len(frames)}px }} iframe"
         style += f" {{ width: {width}px; height: 1600px; border: 1px solid }}</style>"
         (folder / "pictures.html").write_text(style + "".join(frames))
         size = f"--window-size={(width + 5) * len(frames)},1610"
-        chromium(folder / "pictures.html", size, f"--screenshot={pictures}/{width}.png")
+        shot = f"--screenshot={pictures}/{width}{end}.png"
+        chromium(folder / "pictures.html", size, shot, f"--blink-settings={colours}")
 
 
 def main(site: Path, *pictures: Path) -> int:
+    pages = sorted(site.rglob("*.html"))
+    faults = broken_links(pages)
     if not shutil.which("chromium"):
         print("no chromium here: the pages are not measured")
-        return 0
-    pages = sorted(path.as_uri() for path in site.rglob("*.html"))
-    with tempfile.TemporaryDirectory() as folder:
-        faults = clipped(pages, Path(folder))
-        for place in pictures:
-            take_pictures(site, place, Path(folder))
+    else:
+        with tempfile.TemporaryDirectory() as folder:
+            faults += clipped([page.as_uri() for page in pages], Path(folder))
+            for place in pictures:
+                take_pictures(site, place, Path(folder))
     for fault in faults:
         print(f"error: {fault.removeprefix(site.as_uri() + '/')}", file=sys.stderr)
     print(f"{len(pages)} pages, {len(faults)} faults")

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: MIT
+"""List the instructions of the AVX-512 loops of the throughput forms: what the distance of a tick
+to a copy consists of.
+
+Usage: PYTHON tools/bench/batch_loops.py [ARCHIVE]    (build/host/lib/libdahl_batch.a)
+
+Prints, for each loop and 64 ticks: all instructions, those on 512-bit registers, and the cycles
+that llvm-mca-19 expects, if it is installed: of Zen 4, whose 512-bit instructions take two turns,
+and of Sapphire Rapids. A copy of 64 ticks has 8 instructions.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ARCHIVE = Path(__file__).resolve().parents[2] / "build/host/lib/libdahl_batch.a"
+MCA, PROCESSORS = "llvm-mca-19", ("znver4", "sapphirerapids")
+STEPS = 100  # of a loop for llvm-mca
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A loop, found by its instructions: the number of each, and the ticks of one pass."""
+
+    form: str
+    title: str
+    ticks: int
+    has: dict[str, range]
+
+
+ANY, NO = range(1, 999), range(1)
+KINDS = (
+    Kind("trajectory", "largest move", 32, {"vpmaxud": range(2, 3), "vpabsd": range(2, 3)}),
+    Kind("trajectory", "maps, up to 7 counts", 128, {"vmaxpd": ANY, "vperm[ti]2pd": range(32, 33)}),
+    Kind("trajectory", "maps, up to 15", 128, {"vmaxpd": ANY, "vperm[ti]2pd": range(16, 17)}),
+    Kind("trajectory", "maps, any move", 128, {"vmaxpd": ANY, "vcvttpd2qq": ANY}),
+    Kind("trajectory", "torques", 128, {"vcvtpd2ps": range(16, 17)}),
+    Kind("channels", "16 channels, up to 15", 64, {"vperm[ti]2pd": range(8, 9), "%k": NO}),
+    Kind("channels", "16 channels, any move", 64, {"vcvttpd2qq": range(8, 9), "vcvtdq2pd": ANY}),
+)
+
+
+def loops(form: str, archive: Path) -> Iterator[list[str]]:
+    """Yield the innermost loops of counts_avx512() of a form, without addresses and comments."""
+    words = ["objdump", "-d", "--no-show-raw-insn", str(archive)]
+    text = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    body = text.partition(f"\n{form}.c.o:")[2].partition("<counts_avx512>:\n")[2]
+    lines = re.findall(r"^ *([0-9a-f]+):\t([^#<\n]*)", body.partition("\n\n")[0], re.M)
+    places = {address: k for k, (address, _) in enumerate(lines)}
+    start = 0
+    for end, (_, instruction) in enumerate(lines):
+        jump = re.match(r"j\w+ +([0-9a-f]+)", instruction)
+        first = places.get(jump.group(1), end) if jump else end
+        if start <= first < end:
+            yield [instruction.strip() for _, instruction in lines[first : end + 1]]
+            start = end
+
+
+def is_kind(loop: list[str], kind: Kind) -> bool:
+    found = {word: sum(bool(re.search(word, line)) for line in loop) for word in kind.has}
+    return all(found[word] in wanted for word, wanted in kind.has.items())
+
+
+def expected_cycles(loop: list[str], processor: str) -> float:
+    """Return the cycles of one pass. The jump at the end has no target here."""
+    words = [MCA, "-march=x86-64", f"-mcpu={processor}", f"-iterations={STEPS}", "-"]
+    source = "\n".join(loop[:-1]).replace("0x0(%rip)", "(%rip)")
+    text = subprocess.run(words, input=source, capture_output=True, text=True, check=True).stdout
+    [cycles] = re.findall(r"^Total Cycles: +(\d+)", text, re.M)
+    return int(cycles) / STEPS
+
+
+def main(archive: Path) -> int:
+    print("| for 64 ticks | instructions | on 512 bits | " + " | ".join(PROCESSORS) + " |")
+    print("|---|---:|---:|" + "---:|" * len(PROCESSORS))
+    for kind in KINDS:
+        matching = (loop for loop in loops(kind.form, archive) if is_kind(loop, kind))
+        loop = next(matching, None)
+        if loop is None:
+            print(f"error: {archive}: no loop '{kind.title}' of {kind.form}.c", file=sys.stderr)
+            return 1
+        passes, wide = 64 / kind.ticks, sum("%zmm" in line for line in loop)
+        cells = [kind.title, f"{passes * len(loop):.0f}", f"{passes * wide:.0f}"]
+        for name in PROCESSORS:
+            known = shutil.which(MCA)
+            cells.append(f"{passes * expected_cycles(loop, name):.0f}" if known else "-")
+        print("| " + " | ".join(cells) + " |")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1]) if sys.argv[1:] else ARCHIVE))
