@@ -311,6 +311,7 @@ typedef struct {
             uint8_t set;       /* set of frequencies */
             uint8_t evaluated; /* steps of the evaluation that have ended */
             uint8_t is_shaft;  /* 1: the shaft explains the sines */
+            uint8_t is_repeated; /* 1: faster sines follow, because the bound is too low */
         } inertia; /* INERTIA */
         struct {
             dahl_compensator_params_t params; /* parameters with the gain that is tried */
