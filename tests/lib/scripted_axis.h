@@ -37,7 +37,6 @@ static inline void follow_reference(scripted_t *axis)
     axis->theta = (double)axis->command.angle;
     axis->torque = axis->load + direction * axis->Fc + axis->inertia * axis->acceleration;
     axis->acceleration = (double)axis->command.acceleration;
-    axis->anchor = axis->theta - direction * axis->Fc / axis->sigma0;
 }
 
 static inline void follow_torque(scripted_t *axis)
@@ -73,6 +72,9 @@ static inline dahl_commission_t commission_scripted(scripted_t axis)
         (axis.command.mode == DAHL_COMMISSION_TRACK ? follow_reference : follow_torque)(&axis);
         if (axis.script != NULL) {
             axis.script(&axis);
+        }
+        if (axis.command.mode == DAHL_COMMISSION_TRACK) {
+            axis.anchor = axis.theta - axis.direction * axis.Fc / axis.sigma0;
         }
         const int32_t counts = (int32_t)floor(axis.theta / axis.count + 0.5) + axis.noise;
         moved = counts - axis.counts;

@@ -51,6 +51,29 @@ static void wobble_when_fast(scripted_t *axis)
     }
 }
 
+static void lead_when_fast(scripted_t *axis) /* and shake at the slowest sweep: the axis reaches one speed only */
+{
+    const double speed = (double)axis->command.speed, part = fmax(0, fmin(1, (fabs(speed) - 1.2) / 0.6));
+    if (is_in(axis, DAHL_COMMISSION_SWEEPS, DAHL_COMMISSION_TRACK)) {
+        axis->theta += copysign(0.091 * part, speed);
+        axis->theta += fabs(speed) < 0.7 ? 0.03 * sin(2 * PI * 20 * axis->ticks * axis->period) : 0;
+    }
+}
+
+static void follow_softly(scripted_t *axis) /* then stick for 40 ms, which a soft loop may */
+{
+    if (is_torque(axis, DAHL_COMMISSION_SWEEPS)) {
+        axis->memory = fmax(axis->memory, 1);
+    } else if (is_in(axis, DAHL_COMMISSION_SWEEPS, DAHL_COMMISSION_TRACK)) {
+        axis->memory += axis->memory > 0;
+        axis->theta *= axis->memory > 0 ? 1 : 0.3;
+    }
+    if (axis->memory > 100 && axis->memory < 140) {
+        axis->theta = axis->counts * axis->count;
+        axis->torque += 0.5;
+    }
+}
+
 static void soften_hole(scripted_t *axis) /* little friction at one angle */
 {
     if (is_in(axis, DAHL_COMMISSION_SWEEPS, DAHL_COMMISSION_TRACK) && axis->theta > 0.05 && axis->theta < 0.1) {
@@ -147,6 +170,13 @@ static void ring_long(scripted_t *axis)
     }
 }
 
+static void ring_always(scripted_t *axis)
+{
+    if (is_after_push(axis)) {
+        axis->theta += 0.05 * sin(2 * PI * 10 * axis->kick_ticks * axis->period);
+    }
+}
+
 typedef struct {
     const char *name;
     dahl_commission_refusal_t refusal;
@@ -160,6 +190,8 @@ static const scenario_t scenarios[] = {
     {"end stop within the travel", DAHL_COMMISSION_NO_DATA, 0, {.script = hit_stop}},
     {"torque along the motion", DAHL_COMMISSION_VARIES, 0, {.script = assist}},
     {"shakes at the faster sweeps", DAHL_COMMISSION_VARIES, 0, {.script = wobble_when_fast}},
+    {"reaches one speed only", DAHL_COMMISSION_OK, 0.95f, {.travel = 0.23, .script = lead_when_fast}},
+    {"soft loop that sticks", DAHL_COMMISSION_OK, 0.95f, {.script = follow_softly}},
     {"almost no friction at one angle", DAHL_COMMISSION_VARIES, 0, {.script = soften_hole}},
     {"pushed once in the cycle", DAHL_COMMISSION_OK, 0.95f, {.script = push_once_in_cycle}},
     {"pushed always in the cycle", DAHL_COMMISSION_COARSE, 0, {.script = push_always_in_cycle}},
@@ -173,11 +205,13 @@ static const scenario_t scenarios[] = {
     {"inertia a sixth of that of the configuration", DAHL_COMMISSION_BAD_INERTIA, 0, {.loop_inertia = 0.012}},
     {"almost no friction", DAHL_COMMISSION_COARSE, 0, {.Fc = 1e-30, .sigma0 = 1e-28, .load = 1e-31}},
     {"slow in the pushes", DAHL_COMMISSION_OK, 0.95f, {.slide = 0.6}},
+    {"fast in the pushes", DAHL_COMMISSION_OK, 0.95f, {.slide = 2.3}},
     {"runs away after each push", DAHL_COMMISSION_SWINGS, 0, {.script = run_away}},
     {"runs away at the second gain", DAHL_COMMISSION_OK, 0.5f, {.script = run_away_at_second_gain}},
     {"creeps after each push", DAHL_COMMISSION_SWINGS, 0, {.script = creep}},
     {"runs away once, then creeps once", DAHL_COMMISSION_OK, 0.9f, {.script = run_away_then_creep}},
     {"rings for long", DAHL_COMMISSION_SWINGS, 0, {.script = ring_long}},
+    {"rings for ever", DAHL_COMMISSION_SWINGS, 0, {.script = ring_always}},
     {"coarse noisy encoder at 20 kHz", DAHL_COMMISSION_COARSE, 0, {.count = 0.01, .period = 5e-5, .sigma0 = 20, .script = toggle}},
 };
 
