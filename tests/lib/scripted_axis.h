@@ -22,11 +22,20 @@ typedef struct scripted {
     uint32_t ticks;         /* of the stage */
     uint32_t kick_ticks;    /* since the loop went off in the stage KICK */
     int kicks;              /* times that it went off */
+    double push_s, most_push_s; /* s that it slides in this kick, and at most */
     double memory;          /* of the script */
 } scripted_t;
 
-static const scripted_t scripted_default = {.Fc = 0.5, .sigma0 = 100, .breakaway = 1, .load = 0.1, .inertia = 0.002,
-                                            .slide = 1, .loop_inertia = 0.002, .period = 1e-3, .count = 9.587e-5, .travel = 0.35,
+static const scripted_t scripted_default = {.Fc = 0.5,
+                                            .sigma0 = 100,
+                                            .breakaway = 1,
+                                            .load = 0.1,
+                                            .inertia = 0.002,
+                                            .slide = 1,
+                                            .loop_inertia = 0.002,
+                                            .period = 1e-3,
+                                            .count = 9.587e-5,
+                                            .travel = 0.35,
                                             .direction = 1};
 
 static inline void follow_reference(scripted_t *axis)
@@ -44,41 +53,63 @@ static inline void follow_torque(scripted_t *axis)
     const double rest = (double)axis->command.torque - axis->load, most = axis->breakaway * axis->Fc;
     axis->torque = (double)axis->command.torque;
     if (fabs(rest) > most) {
+        axis->push_s += axis->period;
         axis->anchor += copysign(axis->slide * axis->period, rest);
     }
     axis->theta = axis->anchor + fmax(-most, fmin(most, rest)) / axis->sigma0;
 }
 
+static inline void count_ticks(scripted_t *axis, uint8_t stage)
+{
+    const int is_same = axis->command.stage == stage;
+    const int is_kick = axis->command.stage == DAHL_COMMISSION_KICK && axis->command.mode == DAHL_COMMISSION_TORQUE;
+    axis->ticks = is_same ? axis->ticks + 1 : 0;
+    axis->strokes = is_same ? axis->strokes : 0;
+    axis->kick_ticks = is_kick ? axis->kick_ticks + 1 : 0;
+    axis->kicks += axis->kick_ticks == 1;
+    axis->push_s = is_kick ? axis->push_s : 0;
+    axis->most_push_s = fmax(axis->most_push_s, axis->push_s);
+}
+
+/* Apply a command for one tick. Return the counts moved. */
+static inline int32_t scripted_tick(scripted_t *axis)
+{
+    if (axis->command.mode == DAHL_COMMISSION_TRACK) {
+        follow_reference(axis);
+    } else {
+        follow_torque(axis);
+    }
+    if (axis->script != NULL) {
+        axis->script(axis);
+    }
+    if (axis->command.mode == DAHL_COMMISSION_TRACK) {
+        axis->anchor = axis->theta - axis->direction * axis->Fc / axis->sigma0;
+    }
+    const int32_t last = axis->counts;
+    axis->counts = (int32_t)floor(axis->theta / axis->count + 0.5) + axis->noise;
+    return axis->counts - last;
+}
+
 /* Commission the axis for 100 s at most. */
-static inline dahl_commission_t commission_scripted(scripted_t axis)
+static inline dahl_commission_t commission_scripted(scripted_t *axis)
 {
     dahl_commission_t state;
-    const dahl_commission_config_t config = {
-        .period = (float)axis.period, .theta_per_count = (float)axis.count, .inertia = (float)axis.loop_inertia,
-        .travel = (float)axis.travel, .angle_limit = 2 * (float)axis.travel, .speed_limit = 10, .torque_limit = 5};
+    const dahl_commission_config_t config = {.period = (float)axis->period,
+                                             .theta_per_count = (float)axis->count,
+                                             .inertia = (float)axis->loop_inertia,
+                                             .travel = (float)axis->travel,
+                                             .angle_limit = 2 * (float)axis->travel,
+                                             .speed_limit = 10,
+                                             .torque_limit = 5};
     int32_t moved = 0;
-    uint8_t stage = 0;
     if (dahl_commission_start(&state, &config) != DAHL_COMMISSION_OK) {
         return state;
     }
-    for (uint32_t tick = 0; tick < 100 / axis.period && state.command.stage < DAHL_COMMISSION_DONE; tick++) {
-        dahl_commission_tick(&state, moved, (float)axis.torque, &axis.command);
-        axis.ticks = axis.command.stage == stage ? axis.ticks + 1 : 0;
-        axis.strokes = axis.command.stage == stage ? axis.strokes : 0;
-        stage = axis.command.stage;
-        axis.kick_ticks =
-            stage == DAHL_COMMISSION_KICK && axis.command.mode == DAHL_COMMISSION_TORQUE ? axis.kick_ticks + 1 : 0;
-        axis.kicks += axis.kick_ticks == 1;
-        (axis.command.mode == DAHL_COMMISSION_TRACK ? follow_reference : follow_torque)(&axis);
-        if (axis.script != NULL) {
-            axis.script(&axis);
-        }
-        if (axis.command.mode == DAHL_COMMISSION_TRACK) {
-            axis.anchor = axis.theta - axis.direction * axis.Fc / axis.sigma0;
-        }
-        const int32_t counts = (int32_t)floor(axis.theta / axis.count + 0.5) + axis.noise;
-        moved = counts - axis.counts;
-        axis.counts = counts;
+    for (uint32_t tick = 0; tick < 100 / axis->period && state.command.stage < DAHL_COMMISSION_DONE; tick++) {
+        const uint8_t stage = axis->command.stage;
+        dahl_commission_tick(&state, moved, (float)axis->torque, &axis->command);
+        count_ticks(axis, stage);
+        moved = scripted_tick(axis);
     }
     return state;
 }

@@ -24,6 +24,13 @@ static void flicker(scripted_t *axis)
     axis->noise = axis->command.stage == DAHL_COMMISSION_REST && axis->ticks & 1 ? 2 : 0;
 }
 
+static void ring_at_rest(scripted_t *axis)
+{
+    if (axis->command.stage == DAHL_COMMISSION_REST) {
+        axis->theta += 10 * axis->count * sin(2 * PI * 20 * axis->ticks * axis->period);
+    }
+}
+
 static void toggle(scripted_t *axis)
 {
     axis->noise = axis->command.mode == DAHL_COMMISSION_TRACK ? 0 : axis->ticks & 1;
@@ -44,10 +51,22 @@ static void assist(scripted_t *axis) /* the torque helps the motion, as of a wro
     }
 }
 
-static void wobble_when_fast(scripted_t *axis)
+static void wobble(scripted_t *axis)
 {
-    if (fabs((double)axis->command.speed) > 1) {
-        axis->theta += 0.03 * sin(2 * PI * 20 * axis->ticks * axis->period);
+    axis->theta += 0.03 * sin(2 * PI * 20 * axis->ticks * axis->period);
+}
+
+static void shake_in_sweeps(scripted_t *axis)
+{
+    if (is_in(axis, DAHL_COMMISSION_SWEEPS, DAHL_COMMISSION_TRACK)) {
+        wobble(axis);
+    }
+}
+
+static void shake_once_when_fast(scripted_t *axis)
+{
+    if (fabs((double)axis->command.speed) > 1 && axis->ticks < 6500) {
+        wobble(axis);
     }
 }
 
@@ -56,7 +75,9 @@ static void lead_when_fast(scripted_t *axis) /* and shake at the slowest sweep: 
     const double speed = (double)axis->command.speed, part = fmax(0, fmin(1, (fabs(speed) - 1.2) / 0.6));
     if (is_in(axis, DAHL_COMMISSION_SWEEPS, DAHL_COMMISSION_TRACK)) {
         axis->theta += copysign(0.091 * part, speed);
-        axis->theta += fabs(speed) < 0.7 ? 0.03 * sin(2 * PI * 20 * axis->ticks * axis->period) : 0;
+        if (fabs(speed) < 0.7) {
+            wobble(axis);
+        }
     }
 }
 
@@ -79,6 +100,12 @@ static void soften_hole(scripted_t *axis) /* little friction at one angle */
     if (is_in(axis, DAHL_COMMISSION_SWEEPS, DAHL_COMMISSION_TRACK) && axis->theta > 0.05 && axis->theta < 0.1) {
         axis->torque -= 0.95 * axis->Fc * axis->direction;
     }
+}
+
+static void slip_in_cycle(scripted_t *axis)
+{
+    axis->breakaway = axis->command.stage == DAHL_COMMISSION_CYCLE ? 0.5 : 1;
+    axis->slide = axis->command.stage == DAHL_COMMISSION_CYCLE ? 3 : 1;
 }
 
 static void push_once_in_cycle(scripted_t *axis)
@@ -153,11 +180,17 @@ static void creep(scripted_t *axis)
     }
 }
 
-static void run_away_then_creep(scripted_t *axis)
+static void run_away_once(scripted_t *axis)
 {
     if (axis->kicks == 1) {
         run_away(axis);
-    } else if (axis->kicks == 4) {
+    }
+}
+
+static void run_away_then_creep(scripted_t *axis) /* each time at the second gain */
+{
+    run_away_once(axis);
+    if (axis->kicks == 4 || axis->kicks == 6) {
         creep(axis);
     }
 }
@@ -189,10 +222,13 @@ static const scenario_t scenarios[] = {
     {"counts flicker in each tick at rest", DAHL_COMMISSION_OK, 0.95f, {.script = flicker}},
     {"end stop within the travel", DAHL_COMMISSION_NO_DATA, 0, {.script = hit_stop}},
     {"torque along the motion", DAHL_COMMISSION_VARIES, 0, {.script = assist}},
-    {"shakes at the faster sweeps", DAHL_COMMISSION_VARIES, 0, {.script = wobble_when_fast}},
+    {"rings slowly at rest", DAHL_COMMISSION_OK, 0.95f, {.script = ring_at_rest}},
+    {"shakes at all sweeps", DAHL_COMMISSION_VARIES, 0, {.script = shake_in_sweeps}},
+    {"shakes once at a faster sweep", DAHL_COMMISSION_VARIES, 0, {.script = shake_once_when_fast}},
     {"reaches one speed only", DAHL_COMMISSION_OK, 0.95f, {.travel = 0.23, .script = lead_when_fast}},
     {"soft loop that sticks", DAHL_COMMISSION_OK, 0.95f, {.script = follow_softly}},
     {"almost no friction at one angle", DAHL_COMMISSION_VARIES, 0, {.script = soften_hole}},
+    {"breaks away at half of Fc in the cycle", DAHL_COMMISSION_OK, 0.95f, {.script = slip_in_cycle}},
     {"pushed once in the cycle", DAHL_COMMISSION_OK, 0.95f, {.script = push_once_in_cycle}},
     {"pushed always in the cycle", DAHL_COMMISSION_COARSE, 0, {.script = push_always_in_cycle}},
     {"pushed back in the ramp", DAHL_COMMISSION_DISTURBED, 0, {.script = push_back_in_ramp}},
@@ -209,10 +245,14 @@ static const scenario_t scenarios[] = {
     {"runs away after each push", DAHL_COMMISSION_SWINGS, 0, {.script = run_away}},
     {"runs away at the second gain", DAHL_COMMISSION_OK, 0.5f, {.script = run_away_at_second_gain}},
     {"creeps after each push", DAHL_COMMISSION_SWINGS, 0, {.script = creep}},
-    {"runs away once, then creeps once", DAHL_COMMISSION_OK, 0.9f, {.script = run_away_then_creep}},
+    {"runs away once", DAHL_COMMISSION_OK, 0.9f, {.script = run_away_once}},
+    {"runs away once, then creeps twice", DAHL_COMMISSION_OK, 0.5f, {.script = run_away_then_creep}},
     {"rings for long", DAHL_COMMISSION_SWINGS, 0, {.script = ring_long}},
     {"rings for ever", DAHL_COMMISSION_SWINGS, 0, {.script = ring_always}},
-    {"coarse noisy encoder at 20 kHz", DAHL_COMMISSION_COARSE, 0, {.count = 0.01, .period = 5e-5, .sigma0 = 20, .script = toggle}},
+    {"coarse noisy encoder at 20 kHz",
+     DAHL_COMMISSION_COARSE,
+     0,
+     {.count = 0.01, .period = 5e-5, .sigma0 = 20, .script = toggle}},
 };
 
 static void replace(double *value, double change)
@@ -244,6 +284,7 @@ static void check_bounds(const scripted_t *axis, const dahl_commission_result_t 
     TEST_ASSERT_TRUE((double)result->Fc.least <= axis->Fc && axis->Fc <= (double)result->Fc.most);
     TEST_ASSERT_TRUE((double)result->length.least <= length && length <= (double)result->length.most);
     TEST_ASSERT_TRUE((double)result->inertia.least <= axis->inertia && axis->inertia <= (double)result->inertia.most);
+    TEST_ASSERT_TRUE(result->viscous.least <= 0 && 0 <= result->viscous.most && isfinite(result->viscous.most));
     for (int bin = 0; bin < DAHL_COMMISSION_BINS; bin++) {
         TEST_ASSERT_TRUE(fabs((double)result->load[bin] - axis->load) <= (double)result->load_error);
     }
@@ -252,12 +293,15 @@ static void check_bounds(const scripted_t *axis, const dahl_commission_result_t 
 static void test_each_scenario_is_refused_with_its_code_or_has_true_bounds(void)
 {
     for (size_t k = 0; k < sizeof scenarios / sizeof scenarios[0]; k++) {
-        const scripted_t axis = axis_of(&scenarios[k]);
-        const dahl_commission_t state = commission_scripted(axis);
+        scripted_t axis = axis_of(&scenarios[k]);
+        const dahl_commission_t state = commission_scripted(&axis);
         printf("  %s: code %d, gain %.2f\n", scenarios[k].name, state.command.refusal, (double)state.result.gain);
         TEST_ASSERT_EQUAL_MESSAGE(scenarios[k].refusal, state.command.refusal, scenarios[k].name);
         TEST_ASSERT_EQUAL(DAHL_COMMISSION_OFF, state.command.mode);
         TEST_ASSERT_EQUAL_FLOAT(0, state.command.torque);
+        if (axis.script == NULL) {
+            TEST_ASSERT_TRUE(axis.most_push_s < 0.052 && axis.most_push_s * axis.slide < 0.106);
+        }
         if (scenarios[k].refusal == DAHL_COMMISSION_OK) {
             TEST_ASSERT_EQUAL(DAHL_COMMISSION_DONE, state.command.stage);
             TEST_ASSERT_FLOAT_WITHIN_MESSAGE(1e-5f, scenarios[k].gain, state.result.gain, scenarios[k].name);
@@ -266,17 +310,29 @@ static void test_each_scenario_is_refused_with_its_code_or_has_true_bounds(void)
     }
 }
 
-/* An encoder that alternates between two counts, 2 apart, has the noise 1. */
+/* An encoder that alternates between two counts, 2 apart, has the noise 1. A slow ring is no noise. */
 static void test_the_noise_is_half_of_a_flicker(void)
 {
-    scripted_t axis = scripted_default;
-    axis.script = flicker;
-    TEST_ASSERT_EQUAL(1, commission_scripted(axis).result.noise);
+    scripted_t flickers = scripted_default, rings = scripted_default;
+    flickers.script = flicker;
+    rings.script = ring_at_rest;
+    TEST_ASSERT_EQUAL(1, commission_scripted(&flickers).result.noise);
+    TEST_ASSERT_EQUAL(0, commission_scripted(&rings).result.noise);
+}
+
+/* A ring that decays gets more time, 20 windows of 0.2 s instead of 10 for each of 6 kicks. */
+static void test_a_steady_ring_is_found_early(void)
+{
+    scripted_t steady = scripted_default, decaying = scripted_default;
+    steady.script = ring_always;
+    decaying.script = ring_long;
+    TEST_ASSERT_TRUE(commission_scripted(&steady).ticks + 5000 < commission_scripted(&decaying).ticks);
 }
 
 static void test_the_gain_is_lower_if_the_load_is_not_fed_forward(void)
 {
-    const dahl_commission_t state = commission_scripted(scripted_default);
+    scripted_t axis = scripted_default;
+    const dahl_commission_t state = commission_scripted(&axis);
     const dahl_commission_result_t *result = &state.result;
     dahl_compensator_params_t with, without;
     TEST_ASSERT_EQUAL(DAHL_COMPENSATOR_OK, dahl_commission_params(&state, &with, 0));
