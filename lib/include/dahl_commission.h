@@ -185,6 +185,8 @@ typedef struct {
     dahl_commission_result_t result;   /**< result; valid if the stage is DONE */
     int32_t counts;                    /**< [count] since the start */
     float theta;                       /**< [rad] angle from the first */
+    float count_speed;                 /**< [rad/s] speed of one count in a tick */
+    float speed_share;                 /**< share by which a tick moves `speed` */
     float speed;                       /**< [rad/s] speed after a low-pass */
     float torque;                      /**< [N m] torque of the last tick */
     uint32_t ticks;                    /**< [tick] since the start */
