@@ -16,7 +16,8 @@
 #define WATCH_S 0.2f            /* of a window */
 #define CREEP_WINDOWS 3         /* of creep after a push, until the gain falls */
 #define FIRST_WINDOWS 2         /* the same at the highest gain, which leaves the least friction */
-#define MAX_WINDOWS 9           /* until the axis rests */
+#define SWING_WINDOWS 10
+#define MAX_WINDOWS 20
 #define SETTLING_SHARE 0.9f     /* range of a window over that of two windows before */
 #define MAX_EXCURSION_RAD 0.25f /* beyond the travel */
 #define REST_SPEED 0.02f        /* rad/s: drift and ring on the bristles together, as dahl_compensator.h states it */
@@ -202,7 +203,8 @@ static void settle_tick(dahl_commission_t *axis)
         pass_kick(axis);
     } else if (window == CREEPS && windows >= (axis->work.kick.gain == GAINS - 1 ? FIRST_WINDOWS : CREEP_WINDOWS)) {
         lower_gain(axis);
-    } else if (excursion > MAX_EXCURSION_RAD || windows >= MAX_WINDOWS) {
+    } else if (excursion > MAX_EXCURSION_RAD || (window == SWINGS && windows >= SWING_WINDOWS)
+               || windows >= MAX_WINDOWS) {
         fail_kick(axis);
     }
 }
