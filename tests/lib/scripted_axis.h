@@ -23,7 +23,7 @@ typedef struct scripted {
     uint32_t kick_ticks;    /* since the loop went off in the stage KICK */
     int kicks;              /* times that it went off */
     double push_s, most_push_s; /* s that it slides in this kick, and at most */
-    double memory, band;    /* of the script */
+    double memory;          /* of the script */
 } scripted_t;
 
 static const scripted_t scripted_default = {.Fc = 0.5,
