@@ -21,7 +21,7 @@
 #define BLOCK_TICKS 5                  /* the sums of a block are demodulated in the next ticks, one sine in each */
 #define LOAD_TICK 4                    /* tick of a block that reads the load */
 #define MIN_SHARE 0.1f                 /* least speed of a sine over that of its reference */
-#define MAX_FACTOR 2.0f                /* of the inertia over that of the configuration */
+#define MAX_FACTOR 5.0f                /* of the inertia over that of the configuration */
 #define MAX_DELAY_INERTIA 2.0f         /* over that of the slowest sine */
 #define MAX_TANGENT 1.2f               /* of the phase less the guess */
 #define MAX_GUESS_RAD 1.3f
@@ -34,6 +34,7 @@
 #define ROTOR_SHARE 0.93f              /* of the bound: damping of the shaft, and friction on its load */
 #define STIFFEST_HZ 200.0f             /* resonance of the stiffest shaft of an elastic axis */
 #define HIDDEN_HZ 160.0f               /* the same if the sines show no shaft */
+#define FASTER_HIDDEN_HZ 130.0f        /* the same with faster sines, which hardly hide one */
 #define SHAFT_STEP 1.03f               /* from one w^2 of a shaft to the next */
 #define FINE_STEP 1.01f                /* the same, with faster sines */
 #define SLOW_SHARE 0.42f               /* of the mean speed: a low-passed speed above it does not reverse */
@@ -406,7 +407,8 @@ static void find_elastic(dahl_commission_t *axis)
     const float slow = inertia_without_friction(axis, 0, delay), fast = inertia_without_friction(axis, 2, delay);
     axis->result.delay.best = delay;
     const int is_elastic = dahl_absolute(fast - slow) > error[2] + error[0] / 2 || axis->work.inertia.set == SLOWER;
-    axis->result.elastic = axis->result.elastic || is_elastic || (axis->work.inertia.set >= FASTER && !is_repeated(axis));
+    axis->has_soft_shaft = axis->work.inertia.set >= FASTER && !is_repeated(axis);
+    axis->result.elastic = axis->result.elastic || is_elastic || axis->has_soft_shaft;
 }
 
 /** Write the delay with its interval. It stays if the sines are repeated only to find a shaft. */
@@ -433,7 +435,8 @@ static void find_delay(dahl_commission_t *axis)
 static void start_search(dahl_commission_t *axis)
 {
     const float least = axis->work.inertia.inertia[0], w = SOFTEST_OVER_SINE * axis->work.inertia.frequency[0];
-    const float stiffest = AXIS_TWO_PI * (axis->result.elastic ? STIFFEST_HZ : HIDDEN_HZ);
+    const float hidden = axis->work.inertia.set < FASTER ? HIDDEN_HZ : FASTER_HIDDEN_HZ;
+    const float stiffest = AXIS_TWO_PI * (axis->result.elastic ? STIFFEST_HZ : hidden);
     axis->result.inertia = (dahl_commission_range_t){least, least, least};
     axis->work.inertia.gap = least;
     axis->work.inertia.shaft = w * w;

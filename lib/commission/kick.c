@@ -170,10 +170,11 @@ static void lower_gain(dahl_commission_t *axis)
     dahl_return_to_middle(axis);
 }
 
-/** Return the index of the highest gain that is left. If little friction is left, the load of an elastic axis can swing. */
+/** Return the index of the highest gain that is left. If little friction is left, the load of an elastic axis can swing:
+ * the softer its shaft, the more friction must stay. */
 static int highest_gain(const dahl_commission_t *axis)
 {
-    const int elastic_highest = GAINS - 2, left = GAINS - 1 - axis->work.kick.creeps;
+    const int elastic_highest = axis->has_soft_shaft ? 0 : GAINS - 2, left = GAINS - 1 - axis->work.kick.creeps;
     return axis->result.elastic && left > elastic_highest ? elastic_highest : left;
 }
 
