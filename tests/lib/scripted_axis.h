@@ -18,7 +18,7 @@ typedef struct scripted {
     dahl_commission_command_t command;
     double theta, anchor, torque, acceleration; /* rad, angle of the bristles without torque, N m, rad/s2 of the last tick */
     int32_t counts, noise;                      /* count; the noise is added to the counts */
-    int direction, strokes; /* sign of the last speed, strokes of the stage */
+    int direction, strokes; /* sign of the last speed, strokes of the loop */
     uint32_t ticks;         /* of the stage */
     uint32_t kick_ticks;    /* since the loop went off in the stage KICK */
     int kicks;              /* times that it went off */
@@ -64,7 +64,7 @@ static inline void count_ticks(scripted_t *axis, uint8_t stage)
     const int is_same = axis->command.stage == stage;
     const int is_kick = axis->command.stage == DAHL_COMMISSION_KICK && axis->command.mode == DAHL_COMMISSION_TORQUE;
     axis->ticks = is_same ? axis->ticks + 1 : 0;
-    axis->strokes = is_same ? axis->strokes : 0;
+    axis->strokes = is_same && axis->command.mode == DAHL_COMMISSION_TRACK ? axis->strokes : 0;
     axis->kick_ticks = is_kick ? axis->kick_ticks + 1 : 0;
     axis->kicks += axis->kick_ticks == 1;
     axis->push_s = is_kick ? axis->push_s : 0;
