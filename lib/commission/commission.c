@@ -52,8 +52,6 @@ dahl_commission_refusal_t dahl_commission_start(dahl_commission_t *axis, const d
     clear(axis, sizeof *axis);
     axis->config = *config;
     axis->command.torque_limit = config->torque_limit;
-    axis->count_speed = config->theta_per_count / config->period;
-    axis->speed_share = dahl_low_pass_share(SPEED_HZ, config->period);
     int is_valid = is_within(config->period, 5e-5f, 2e-3f) && is_within(config->theta_per_count, 1e-9f, 0.01f)
                    && is_within(config->inertia, 1e-9f, 1e9f) && is_within(config->travel, 0.2f, 3)
                    && is_within(config->angle_limit, 1.5f * config->travel, 100)
@@ -74,8 +72,18 @@ void dahl_commission_abort(dahl_commission_t *axis)
     }
 }
 
+/** Divide once, in the first tick. */
+static void find_speed_units(dahl_commission_t *axis)
+{
+    axis->count_speed = axis->config.theta_per_count / axis->config.period;
+    axis->speed_share = dahl_low_pass_share(SPEED_HZ, axis->config.period);
+}
+
 static void read_inputs(dahl_commission_t *axis, int32_t dcounts, float torque)
 {
+    if (axis->ticks == 0) {
+        find_speed_units(axis);
+    }
     const float speed = (float)dcounts * axis->count_speed;
     axis->counts = (int32_t)((uint32_t)axis->counts + (uint32_t)dcounts);
     axis->theta = (float)axis->counts * axis->config.theta_per_count;

@@ -195,6 +195,14 @@ static void run_away_then_creep(scripted_t *axis) /* each time at the second gai
     }
 }
 
+static void ring_long(scripted_t *axis)
+{
+    if (is_after_push(axis)) {
+        const double time = axis->kick_ticks * axis->period;
+        axis->theta += 0.05 * exp(-0.5 * time) * sin(2 * PI * 10 * time);
+    }
+}
+
 static void ring_after_push(scripted_t *axis)
 {
     if (is_after_push(axis)) {
@@ -251,7 +259,7 @@ static const scenario_t scenarios[] = {
     {"load swings against the rotor", DAHL_COMMISSION_BAD_INERTIA, 0, {.script = swing_against}},
     {"half of the strokes without sines", DAHL_COMMISSION_BAD_INERTIA, 0, {.script = lose_sines}},
     {"resonance in the strokes", DAHL_COMMISSION_BAD_INERTIA, 0, {.script = run_loud}},
-    {"resonance at first", DAHL_COMMISSION_OK, 0.5f, {.script = run_loud_twice}},
+    {"resonance at first: a soft shaft", DAHL_COMMISSION_OK, 0.5f, {.script = run_loud_twice}},
     {"inertia of no shaft", DAHL_COMMISSION_BAD_INERTIA, 0, {.script = stiffen_above_15_hz}},
     {"inertia 6 times that of the configuration", DAHL_COMMISSION_BAD_INERTIA, 0, {.inertia = 0.012}},
     {"inertia a sixth of that of the configuration", DAHL_COMMISSION_BAD_INERTIA, 0, {.loop_inertia = 0.012}},
@@ -273,6 +281,7 @@ static const scenario_t scenarios[] = {
     {"creeps after each push", DAHL_COMMISSION_SWINGS, 0, {.script = creep}},
     {"runs away once", DAHL_COMMISSION_OK, 0.9f, {.script = run_away_once}},
     {"runs away once, then creeps twice", DAHL_COMMISSION_OK, 0.5f, {.script = run_away_then_creep}},
+    {"rings for long", DAHL_COMMISSION_SWINGS, 0, {.script = ring_long}},
     {"rings after each push", DAHL_COMMISSION_SWINGS, 0, {.script = ring_after_push}},
     {"coarse noisy encoder at 20 kHz",
      DAHL_COMMISSION_COARSE,
@@ -343,6 +352,15 @@ static void test_the_noise_is_half_of_a_flicker(void)
     rings.script = ring_at_rest;
     TEST_ASSERT_EQUAL(1, commission_scripted(&flickers).result.noise);
     TEST_ASSERT_EQUAL(0, commission_scripted(&rings).result.noise);
+}
+
+/* A ring that decays gets more time, 20 windows of 0.2 s instead of 10 for each of 6 kicks. */
+static void test_a_steady_ring_is_found_early(void)
+{
+    scripted_t steady = scripted_default, decaying = scripted_default;
+    steady.script = ring_after_push;
+    decaying.script = ring_long;
+    TEST_ASSERT_TRUE(commission_scripted(&steady).ticks + 5000 < commission_scripted(&decaying).ticks);
 }
 
 static void test_the_gain_is_lower_if_the_load_is_not_fed_forward(void)
