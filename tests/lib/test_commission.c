@@ -128,6 +128,21 @@ static void test_flexible_axes_rest_and_their_rotor_is_bounded(void)
     TEST_ASSERT_TRUE(bounded + LUCK >= 0.95 * accepted);
 }
 
+/* The first sines leave the rotor too light for the compensator, or show no inertia. Faster ones show the rotor, so no softer
+ * loop is needed. */
+static void test_faster_sines_show_a_rotor(void)
+{
+    static const uint64_t light[] = {50004, 50115, 50269, 50433}, unseen[] = {50224, 50413};
+    for (int k = 0; k < 6; k++) {
+        const axis_t axis = flexible_axis(k < 4 ? light[k] : unseen[k - 4]);
+        motion_t motion;
+        const dahl_commission_t state = commission_axis(&axis, &motion, FLEXIBLE_SECONDS);
+        TEST_ASSERT_EQUAL(DAHL_COMMISSION_OK, state.command.refusal);
+        TEST_ASSERT_TRUE(state.result.elastic && bounds_rotor(&axis, &state.result) && rests(&axis, &state));
+        TEST_ASSERT_TRUE((double)state.result.gain < (k < 4 ? 0.91 : 0.51));
+    }
+}
+
 /* --- faults ----------------------------------------------------------------------------------------------------------- */
 
 /* The axis must be refused, or have true bounds, and it stays near its limits. */
