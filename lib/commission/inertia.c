@@ -9,7 +9,8 @@
  *
  * A shaft makes the inertia depend on the frequency: inertia(w) = rotor + load/(1 - w^2/a). The load alone rings on the shaft
  * at w^2 = a. The bound is the lightest rotor of all a that explain the sines within their errors. If the shaft is too soft
- * for the sines, they are repeated at lower frequencies. */
+ * for the sines, the strokes are repeated with slower ones, then with faster ones. If the bound is too low for the compensator,
+ * they are repeated with faster ones: above w^2 = a the load swings against the rotor, so that no shaft hides a light one. */
 #include "commission.h"
 
 #define SINE_STROKES 5                 /* the first one is not sampled */
@@ -40,14 +41,14 @@
 #define SLOW_SHARE 0.42f               /* of the mean speed: a low-passed speed above it does not reverse */
 #define WEAKER 0.97f                   /* factor of the sines in a tick in which the axis is slower */
 #define FASTER_PERIOD_S 1.25e-3f       /* longest period for the fastest sines */
-#define LIGHT_SHARE 0.98f
+#define LIGHT_SHARE 0.98f              /* of the inertia that the compensator needs: for rounding */
 #define DIRECTION_S 1e-3f              /* time over which the counts show the direction */
 #define MAX_REVERSED 0.05f             /* of the windows: beyond it the inertia is false, by up to a factor of 2.5 */
 #define LOUD_SPEED_SHARE 0.6f          /* of the speed limit: beyond it a resonance is near, and the sines stop */
 #define DELAY_ERROR_TICKS 0.05f        /* the error of the fastest sine comes on top */
 #define ELASTIC_DELAY_ERROR_TICKS 0.1f /* added if the axis is elastic */
 
-enum { SINES = DAHL_COMMISSION_SINES, FIRST = 0, SLOWER = 1, FASTER = 2, FASTEST = 3, SETS, NONE = SINES };
+enum { SINES = DAHL_COMMISSION_SINES, SLOWER = 1, FASTER = 2, SETS = 4, NONE = SINES };
 
 /** Steps of the evaluation, each by its first tick. Most take a tick for each sine. */
 enum {
@@ -61,8 +62,10 @@ enum {
     START_SEARCH = 5 * SINES
 };
 
-/** Periods of the sines in a window: 16, 28, 44 Hz; 12, 20, 28 Hz; 16, 52, 76 Hz; 16, 68, 88 Hz. */
+/** Periods of the sines in a window: 16, 28, 44 Hz; slower 12, 20, 28 Hz; faster 16, 52, 76 Hz, and if the rotor or its load is
+ * near one of them 16, 68, 88 Hz. */
 static const uint8_t periods[SETS][SINES] = {{4, 7, 11}, {3, 5, 7}, {4, 13, 19}, {4, 17, 22}};
+/** Shares of the sines: at first, and the least. With a smaller one, the slow sines do not show a shaft with a soft loop. */
 static const float largest_shares[SETS] = {1, 1, 0.65f, 0.65f}, least_shares[SETS] = {0.55f, 0.55f, 0.2f, 0.2f};
 static const float sine_shares[SINES] = {0.2f, 0.12f, 0.12f}; /* speed of the sines over the mean speed */
 
@@ -280,7 +283,7 @@ static int find_ratio(const dahl_commission_t *axis, const float torque[2], cons
     return 1;
 }
 
-/** Return 1 if slower sines have shown the inertia. */
+/** Return 1 if slower sines have shown the inertia and the delay, and the strokes are repeated for the bound only. */
 static int is_repeated(const dahl_commission_t *axis)
 {
     return axis->work.inertia.is_repeated;
