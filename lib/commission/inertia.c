@@ -410,8 +410,8 @@ static void find_elastic(dahl_commission_t *axis)
     const float slow = inertia_without_friction(axis, 0, delay), fast = inertia_without_friction(axis, 2, delay);
     axis->result.delay.best = delay;
     const int is_elastic = dahl_absolute(fast - slow) > error[2] + error[0] / 2 || axis->work.inertia.set == SLOWER;
-    axis->has_soft_shaft = axis->work.inertia.set >= FASTER && !is_repeated(axis);
-    axis->result.elastic = axis->result.elastic || is_elastic || axis->has_soft_shaft;
+    axis->has_soft_shaft = axis->work.inertia.set >= FASTER;
+    axis->result.elastic = axis->result.elastic || is_elastic || (axis->has_soft_shaft && !is_repeated(axis));
 }
 
 /** Write the delay with its interval. It stays if the sines are repeated only to find a shaft. */

@@ -200,7 +200,7 @@ typedef struct {
     uint8_t tries;                     /**< cycles that broke away */
     uint8_t is_held;                   /**< 1: the load moves the axis at rest, the loop holds it */
     uint8_t is_soft;                   /**< 1: the loop is too soft for the friction */
-    uint8_t has_soft_shaft;            /**< 1: only the fastest sines showed the rotor */
+    uint8_t has_soft_shaft;            /**< 1: only faster sines showed the rotor */
     uint8_t is_fast;                   /**< 1: faster sweeps, because the loop shook the axis */
     struct {
         float start;             /* [rad] angle at the start of a push */

@@ -139,7 +139,7 @@ static void test_faster_sines_show_a_rotor(void)
         const dahl_commission_t state = commission_axis(&axis, &motion, FLEXIBLE_SECONDS);
         TEST_ASSERT_EQUAL(DAHL_COMMISSION_OK, state.command.refusal);
         TEST_ASSERT_TRUE(state.result.elastic && bounds_rotor(&axis, &state.result) && rests(&axis, &state));
-        TEST_ASSERT_TRUE((double)state.result.gain < (k < 4 ? 0.91 : 0.51));
+        TEST_ASSERT_TRUE((double)state.result.gain < 0.51);
     }
 }
 
