@@ -3,6 +3,7 @@
 # Usage: tools/bench.sh [--quick]
 #        tools/bench.sh target [--quick] [--mhz CLOCK] [CORE...] | host [--quick] [--core-math FILE]
 #        tools/bench.sh report [--cycles] | docs | laws [--docs]
+#        tools/bench.sh axes [FIRST COUNT] [--only rigid|flexible] [--rows FILE]
 #
 # Measures cost and error of the library and of other methods. Without a command it runs target, host and docs: 5 minutes on two
 # cores. With --quick it runs target, host and report: 1 minute.
@@ -16,6 +17,8 @@
 #            --cycles shows cycles of Cortex-M0, M3 and M4F instead of instructions
 #   docs     runs report, then writes the tables and pictures of docs/
 #   laws     compares laws of friction compensation with five seeds: prints the tables of docs/compensation.md; --docs writes them
+#   axes     commissions 300 rigid and 120 flexible random axes in 1 to 2 minutes; prints the tables of docs/commissioning.md,
+#            or those of COUNT other axes of each kind:  tools/bench.sh axes 70000 20
 set -euo pipefail
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -25,8 +28,8 @@ source "$ROOT/tools/setup/python.sh"
 case "${1:-}" in
     -h | --help) usage; exit 0 ;;
     '' | --quick) command=all ;;
-    target | host | report | docs | laws) command=$1; shift ;;
-    *) die "unknown command '$1'; bench.sh has target, host, report, docs and laws (see --help)" ;;
+    target | host | report | docs | laws | axes) command=$1; shift ;;
+    *) die "unknown command '$1'; bench.sh has target, host, report, docs, laws and axes (see --help)" ;;
 esac
 
 python() { "$VENV/bin/python" "$ROOT/tools/bench/$1.py" "${@:2}"; }
@@ -40,6 +43,15 @@ if [ "$command" = laws ]; then # without the cores
     "$ROOT/tools/setup.sh" demo >/dev/null
     build_demo
     python laws "$@"
+    exit
+fi
+if [ "$command" = axes ]; then
+    "$ROOT/tools/setup.sh" test >/dev/null
+    start_build
+    configure -DDAHL_BUILD_TESTS=ON
+    build --target commission_axes dahl_binding
+    exec 9>&-
+    python axes "$@"
     exit
 fi
 "$ROOT/tools/setup.sh" bench >/dev/null

@@ -72,12 +72,22 @@ void dahl_commission_abort(dahl_commission_t *axis)
     }
 }
 
+/** Divide once, in the first tick. */
+static void find_speed_units(dahl_commission_t *axis)
+{
+    axis->count_speed = axis->config.theta_per_count / axis->config.period;
+    axis->speed_share = dahl_low_pass_share(SPEED_HZ, axis->config.period);
+}
+
 static void read_inputs(dahl_commission_t *axis, int32_t dcounts, float torque)
 {
-    const float period = axis->config.period, speed = (float)dcounts * axis->config.theta_per_count / period;
+    if (axis->ticks == 0) {
+        find_speed_units(axis);
+    }
+    const float speed = (float)dcounts * axis->count_speed;
     axis->counts = (int32_t)((uint32_t)axis->counts + (uint32_t)dcounts);
     axis->theta = (float)axis->counts * axis->config.theta_per_count;
-    axis->speed += dahl_low_pass_share(SPEED_HZ, period) * (speed - axis->speed);
+    axis->speed += axis->speed_share * (speed - axis->speed);
     axis->torque = torque;
     axis->ticks++;
     axis->stage_ticks++;

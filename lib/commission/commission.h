@@ -41,6 +41,12 @@ static inline uint32_t dahl_ticks(const dahl_commission_t *axis, float seconds)
     return (uint32_t)(seconds / axis->config.period + 0.5f);
 }
 
+/** Return 1 if `ticks` are more than those of a time. It takes no division, because some checks run in each tick. */
+static inline int dahl_is_longer(const dahl_commission_t *axis, uint32_t ticks, float seconds)
+{
+    return ((float)ticks - 0.5f) * axis->config.period > seconds;
+}
+
 /** Return the square root by Newton's steps; 0 if x is not positive. */
 float dahl_root(float x);
 /** Write cosine and sine of an angle below 1. */

@@ -32,17 +32,18 @@ static void start_cycle(dahl_commission_t *axis)
     dahl_next_step(axis);
 }
 
-/** Evaluate one phase in each tick. The last one ends the stage. */
+/** Evaluate one phase in each tick. The tick after the last one ends the stage. */
 static void evaluate_phase(dahl_commission_t *axis, uint32_t phase)
 {
-    const float mean = axis->work.cycle.sum[phase] / (float)axis->work.cycle.samples[phase];
-    axis->work.cycle.low = phase == 0 ? mean : dahl_smaller(axis->work.cycle.low, mean);
-    axis->work.cycle.high = phase == 0 ? mean : dahl_larger(axis->work.cycle.high, mean);
-    if (phase + 1 == PHASES) {
+    if (phase == PHASES) {
         axis->cycle_travel = axis->work.cycle.high - axis->work.cycle.low;
         dahl_enter(axis, DAHL_COMMISSION_BREAKAWAY);
         dahl_return_to_middle(axis);
+        return;
     }
+    const float mean = axis->work.cycle.sum[phase] / (float)axis->work.cycle.samples[phase];
+    axis->work.cycle.low = phase == 0 ? mean : dahl_smaller(axis->work.cycle.low, mean);
+    axis->work.cycle.high = phase == 0 ? mean : dahl_larger(axis->work.cycle.high, mean);
 }
 
 static void try_weaker(dahl_commission_t *axis)
@@ -64,17 +65,19 @@ void dahl_cycle_tick(dahl_commission_t *axis)
         }
         return;
     }
-    float rise = dahl_smaller(1, (float)tick / (float)period), moved = axis->theta - axis->work.cycle.start;
     axis->step_ticks++;
+    if (tick >= CYCLES * period) {
+        evaluate_phase(axis, tick - CYCLES * period);
+        return;
+    }
+    float rise = dahl_smaller(1, (float)tick / (float)period), moved = axis->theta - axis->work.cycle.start;
     dahl_rotate(axis->work.cycle.rotor, axis->work.cycle.turn);
     axis->command.torque = dahl_commission_load(axis, 0) + axis->cycle_torque * rise * axis->work.cycle.rotor[1];
     if (dahl_absolute(moved) > BREAKAWAY_RAD) {
         try_weaker(axis);
         return;
     }
-    if (tick >= CYCLES * period) {
-        evaluate_phase(axis, tick - CYCLES * period);
-    } else if (tick >= SETTLING_CYCLES * period) {
+    if (tick >= SETTLING_CYCLES * period) {
         uint32_t phase = tick % period * PHASES / period;
         axis->work.cycle.sum[phase] += moved;
         axis->work.cycle.samples[phase]++;

@@ -9,7 +9,8 @@
  *
  * A shaft makes the inertia depend on the frequency: inertia(w) = rotor + load/(1 - w^2/a). The load alone rings on the shaft
  * at w^2 = a. The bound is the lightest rotor of all a that explain the sines within their errors. If the shaft is too soft
- * for the sines, they are repeated at lower frequencies. */
+ * for the sines, the strokes are repeated with slower ones, then with faster ones. If the bound is too low for the compensator,
+ * they are repeated with faster ones: above w^2 = a the load swings against the rotor, so that no shaft hides a light one. */
 #include "commission.h"
 
 #define SINE_STROKES 5                 /* the first one is not sampled */
@@ -22,6 +23,7 @@
 #define LOAD_TICK 4                    /* tick of a block that reads the load */
 #define MIN_SHARE 0.1f                 /* least speed of a sine over that of its reference */
 #define MAX_FACTOR 5.0f                /* of the inertia over that of the configuration */
+#define MAX_DELAY_INERTIA 2.0f         /* over that of the slowest sine */
 #define MAX_TANGENT 1.2f               /* of the phase less the guess */
 #define MAX_GUESS_RAD 1.3f
 #define SAMPLING_ERROR (1.0f / 12)     /* of the inertia, over (w period)^2: torque and speed are means over a tick */
@@ -31,19 +33,22 @@
 #define COUNT_ERROR 0.018f             /* added for each count of noise, over the amplitude of the sine */
 #define SOFTEST_OVER_SINE 1.15f        /* the load rings at least at this multiple of the slowest sine */
 #define ROTOR_SHARE 0.93f              /* of the bound: damping of the shaft, and friction on its load */
-#define STIFFEST_HZ 160.0f             /* resonance of the stiffest shaft of an elastic axis */
-#define HIDDEN_HZ 130.0f               /* the same if the sines show no shaft */
+#define STIFFEST_HZ 200.0f             /* resonance of the stiffest shaft of an elastic axis */
+#define HIDDEN_HZ 160.0f               /* the same if the sines show no shaft */
+#define FASTER_HIDDEN_HZ 130.0f        /* the same with faster sines, which hardly hide one */
 #define SHAFT_STEP 1.03f               /* from one w^2 of a shaft to the next */
+#define FINE_STEP 1.01f                /* the same, with faster sines */
 #define SLOW_SHARE 0.42f               /* of the mean speed: a low-passed speed above it does not reverse */
 #define WEAKER 0.97f                   /* factor of the sines in a tick in which the axis is slower */
-#define LEAST_SHARE 0.55f              /* of the sines; less would not show an elastic axis whose loop is soft */
+#define FASTER_PERIOD_S 1.25e-3f       /* longest period for the fastest sines */
+#define LIGHT_SHARE 0.98f              /* of the inertia that the compensator needs: for rounding */
 #define DIRECTION_S 1e-3f              /* time over which the counts show the direction */
 #define MAX_REVERSED 0.05f             /* of the windows: beyond it the inertia is false, by up to a factor of 2.5 */
 #define LOUD_SPEED_SHARE 0.6f          /* of the speed limit: beyond it a resonance is near, and the sines stop */
 #define DELAY_ERROR_TICKS 0.05f        /* the error of the fastest sine comes on top */
 #define ELASTIC_DELAY_ERROR_TICKS 0.1f /* added if the axis is elastic */
 
-enum { SINES = DAHL_COMMISSION_SINES, SETS = 2, NONE = SINES };
+enum { SINES = DAHL_COMMISSION_SINES, SLOWER = 1, FASTER = 2, SETS = 4, NONE = SINES };
 
 /** Steps of the evaluation, each by its first tick. Most take a tick for each sine. */
 enum {
@@ -57,17 +62,24 @@ enum {
     START_SEARCH = 5 * SINES
 };
 
-/** Periods of the sines in a window: 16, 28, 44 Hz; 12, 20, 28 Hz. */
-static const uint8_t periods[SETS][SINES] = {{4, 7, 11}, {3, 5, 7}};
+/** Periods of the sines in a window: 16, 28, 44 Hz; slower 12, 20, 28 Hz; faster 16, 52, 76 Hz, and if the rotor or its load is
+ * near one of them 16, 68, 88 Hz. */
+static const uint8_t periods[SETS][SINES] = {{4, 7, 11}, {3, 5, 7}, {4, 13, 19}, {4, 17, 22}};
+/** Shares of the sines: at first, and the least. With a smaller one, the slow sines do not show a shaft with a soft loop. */
+static const float largest_shares[SETS] = {1, 1, 0.65f, 0.65f}, least_shares[SETS] = {0.55f, 0.55f, 0.2f, 0.2f};
 static const float sine_shares[SINES] = {0.2f, 0.12f, 0.12f}; /* speed of the sines over the mean speed */
 
 /* Weights of the sines in Q13 of these shares: speed, angle (over the periods), acceleration (times the periods). */
 #define Q13(x) (int32_t)((x) * 8192.0f + 0.5f)
 static const int32_t speed_weights[SINES] = {Q13(0.2f), Q13(0.12f), Q13(0.12f)};
 static const int32_t angle_weights[SETS][SINES] = {{Q13(0.2f / 4), Q13(0.12f / 7), Q13(0.12f / 11)},
-                                                   {Q13(0.2f / 3), Q13(0.12f / 5), Q13(0.12f / 7)}};
+                                                   {Q13(0.2f / 3), Q13(0.12f / 5), Q13(0.12f / 7)},
+                                                   {Q13(0.2f / 4), Q13(0.12f / 13), Q13(0.12f / 19)},
+                                                   {Q13(0.2f / 4), Q13(0.12f / 17), Q13(0.12f / 22)}};
 static const int32_t acceleration_weights[SETS][SINES] = {{Q13(0.2f * 4), Q13(0.12f * 7), Q13(0.12f * 11)},
-                                                          {Q13(0.2f * 3), Q13(0.12f * 5), Q13(0.12f * 7)}};
+                                                          {Q13(0.2f * 3), Q13(0.12f * 5), Q13(0.12f * 7)},
+                                                          {Q13(0.2f * 4), Q13(0.12f * 13), Q13(0.12f * 19)},
+                                                          {Q13(0.2f * 4), Q13(0.12f * 17), Q13(0.12f * 22)}};
 
 /** Return the sine of a phase in Q15, within 1.2e-4. A turn is 2^32. */
 static int32_t sine_q15(uint32_t phase)
@@ -107,7 +119,7 @@ static void start_motion(dahl_commission_t *axis)
     axis->work.inertia.moved_counts = 0;
     axis->work.inertia.stroke = 0;
     axis->work.inertia.mean_speed = dahl_smaller(MEAN_SPEED, SPEED_PER_TRAVEL * axis->config.travel);
-    axis->work.inertia.share = 1;
+    axis->work.inertia.share = largest_shares[axis->work.inertia.set];
     axis->work.inertia.sine = NONE;
     axis->work.inertia.base = axis->command;
     dahl_next_step(axis);
@@ -144,7 +156,7 @@ static float envelope(dahl_commission_t *axis)
     const uint8_t stroke = axis->work.inertia.stroke;
     const float along = axis->stroke.speed < 0 ? -axis->speed : axis->speed;
     if (is_cruise(axis) && along < SLOW_SHARE * axis->work.inertia.mean_speed) {
-        axis->work.inertia.share = dahl_larger(LEAST_SHARE, WEAKER * axis->work.inertia.share);
+        axis->work.inertia.share = dahl_larger(least_shares[axis->work.inertia.set], WEAKER * axis->work.inertia.share);
     }
     if (stroke > 1 && stroke <= SINE_STROKES) {
         return axis->work.inertia.share;
@@ -271,6 +283,12 @@ static int find_ratio(const dahl_commission_t *axis, const float torque[2], cons
     return 1;
 }
 
+/** Return 1 if slower sines have shown the inertia and the delay, and the strokes are repeated for the bound only. */
+static int is_repeated(const dahl_commission_t *axis)
+{
+    return axis->work.inertia.is_repeated;
+}
+
 /** Return the least amplitude of a sine, in both halves of the strokes together. */
 static float least_speed(int k)
 {
@@ -324,10 +342,12 @@ static float lag_error(const dahl_commission_t *axis, int k)
 /** Return the error of the inertia at a sine that does not depend on the errors of the other sines. */
 static float own_error(const dahl_commission_t *axis, int k)
 {
-    const float amplitude = sine_shares[k] * axis->work.inertia.mean_speed / axis->work.inertia.frequency[k];
+    const float speed = sine_shares[k] * axis->work.inertia.share * axis->work.inertia.mean_speed;
+    const float amplitude = speed / axis->work.inertia.frequency[k];
     const float counts = (float)(axis->result.noise + 1) * axis->config.theta_per_count / amplitude;
     const float *inertia = axis->work.inertia.inertia;
-    return (INERTIA_ERROR + COUNT_ERROR * counts) * dahl_larger(inertia[0], dahl_absolute(inertia[k]))
+    const float least = axis->work.inertia.set < FASTER ? inertia[0] : axis->config.inertia / 3;
+    return (INERTIA_ERROR + COUNT_ERROR * counts) * dahl_larger(least, dahl_absolute(inertia[k]))
            + axis->work.inertia.difference[k];
 }
 
@@ -349,17 +369,28 @@ static void widen_errors(dahl_commission_t *axis)
     axis->work.inertia.slope_error = error[0] + error[2];
 }
 
-/** Return the delay of an elastic axis. The damping of its shaft looks like viscous friction that grows with the frequency, so
- * the delay comes from one sine at a time. */
-static float elastic_delay(const dahl_commission_t *axis)
+/** Return 1 if a sine shows the delay of an elastic axis: near the frequency of the load, the rotor hardly moves. */
+static int shows_delay(const dahl_commission_t *axis, int k)
 {
     const float *inertia = axis->work.inertia.inertia;
-    float delay = 0;
-    for (int k = inertia[1] > 0 ? 1 : 0; k < SINES && inertia[k] > 0; k++) {
-        float w = axis->work.inertia.frequency[k];
-        delay = dahl_larger(delay, (axis->work.inertia.lag[k] + axis->result.viscous.best / (w * inertia[k])) / w);
+    return inertia[k] > 0 && inertia[k] < MAX_DELAY_INERTIA * inertia[0];
+}
+
+/** Write the delay of an elastic axis. The damping of its shaft looks like viscous friction that grows with the frequency, so
+ * the delay comes from one sine at a time. Damping makes it shorter. Return its error. */
+static float find_elastic_delay(const dahl_commission_t *axis, float *delay)
+{
+    const float *inertia = axis->work.inertia.inertia;
+    float error = 0;
+    *delay = 0;
+    for (int k = shows_delay(axis, 1) ? 1 : 0; k < SINES; k++) {
+        const float w = axis->work.inertia.frequency[k];
+        if (shows_delay(axis, k)) {
+            *delay = dahl_larger(*delay, (axis->work.inertia.lag[k] + axis->result.viscous.best / (w * inertia[k])) / w);
+            error = dahl_larger(error, axis->work.inertia.error[k] / (w * inertia[k]));
+        }
     }
-    return delay;
+    return error;
 }
 
 /** Return the inertia that a sine shows without the viscous friction, which has the phase that the delay leaves. */
@@ -375,23 +406,29 @@ static void find_elastic(dahl_commission_t *axis)
 {
     const float w0 = axis->work.inertia.frequency[0], w2 = axis->work.inertia.frequency[2];
     const float *lag = axis->work.inertia.lag, *error = axis->work.inertia.error;
-    const float delay = (w2 * lag[2] - w0 * lag[0]) / (w2 * w2 - w0 * w0);
+    const float delay = is_repeated(axis) ? axis->result.delay.best : (w2 * lag[2] - w0 * lag[0]) / (w2 * w2 - w0 * w0);
     const float slow = inertia_without_friction(axis, 0, delay), fast = inertia_without_friction(axis, 2, delay);
     axis->result.delay.best = delay;
-    axis->result.elastic = dahl_absolute(fast - slow) > error[2] + error[0] / 2 || axis->work.inertia.set != 0;
+    const int is_elastic = dahl_absolute(fast - slow) > error[2] + error[0] / 2 || axis->work.inertia.set == SLOWER;
+    axis->has_soft_shaft = axis->work.inertia.set >= FASTER;
+    axis->result.elastic = axis->result.elastic || is_elastic || (axis->has_soft_shaft && !is_repeated(axis));
 }
 
-/** Write the delay with its interval. */
+/** Write the delay with its interval. It stays if the sines are repeated only to find a shaft. */
 static void find_delay(dahl_commission_t *axis)
 {
+    if (axis->result.elastic) {
+        widen_errors(axis);
+    }
+    if (is_repeated(axis)) {
+        return;
+    }
     const float period = axis->config.period;
     float delay = axis->result.delay.best;
     float error = axis->work.inertia.error[2] / (axis->work.inertia.inertia[0] * axis->work.inertia.frequency[2]);
     error += DELAY_ERROR_TICKS * period;
     if (axis->result.elastic) {
-        widen_errors(axis);
-        delay = elastic_delay(axis);
-        error += ELASTIC_DELAY_ERROR_TICKS * period;
+        error = find_elastic_delay(axis, &delay) + (DELAY_ERROR_TICKS + ELASTIC_DELAY_ERROR_TICKS) * period;
     }
     delay = dahl_larger(0.1f * period, delay);
     axis->result.delay = (dahl_commission_range_t){dahl_larger(0, delay - error), delay, delay + error};
@@ -401,7 +438,8 @@ static void find_delay(dahl_commission_t *axis)
 static void start_search(dahl_commission_t *axis)
 {
     const float least = axis->work.inertia.inertia[0], w = SOFTEST_OVER_SINE * axis->work.inertia.frequency[0];
-    const float stiffest = AXIS_TWO_PI * (axis->result.elastic ? STIFFEST_HZ : HIDDEN_HZ);
+    const float hidden = axis->work.inertia.set < FASTER ? HIDDEN_HZ : FASTER_HIDDEN_HZ;
+    const float stiffest = AXIS_TWO_PI * (axis->result.elastic ? STIFFEST_HZ : hidden);
     axis->result.inertia = (dahl_commission_range_t){least, least, least};
     axis->work.inertia.gap = least;
     axis->work.inertia.shaft = w * w;
@@ -428,7 +466,11 @@ static void widen_result(dahl_commission_t *axis, float a)
     const float *inertia = axis->work.inertia.inertia, *u = axis->work.inertia.stiff, all = u[2] - u[0];
     dahl_commission_range_t *result = &axis->result.inertia;
     const float load = (inertia[2] - inertia[0]) / all, error = axis->work.inertia.slope_error / dahl_absolute(all);
-    const float least = inertia[0] - (dahl_absolute(load) + error) * u[0], total = inertia[0] - load * (u[0] - 1);
+    const float total = inertia[0] - load * (u[0] - 1);
+    float least = inertia[0] - (dahl_absolute(load) + error) * u[0];
+    for (int k = 1; k < SINES; k++) { /* above the frequency of the load, it swings against the rotor */
+        least = u[k] < 0 ? dahl_larger(least, inertia[k] - axis->work.inertia.error[k]) : least;
+    }
     result->least = dahl_smaller(result->least, dahl_larger(least, total * a / axis->work.inertia.stiffest));
     result->most = dahl_larger(result->most, total);
     if (axis->work.inertia.misfit < axis->work.inertia.gap) {
@@ -437,14 +479,22 @@ static void widen_result(dahl_commission_t *axis, float a)
     }
 }
 
-/** Repeat the stage with slower sines, because a shaft is too soft. Refuse if there are none. */
-static void try_slower(dahl_commission_t *axis)
+/** Repeat the stage with other sines. Refuse if there are none. */
+static void try_next(dahl_commission_t *axis)
 {
-    if (++axis->work.inertia.set == SETS) {
-        dahl_refuse(axis, DAHL_COMMISSION_BAD_INERTIA);
-        return;
+    const int sets = axis->config.period > FASTER_PERIOD_S ? FASTER : SETS;
+    if (++axis->work.inertia.set < sets) {
+        dahl_return_to_middle(axis);
+    } else {
+        dahl_refuse(axis, is_repeated(axis) ? DAHL_COMMISSION_LIGHT : DAHL_COMMISSION_BAD_INERTIA);
     }
-    dahl_return_to_middle(axis);
+}
+
+/** Return 1 if the bound of the rotor is too low for the compensator. Faster sines may raise it. */
+static int is_light(const dahl_commission_t *axis)
+{
+    const float late = axis->result.delay.most + axis->config.period / 2;
+    return axis->result.sigma0.most * late * late > LIGHT_SHARE * 3 * axis->result.inertia.least;
 }
 
 /** After the strokes, evaluate one step in each tick, then one shaft. */
@@ -471,9 +521,10 @@ static void end_strokes(dahl_commission_t *axis)
 static void evaluate_sine(dahl_commission_t *axis, int k)
 {
     const float *frequency = axis->work.inertia.frequency;
-    float guess = k == 0 ? 0 : dahl_smaller(MAX_GUESS_RAD, axis->work.inertia.lag[0] * frequency[k] / frequency[0]);
+    const float delay = is_repeated(axis) ? axis->result.delay.best : k == 0 ? 0 : axis->work.inertia.lag[0] / frequency[0];
+    const float guess = dahl_smaller(MAX_GUESS_RAD, delay * frequency[k]);
     if (!find_inertia(axis, k, guess) || !(axis->work.inertia.inertia[0] > 0)) {
-        try_slower(axis);
+        try_next(axis);
     }
 }
 
@@ -481,7 +532,7 @@ static void evaluate_sine(dahl_commission_t *axis, int k)
 static void compare_strokes(dahl_commission_t *axis, int k)
 {
     if (!find_difference(axis, k)) {
-        try_slower(axis);
+        try_next(axis);
     }
 }
 
@@ -514,7 +565,7 @@ static void finish_search(dahl_commission_t *axis)
     dahl_commission_range_t *result = &axis->result.inertia;
     float ratio = result->best / axis->config.inertia, error = axis->work.inertia.error[1] + INERTIA_ERROR * result->best;
     if (!(ratio > 1 / MAX_FACTOR && ratio < MAX_FACTOR && axis->work.inertia.gap < axis->work.inertia.inertia[0])) {
-        try_slower(axis);
+        try_next(axis);
         return;
     }
     if (!axis->result.elastic) {
@@ -522,7 +573,12 @@ static void finish_search(dahl_commission_t *axis)
     }
     result->least = dahl_smaller((axis->result.elastic ? ROTOR_SHARE : 1) * result->least, result->best - error);
     result->most = dahl_larger(result->most, result->best + error);
-    dahl_enter(axis, DAHL_COMMISSION_KICK);
+    if (is_light(axis) && axis->work.inertia.set < FASTER && axis->config.period <= FASTER_PERIOD_S) {
+        axis->work.inertia.set = FASTER;
+        axis->work.inertia.is_repeated = 1;
+    } else {
+        dahl_enter(axis, DAHL_COMMISSION_KICK);
+    }
     dahl_return_to_middle(axis);
 }
 
@@ -540,7 +596,7 @@ static void search_tick(dahl_commission_t *axis)
         return;
     }
     axis->work.inertia.is_shaft = 0;
-    axis->work.inertia.shaft = shaft * SHAFT_STEP;
+    axis->work.inertia.shaft = shaft * (axis->work.inertia.set < FASTER ? SHAFT_STEP : FINE_STEP);
 }
 
 static void shaft_tick(dahl_commission_t *axis)
@@ -566,7 +622,7 @@ void dahl_inertia_tick(dahl_commission_t *axis, int32_t dcounts)
         return;
     }
     if (dahl_absolute(axis->speed) > dahl_larger(LOUD_SPEED_SHARE * axis->config.speed_limit, 2 * MEAN_SPEED)) {
-        try_slower(axis);
+        try_next(axis);
         return;
     }
     add_to_block(axis, dcounts);

@@ -23,7 +23,7 @@
 #define REST_SPEED 0.02f        /* rad/s: drift and ring on the bristles together, as dahl_compensator.h states it */
 #define PEAK_OVER_CREEP 2.5f    /* a creep rings until it almost stops, and is faster at other angles */
 
-enum { PREPARE_ELEMENT, PREPARE_COMPENSATOR, FADE_IN, PUSH, SETTLE };
+enum { WRITE_PARAMS, PREPARE_ELEMENT, PREPARE_COMPENSATOR, FADE_IN, PUSH, SETTLE };
 
 static const float gains[GAINS] = {0.5f, 0.9f, COMMISSION_MAX_GAIN};
 
@@ -46,10 +46,15 @@ static void write_params(dahl_commission_t *axis)
     axis->work.kick.compensator = (dahl_compensator_t){0};
 }
 
-/** Prepare the element in one tick and the compensator in the next, because both take long. */
+/** Write the parameters, prepare the element, then the compensator, each in one tick, because they take long. */
 static void prepare_tick(dahl_commission_t *axis)
 {
     const dahl_compensator_params_t *params = &axis->work.kick.params;
+    if (axis->work.kick.phase == WRITE_PARAMS) {
+        write_params(axis);
+        axis->work.kick.phase = PREPARE_ELEMENT;
+        return;
+    }
     if (axis->work.kick.phase == PREPARE_ELEMENT) {
         if (dahl_prepare(&axis->work.kick.friction, &params->friction) != DAHL_OK) {
             dahl_refuse(axis, DAHL_COMMISSION_COARSE);
@@ -71,7 +76,6 @@ static void start_kick(dahl_commission_t *axis)
 {
     const dahl_commission_result_t *result = &axis->result;
     uint8_t kick = axis->work.kick.kick;
-    write_params(axis);
     float left = 1 - gains[axis->work.kick.gain] * result->Fc.least / result->Fc.best;
     float braking = left * result->Fc.best / result->inertia.best;
     axis->work.kick.speed = dahl_smaller(MAX_SPEED, dahl_root(braking * axis->config.travel));
@@ -79,7 +83,7 @@ static void start_kick(dahl_commission_t *axis)
     axis->work.kick.noise = (float)(2 * result->noise + 1) * axis->config.theta_per_count;
     axis->work.kick.ring = dahl_root(result->sigma0.best / result->inertia.best);
     axis->work.kick.start = axis->theta;
-    axis->work.kick.phase = PREPARE_ELEMENT;
+    axis->work.kick.phase = WRITE_PARAMS;
     axis->work.kick.windows = 0;
     dahl_next_step(axis);
 }
@@ -167,10 +171,11 @@ static void lower_gain(dahl_commission_t *axis)
     dahl_return_to_middle(axis);
 }
 
-/** Return the index of the highest gain that is left. If little friction is left, the load of an elastic axis can swing. */
+/** Return the index of the highest gain that is left. If little friction is left, the load of an elastic axis can swing:
+ * the softer its shaft, the more friction must stay. */
 static int highest_gain(const dahl_commission_t *axis)
 {
-    const int elastic_highest = GAINS - 2, left = GAINS - 1 - axis->work.kick.creeps;
+    const int elastic_highest = axis->has_soft_shaft ? 0 : GAINS - 2, left = GAINS - 1 - axis->work.kick.creeps;
     return axis->result.elastic && left > elastic_highest ? elastic_highest : left;
 }
 

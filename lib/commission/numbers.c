@@ -21,11 +21,12 @@ float dahl_root(float x)
     return root;
 }
 
+/* The constants are products, because a division takes 500 instructions on a Cortex-M0. */
 void dahl_small_turn(float angle, float turn[2])
 {
-    float square = angle * angle;
-    turn[0] = 1 - square / 2 * (1 - square / 12 * (1 - square / 30));
-    turn[1] = angle * (1 - square / 6 * (1 - square / 20 * (1 - square / 42)));
+    const float square = angle * angle;
+    turn[0] = 1 - square * (1.0f / 2 - square * (1.0f / 24 - square * (1.0f / 720)));
+    turn[1] = angle * (1 - square * (1.0f / 6 - square * (1.0f / 120 - square * (1.0f / 5040))));
 }
 
 void dahl_rotate(float rotor[2], const float turn[2])

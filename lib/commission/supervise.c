@@ -15,7 +15,7 @@
 #define FROZEN_PUSH_RAD 0.01f
 #define FROZEN_COUNTS 6.0f     /* of a coarse encoder, more */
 #define GUESSED_PUSH 120.0f    /* rad/s2 as a torque, before Fc is known */
-#define USUAL_TRAVEL_RAD 0.35f /* of the times; a longer travel takes longer */
+#define LONGER_PER_RAD 2.86f   /* of the times: a travel beyond 0.35 rad takes longer */
 #define TORQUE_ROUNDING 1.001f
 
 static const float most_seconds[] = {3, 25, 12, 12, 20, 60}; /* by stage */
@@ -57,7 +57,7 @@ static int is_frozen_in_loop(dahl_commission_t *axis, int32_t dcounts)
     float grown = dahl_absolute(axis->torque - axis->watch.torque);
     int is_pushed = grown > (Fc > 0 ? FROZEN_SHARE * Fc : GUESSED_PUSH * axis->config.inertia);
     axis->watch.frozen_ticks++;
-    return axis->watch.frozen_ticks > dahl_ticks(axis, is_pushed ? FROZEN_PUSH_S : FROZEN_S)
+    return dahl_is_longer(axis, axis->watch.frozen_ticks, is_pushed ? FROZEN_PUSH_S : FROZEN_S)
            && moved > (is_pushed ? FROZEN_PUSH_RAD : FROZEN_RAD) + FROZEN_COUNTS * axis->config.theta_per_count;
 }
 
@@ -111,11 +111,11 @@ static dahl_commission_refusal_t check_limits(dahl_commission_t *axis)
     if (!(torque <= TORQUE_ROUNDING * config->torque_limit)) {
         return DAHL_COMMISSION_UNLIMITED;
     }
-    if (axis->watch.saturated_ticks > dahl_ticks(axis, SATURATED_S)) {
+    if (dahl_is_longer(axis, axis->watch.saturated_ticks, SATURATED_S)) {
         return DAHL_COMMISSION_SATURATED;
     }
-    const float longer = dahl_larger(1, config->travel / USUAL_TRAVEL_RAD);
-    int is_late = axis->stage_ticks > dahl_ticks(axis, longer * most_seconds[axis->command.stage]);
+    const float seconds = most_seconds[axis->command.stage] * dahl_larger(1, LONGER_PER_RAD * config->travel);
+    int is_late = dahl_is_longer(axis, axis->stage_ticks, seconds);
     return is_late ? DAHL_COMMISSION_TIMEOUT : DAHL_COMMISSION_OK;
 }
 

@@ -35,7 +35,9 @@
  * 2. Sweeps: to and fro at three speeds; friction, load and viscous friction by angle.
  * 3. Cycle: a torque below the friction, without the loop; the presliding stiffness.
  * 4. Breakaway: a torque ramp in both directions.
- * 5. Inertia: strokes with three sines on them; inertia, delay, and a bound of the rotor alone.
+ * 5. Inertia: strokes with three sines on them; inertia, delay, and a bound of the rotor alone. If
+ *    that bound is too low for the compensator, the strokes are repeated with faster sines, up to
+ *    76 or 88 Hz (3 to 7 s more). A period above 1.25 ms is too long for them.
  * 6. Kick: compensation on, short pushes. A swing lengthens length_long; a creep lowers the gain.
  *
  * If the position loop is too soft for the friction, each stroke starts with a torque ramp in the
@@ -161,8 +163,9 @@ typedef struct {
     dahl_commission_range_t length;  /**< [rad] presliding length; most: length_long */
     dahl_commission_range_t sigma0;  /**< [N m/rad] stiffness at rest; most: sigma0_high */
     dahl_commission_range_t inertia; /**< [kg m2] of rotor and load. least: the rotor alone, if a
-                                          shaft that the sines allow rings below 160 Hz (elastic)
-                                          or 110 Hz (not elastic) */
+                                          shaft that the sines allow rings below 200 Hz (elastic),
+                                          160 Hz (not elastic), or 130 Hz (not elastic at the
+                                          faster sines) */
     dahl_commission_range_t delay;   /**< [s] from the reading to the torque */
     dahl_commission_range_t viscous; /**< [N m s/rad] slope of the friction over the speed */
     float load[DAHL_COMMISSION_BINS]; /**< [N m] torque that holds the axis, at the middles of the
@@ -185,6 +188,8 @@ typedef struct {
     dahl_commission_result_t result;   /**< result; valid if the stage is DONE */
     int32_t counts;                    /**< [count] since the start */
     float theta;                       /**< [rad] angle from the first */
+    float count_speed;                 /**< [rad/s] speed of one count in a tick */
+    float speed_share;                 /**< share by which a tick moves `speed` */
     float speed;                       /**< [rad/s] speed after a low-pass */
     float torque;                      /**< [N m] torque of the last tick */
     uint32_t ticks;                    /**< [tick] since the start */
@@ -195,6 +200,7 @@ typedef struct {
     uint8_t tries;                     /**< cycles that broke away */
     uint8_t is_held;                   /**< 1: the load moves the axis at rest, the loop holds it */
     uint8_t is_soft;                   /**< 1: the loop is too soft for the friction */
+    uint8_t has_soft_shaft;            /**< 1: only faster sines showed the rotor */
     uint8_t is_fast;                   /**< 1: faster sweeps, because the loop shook the axis */
     struct {
         float start;             /* [rad] angle at the start of a push */
@@ -311,6 +317,7 @@ typedef struct {
             uint8_t set;       /* set of frequencies */
             uint8_t evaluated; /* steps of the evaluation that have ended */
             uint8_t is_shaft;  /* 1: the shaft explains the sines */
+            uint8_t is_repeated; /* 1: faster sines follow, because the bound is too low */
         } inertia; /* INERTIA */
         struct {
             dahl_compensator_params_t params; /* parameters with the gain that is tried */

@@ -137,7 +137,7 @@ def test_a_recording_shows_friction_and_load_but_no_bounds(dahl, recording) -> N
     assert sweeps["Fc"]["least"] <= FC <= sweeps["Fc"]["most"] < 1.03 * FC
     assert sweeps["load"] == pytest.approx(GRAVITY * np.cos(sweeps["angle"]), abs=0.02)
     assert sweeps["viscous"]["least"] <= VISCOUS <= sweeps["viscous"]["most"]
-    assert numbers["recorded_inertia"] == pytest.approx(INERTIA, rel=0.05)
+    assert "inertia" not in done.stderr + "".join(numbers)  # it would have no interval
     assert numbers["result"] is numbers["compensator"] is None
     for name in ("Fc_low", "length_long", "sigma0_high", "gain"):
         assert name in numbers["verdict"]

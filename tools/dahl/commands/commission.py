@@ -14,7 +14,6 @@ It exits with 1 if the axis is refused: docs/commissioning.md has each refusal.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
 import math
 import sys
@@ -213,7 +212,6 @@ def _refuse_result(path: Path) -> None:
 
 def _read(args: argparse.Namespace) -> Report:
     from dahl.binding.commission import Commission
-    from dahl.identify import loop_log
     from dahl.io import readers
     from dahl.report.commission import Report
     from dahl.sim import sweep_table
@@ -228,7 +226,4 @@ def _read(args: argparse.Namespace) -> Report:
     limits = {"inertia": UNLIMITED, "torque_limit": UNLIMITED, **_given(args)}
     axis = Commission(period=table.period, theta_per_count=count, **limits)
     done = sweep_table.replay(axis, placed)
-    inertia = None
-    with contextlib.suppress(InputError):  # a slow recording does not show it
-        inertia = loop_log.inertia_of(log) if axis.has_sweeps else None
-    return Report(done, f"recording {args.log}", inertia)
+    return Report(done, f"recording {args.log}")

@@ -59,7 +59,6 @@ class Report:
 
     done: Commissioned
     source: str
-    recorded_inertia: float | None = None  # kg m2, by a recording
 
     @property
     def refusal(self) -> str:
@@ -118,7 +117,6 @@ class Report:
             "result": _as_json(axis.result) if self.stage == "done" else None,
             "compensator": self._compensator(False),
             "compensator_without_load_table": self._compensator(True),
-            "recorded_inertia": self.recorded_inertia,
         }
 
     def _sweeps(self) -> dict[str, Any] | None:
@@ -179,8 +177,6 @@ class Report:
             yield "viscous", f"{_shown(axis.sweeps['viscous'])} N m s/rad"
             load = axis.sweeps["load"]
             yield "load", f"{load.min():.4g} to {load.max():.4g} N m over the travel"
-        if self.recorded_inertia is not None:
-            yield "inertia", f"{self.recorded_inertia:.4g} kg m2"
 
     def table(self) -> Table:
         """Return the rows as a table for the terminal."""
