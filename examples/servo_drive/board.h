@@ -3,26 +3,21 @@
 #ifndef BOARD_H
 #define BOARD_H
 
-#include <stdbool.h>
-#include <stdint.h>
-
 #include <dahl_can_bus.h>
 
 enum { BOARD_SPI_BYTES = 4, BOARD_SLOTS = 2 };
-
 typedef enum { BOARD_POWER_ON = 0, BOARD_WATCHDOG = 1 } board_reset_t;
 
-/* Start clocks, SPI, CAN, PWM with torque 0, and a watchdog of 20 ms. Then the interrupt of the PWM timer calls drive_tick() each
- * millisecond. */
+/* Start clocks, SPI, CAN, PWM at torque 0, and a watchdog of 20 ms. From then on, a timer calls drive_tick() each millisecond. */
 void board_start(void);
 board_reset_t board_reset_cause(void);
 
-/* In the interrupt. */
+/* In the interrupt of the timer */
 void board_encoder(uint8_t frame[BOARD_SPI_BYTES]); /* the last SPI frame, which the timer has started */
 void board_torque(float torque);                    /* N m, to the current loop */
 void board_watchdog_feed(void);
 
-/* In the main program. Each slot is a page of flash: a write erases it, then programs it. An erased byte is 0xFF. */
+/* In the main program. A slot is a page of flash: a write erases it to 0xFF, then programs it. */
 void board_wait(void); /* sleep until an interrupt was handled */
 bool board_can_receive(dahl_can_frame_t *frame);
 void board_can_send(const dahl_can_frame_t *frame);

@@ -1,55 +1,45 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * The interrupt owns the states of encoder, loop and axis. The main program prepares plans in the settings that no tick uses and
- * publishes them by one store (../change_parameters); an order is published the same way. A report goes back behind a sequence
- * number. The interrupt preempts the main program, never the other way round.
- */
+/* The interrupt owns encoder, loop and axis. The main program hands over new settings and orders, each with a flag that the next
+ * tick clears. The interrupt preempts the main program, never the other way round. */
 #include "drive.h"
 
 #include <stdatomic.h>
-#include <stddef.h>
-#include <string.h>
 
 #include "axis.h"
 #include "encoder.h"
 #include "position_loop.h"
 
+#define PERIOD_S 1e-3f
 #define LOOP_HZ 35.0f
 #define LOOP_RATE (6.2831853f * LOOP_HZ) /* 1/s */
 #define OBSERVER_HZ 15.0f
-#define TORQUE_LIMIT 5.0f     /* N m, of the drive */
-#define FALL_PER_TICK 0.25f   /* N m: a fault takes the torque away within 20 ms */
-#define SPEED_LIMIT 2.0f      /* rad/s, of a move */
+#define TORQUE_LIMIT 5.0f        /* N m, of the drive */
+#define FALL_PER_TICK 0.25f      /* N m: after a fault, the torque falls to 0 within 20 ms */
+#define SPEED_LIMIT 2.0f         /* rad/s, of a move */
 #define ACCELERATION_LIMIT 40.0f /* rad/s2 */
-#define APPROACH 8.0f         /* 1/s: SPEED_LIMIT APPROACH is below ACCELERATION_LIMIT, so a move does not overshoot */
-#define FOLLOWING_LIMIT 2000  /* counts: 0.19 rad */
-enum { BAD_READINGS = 3, GOOD_READINGS = 100, BUS_TICKS = 200, MAIN_TICKS = 50 };
+#define APPROACH 8.0f            /* 1/s: SPEED_LIMIT APPROACH < ACCELERATION_LIMIT, so a move does not overshoot */
+#define FC_LEAST 0.05f           /* N m */
+#define FC_MOST 2.0f
+enum { FOLLOWING_COUNTS = 2000, BAD_READINGS = 3, GOOD_READINGS = 100, BUS_TICKS = 200, MAIN_TICKS = 50 };
 
-/* What the main program writes and a tick reads. */
-typedef struct {
-    position_loop_params_t params;
-    position_loop_t loop; /* its plans */
-    uint32_t crc;         /* of both */
-} settings_t;
-
-static settings_t settings[2];
-static atomic_uchar published, used; /* index of settings: written by main, by the tick */
-static atomic_uchar order;           /* drive_order_t: written by main, then set to DRIVE_NONE by the tick */
-static atomic_uchar is_main_sound;   /* set by main, cleared by the tick */
-static int32_t order_target;         /* published with the order */
+static position_loop_params_t params, new_params;
+static position_loop_t loop, new_loop; /* new_loop: plans only */
+static uint32_t plans_crc;             /* of the last set */
+static atomic_bool has_new_loop;       /* set by main, cleared by the tick; so are the next two */
+static atomic_uchar order = ORDER_NONE;
+static atomic_bool is_main_sound;
+static atomic_bool has_result; /* set by the tick, cleared by main */
+static int32_t order_target;
 static drive_report_t reports;
 static atomic_uint report_number;
 
-/* Of the tick. */
 static encoder_t encoder;
-static position_loop_t loop;
-static axis_t axis; /* started by main while the drive is off */
+static axis_t axis;
 static drive_state_t state;
 static drive_fault_t fault;
-static float torque;                                                /* N m, of the last tick */
-static struct { int32_t count, target; float part, speed; } reference; /* counts, counts, counts, rad/s */
-static uint32_t silent_ticks, main_ticks, ticks;
-static bool has_result; /* a commissioning has ended, and main has not read it */
+static float torque; /* N m, of the last tick */
+static struct { int32_t count, target; float part, speed; } reference; /* counts, rad/s */
+static uint32_t silent_ticks, main_ticks;
 
 /* --- the main program --------------------------------------------------------------------------- */
 
@@ -57,111 +47,93 @@ static position_loop_params_t params_of(const store_params_t *p)
 {
     return (position_loop_params_t){
         .compensator = {.friction = {p->sigma0, p->Fc, DRIVE_THETA_PER_COUNT}, .law = DAHL_COMPENSATOR_REFERENCE,
-                        .gain = p->gain, .limit = 1.2f * p->Fc, .slew = 100 * p->Fc, .period = DRIVE_PERIOD_S,
+                        .gain = p->gain, .limit = p->Fc, .slew = 100 * p->Fc, .period = PERIOD_S,
                         .rise = 0.5f, .fall = 0.02f, .noise = p->noise, .play = 2 * p->noise + 2, .jump = ENCODER_MAX_STEP},
         .observer = {.inertia = p->inertia_low, .corner = OBSERVER_HZ, .limit = p->Fc / 2,
                      .speed_gain = p->inertia * LOOP_RATE, .delay = p->delay},
         .position_gain = LOOP_RATE / 5, .integral_time = 6 / LOOP_RATE, .drive_limit = TORQUE_LIMIT};
 }
 
-static uint32_t crc_of(const settings_t *one)
+static uint32_t crc_of(const position_loop_t *one)
 {
-    return store_crc(one, offsetof(settings_t, crc));
+    return store_crc(one->params, sizeof *one->params) ^ store_crc(&one->friction, sizeof one->friction)
+           ^ store_crc(&one->plan, sizeof one->plan) ^ store_crc(&one->residual_plan, sizeof one->residual_plan);
 }
 
-bool drive_set(const store_params_t *params)
+bool drive_set(const store_params_t *from)
 {
-    unsigned next = 1u - atomic_load_explicit(&published, memory_order_relaxed);
-    settings_t *to = &settings[next];
-    to->params = params_of(params);
-    bool is_in_range = params->Fc >= DRIVE_FC_LEAST && params->Fc <= DRIVE_FC_MOST;
-    if (!is_in_range || position_loop_init(&to->loop, &to->params) != 0) {
+    bool is_in_range = from->Fc >= FC_LEAST && from->Fc <= FC_MOST;
+    new_params = params_of(from);
+    if (!is_in_range || position_loop_init(&new_loop, &new_params) != 0) {
         return false;
     }
-    to->crc = crc_of(to);
-    atomic_store_explicit(&published, (unsigned char)next, memory_order_release);
+    plans_crc = crc_of(&new_loop);
+    has_new_loop = true;
     return true;
 }
 
-bool drive_start(const store_params_t *params, board_reset_t cause)
+void drive_start(board_reset_t cause)
 {
     state = cause == BOARD_WATCHDOG ? DRIVE_FAULT : DRIVE_OFF;
     fault = cause == BOARD_WATCHDOG ? DRIVE_RESET : DRIVE_NO_FAULT;
-    return drive_set(params);
 }
 
 bool drive_is_ready(void)
 {
-    return atomic_load_explicit(&order, memory_order_acquire) == DRIVE_NONE
-           && atomic_load_explicit(&used, memory_order_acquire) == atomic_load_explicit(&published, memory_order_relaxed);
+    return order == ORDER_NONE && !has_new_loop;
 }
 
-void drive_order(drive_order_t what, int32_t target)
+void drive_order(order_t what, int32_t target)
 {
     order_target = target;
-    atomic_store_explicit(&order, (unsigned char)what, memory_order_release);
-}
-
-/* The ticks use copies of the plans. */
-static bool has_same_plans(const position_loop_t *one, const position_loop_t *other)
-{
-    return memcmp(&one->friction, &other->friction, sizeof one->friction) == 0
-           && memcmp(&one->plan, &other->plan, sizeof one->plan) == 0
-           && memcmp(&one->residual_plan, &other->residual_plan, sizeof one->residual_plan) == 0;
+    order = (unsigned char)what;
 }
 
 void drive_check(void)
 {
-    const settings_t *now = &settings[atomic_load_explicit(&published, memory_order_relaxed)];
-    if (drive_is_ready() && now->crc == crc_of(now) && has_same_plans(&loop, &now->loop)) {
-        atomic_store_explicit(&is_main_sound, 1, memory_order_relaxed);
+    if (drive_is_ready() && crc_of(&loop) == plans_crc) {
+        is_main_sound = true;
     }
 }
 
 void drive_read(drive_report_t *report)
 {
     unsigned before;
-    do {
-        before = atomic_load_explicit(&report_number, memory_order_acquire);
+    do { /* again, if a tick came in between */
+        before = report_number;
         *report = reports;
-        atomic_signal_fence(memory_order_acquire);
-    } while (before != atomic_load_explicit(&report_number, memory_order_relaxed));
+        atomic_signal_fence(memory_order_seq_cst);
+    } while (before != report_number);
 }
 
-bool drive_commissioned(store_params_t *params)
+bool drive_take_result(store_params_t *to)
 {
     const dahl_commission_result_t *result = &axis.commission.result;
-    bool is_new = has_result;
-    if (is_new) {
-        params->Fc = result->Fc.best;
-        params->sigma0 = result->sigma0.best;
-        params->inertia = result->inertia.best;
-        params->inertia_low = result->inertia.least;
-        params->delay = (uint32_t)(result->delay.best / DRIVE_PERIOD_S + 0.5f);
-        params->noise = result->noise;
-        has_result = false;
+    if (!has_result) {
+        return false;
     }
-    return is_new;
+    *to = (store_params_t){result->Fc.best, result->sigma0.best, to->gain, result->inertia.best, result->inertia.least,
+                           (uint32_t)(result->delay.best / PERIOD_S + 0.5f), result->noise};
+    has_result = false;
+    return true;
 }
 
 /* --- the tick ----------------------------------------------------------------------------------- */
 
-/* Change to new plans, if there are some. The torque keeps its slew across the change. */
+/* The torque keeps its slew across a change of the plans. */
 static void take_settings(void)
 {
-    unsigned next = atomic_load_explicit(&published, memory_order_acquire);
-    const position_loop_t *to = &settings[next].loop;
-    if (next == atomic_load_explicit(&used, memory_order_relaxed)) {
-        return;
+    if (has_new_loop) {
+        dahl_change_plan(&loop.friction, &new_loop.friction, &loop.bristle);
+        dahl_compensator_change(&loop.plan, &new_loop.plan, &loop.compensator);
+        dahl_residual_change(&loop.residual_plan, &new_loop.residual_plan, &loop.residual);
+        params = new_params;
+        loop.params = &params;
+        loop.friction = new_loop.friction;
+        loop.plan = new_loop.plan;
+        loop.residual_plan = new_loop.residual_plan;
+        has_new_loop = false;
     }
-    dahl_change_plan(&loop.friction, &to->friction, &loop.bristle);
-    dahl_compensator_change(&loop.plan, &to->plan, &loop.compensator);
-    dahl_residual_change(&loop.residual_plan, &to->residual_plan, &loop.residual);
-    loop.params = &settings[next].params;
-    loop.friction = to->friction;
-    loop.plan = to->plan;
-    loop.residual_plan = to->residual_plan;
-    atomic_store_explicit(&used, (unsigned char)next, memory_order_release);
 }
 
 static void enter_fault(drive_fault_t why)
@@ -173,12 +145,8 @@ static void enter_fault(drive_fault_t why)
 /* Start at rest at the present count, with the compensation faded out. */
 static void start_loop(void)
 {
-    memset(&loop.bristle, 0, sizeof loop.bristle);
-    memset(&loop.compensator, 0, sizeof loop.compensator);
-    memset(&loop.residual, 0, sizeof loop.residual);
-    loop.error = 0;
-    loop.ticks = 0;
-    loop.speed = loop.integral = 0;
+    loop = (position_loop_t){
+        .params = &params, .friction = loop.friction, .plan = loop.plan, .residual_plan = loop.residual_plan};
     reference.count = encoder.count;
     reference.part = reference.speed = 0;
     state = DRIVE_RUN;
@@ -186,34 +154,32 @@ static void start_loop(void)
 
 static void start_commissioning(void)
 {
-    const dahl_commission_config_t config = {.period = DRIVE_PERIOD_S, .theta_per_count = DRIVE_THETA_PER_COUNT,
-                                             .inertia = loop.params->observer.speed_gain / LOOP_RATE, .travel = 0.35f,
+    const dahl_commission_config_t config = {.period = PERIOD_S, .theta_per_count = DRIVE_THETA_PER_COUNT,
+                                             .inertia = params.observer.speed_gain / LOOP_RATE, .travel = 0.35f,
                                              .angle_limit = 0.7f, .speed_limit = 10, .torque_limit = TORQUE_LIMIT};
     state = DRIVE_COMMISSION;
-    if (axis_start(&axis, &config, LOOP_HZ) != DAHL_COMMISSION_OK) {
-        enter_fault(DRIVE_REFUSED);
-    }
+    (void)axis_start(&axis, &config, LOOP_HZ); /* if it is refused, so is its first tick */
 }
 
 static void take_order(void)
 {
-    bool is_sound = encoder.good_ticks >= GOOD_READINGS;
-    drive_order_t what = (drive_order_t)atomic_load_explicit(&order, memory_order_acquire);
-    silent_ticks = what == DRIVE_NONE ? silent_ticks + 1 : 0;
-    if (what == DRIVE_STOP && state != DRIVE_FAULT) {
+    bool is_steady = encoder.good_ticks >= GOOD_READINGS;
+    silent_ticks = order == ORDER_NONE ? silent_ticks + 1 : 0;
+    if (order == ORDER_STOP && state != DRIVE_FAULT) {
         state = DRIVE_OFF;
-    } else if (what == DRIVE_MOVE && (state == DRIVE_RUN || (state == DRIVE_OFF && is_sound))) {
-        if (state == DRIVE_OFF) {
+    } else if (order == ORDER_COMMISSION && state == DRIVE_OFF && is_steady) {
+        start_commissioning();
+    } else if (order == ORDER_MOVE) {
+        if (state == DRIVE_OFF && is_steady) {
             start_loop();
         }
         reference.target = order_target;
-    } else if (what == DRIVE_START_COMMISSION && state == DRIVE_OFF && is_sound) {
-        start_commissioning();
-    } else if (what == DRIVE_CLEAR && state == DRIVE_FAULT && is_sound) {
-        state = DRIVE_OFF;
-        fault = DRIVE_NO_FAULT;
+    } else if (order == ORDER_CLEAR) {
+        encoder.corrupt = encoder.invalid = encoder.jumps = 0;
+        state = state == DRIVE_FAULT && is_steady ? DRIVE_OFF : state;
+        fault = state == DRIVE_FAULT ? fault : DRIVE_NO_FAULT;
     }
-    atomic_store_explicit(&order, DRIVE_NONE, memory_order_release);
+    order = ORDER_NONE;
 }
 
 static float clamp(float x, float limit)
@@ -225,26 +191,24 @@ static float clamp(float x, float limit)
 static position_loop_reference_t next_reference(void)
 {
     float gap = (float)(reference.target - reference.count) * DRIVE_THETA_PER_COUNT;
-    float wanted = clamp(APPROACH * gap, SPEED_LIMIT);
-    float change = clamp(wanted - reference.speed, ACCELERATION_LIMIT * DRIVE_PERIOD_S);
+    float change = clamp(clamp(APPROACH * gap, SPEED_LIMIT) - reference.speed, ACCELERATION_LIMIT * PERIOD_S);
     reference.speed += change;
-    float moved = reference.speed * DRIVE_PERIOD_S / DRIVE_THETA_PER_COUNT + reference.part;
+    float moved = reference.speed * PERIOD_S / DRIVE_THETA_PER_COUNT + reference.part;
     int32_t dcounts = (int32_t)moved;
     reference.part = moved - (float)dcounts;
     reference.count += dcounts;
-    return (position_loop_reference_t){dcounts, reference.speed, change / DRIVE_PERIOD_S, 0};
+    return (position_loop_reference_t){dcounts, reference.speed, change / PERIOD_S, 0};
 }
 
 static float run(int32_t dcounts, bool is_good)
 {
     position_loop_reference_t next = next_reference();
-    float result = position_loop_tick(&loop, &next, dcounts, is_good);
-    if (loop.error > FOLLOWING_LIMIT || loop.error < -FOLLOWING_LIMIT) {
+    if (loop.error > FOLLOWING_COUNTS || loop.error < -FOLLOWING_COUNTS) {
         enter_fault(DRIVE_FOLLOWING);
     } else if (silent_ticks > BUS_TICKS) {
         enter_fault(DRIVE_BUS);
     }
-    return result;
+    return position_loop_tick(&loop, &next, dcounts, is_good);
 }
 
 static float commission(int32_t dcounts, bool is_good)
@@ -259,24 +223,12 @@ static float commission(int32_t dcounts, bool is_good)
     return result;
 }
 
-/* Return true if the states are in range, the torque is one, and the main program is sound. */
+/* Return true if the main program reports, and the state of the friction is in range. */
 static bool is_sound(void)
 {
-    main_ticks++;
-    if (atomic_load_explicit(&is_main_sound, memory_order_relaxed) != 0) {
-        atomic_store_explicit(&is_main_sound, 0, memory_order_relaxed);
-        main_ticks = 0;
-    }
-    return main_ticks <= MAIN_TICKS && dahl_state_ok(&loop.bristle) && torque >= -TORQUE_LIMIT && torque <= TORQUE_LIMIT;
-}
-
-static void report(void)
-{
-    reports = (drive_report_t){
-        ++ticks, encoder.count, state == DRIVE_RUN ? loop.compensator.torque_q30 : 0, torque, encoder.corrupt, encoder.jumps,
-        encoder.invalid, (uint8_t)state, (uint8_t)fault, axis.command.stage, axis.command.refusal, encoder.bad_ticks == 0,
-        encoder.is_primed};
-    atomic_store_explicit(&report_number, ticks, memory_order_release);
+    main_ticks = is_main_sound ? 0 : main_ticks + 1;
+    is_main_sound = false;
+    return main_ticks <= MAIN_TICKS && dahl_state_ok(&loop.bristle);
 }
 
 void drive_tick(void)
@@ -284,7 +236,7 @@ void drive_tick(void)
     uint8_t frame[BOARD_SPI_BYTES];
     board_encoder(frame);
     int32_t dcounts = encoder_take(&encoder, frame);
-    bool is_good = encoder.bad_ticks == 0;
+    bool is_good = encoder.bad_ticks == 0, may_act = is_sound();
     take_settings();
     take_order();
     if (encoder.bad_ticks >= BAD_READINGS && state != DRIVE_FAULT) {
@@ -293,10 +245,12 @@ void drive_tick(void)
     torque = state == DRIVE_RUN          ? run(dcounts, is_good)
              : state == DRIVE_COMMISSION ? commission(dcounts, is_good)
                                          : torque - clamp(torque, FALL_PER_TICK);
-    bool may_act = is_sound();
+    may_act = may_act && torque >= -TORQUE_LIMIT && torque <= TORQUE_LIMIT; /* false for NaN */
     board_torque(may_act ? torque : 0);
     if (may_act) {
         board_watchdog_feed();
     }
-    report();
+    reports = (drive_report_t){encoder, report_number + 1, state == DRIVE_RUN ? loop.compensator.torque_q30 : 0, torque,
+                               (uint8_t)state, (uint8_t)fault, axis.command.stage, axis.command.refusal};
+    report_number++;
 }

@@ -3,68 +3,50 @@
 #ifndef DRIVE_H
 #define DRIVE_H
 
-#include <dahl_commission.h>
-
 #include "board.h"
+#include "encoder.h"
 #include "store.h"
 
-#define DRIVE_PERIOD_S 1e-3f
 #define DRIVE_THETA_PER_COUNT (6.2831853f / 65536)
-#define DRIVE_FC_LEAST 0.05f /* N m: range of a Fc from CAN */
-#define DRIVE_FC_MOST 2.0f
 
-typedef enum {
-    DRIVE_OFF = 0,        /* torque 0 */
-    DRIVE_COMMISSION = 1, /* the axis measures its friction */
-    DRIVE_RUN = 2,        /* position loop with compensation */
-    DRIVE_FAULT = 3       /* torque 0, until DRIVE_CLEAR */
-} drive_state_t;
+typedef enum { DRIVE_OFF = 0, DRIVE_COMMISSION = 1, DRIVE_RUN = 2, DRIVE_FAULT = 3 } drive_state_t;
 
 typedef enum {
     DRIVE_NO_FAULT = 0,
     DRIVE_ENCODER = 1,   /* three bad readings in a row */
     DRIVE_FOLLOWING = 2, /* the shaft is too far from its reference: blocked, or the encoder is frozen */
-    DRIVE_BUS = 3,       /* no command for too long while the drive ran */
+    DRIVE_BUS = 3,       /* no order for 200 ms while the drive ran */
     DRIVE_REFUSED = 4,   /* the commissioning was refused */
     DRIVE_RESET = 5      /* the watchdog has reset the drive */
 } drive_fault_t;
 
-/* Orders from the main program. */
-typedef enum { DRIVE_NONE, DRIVE_STOP, DRIVE_MOVE, DRIVE_START_COMMISSION, DRIVE_CLEAR } drive_order_t;
+/* Values of Command in servo_drive.dbc. The tick drops an order that its state does not allow. */
+typedef enum { ORDER_STOP = 0, ORDER_MOVE = 1, ORDER_COMMISSION = 2, ORDER_SAVE = 3, ORDER_CLEAR = 4, ORDER_NONE } order_t;
 
-/* What a tick reports. */
+/* What a tick reports */
 typedef struct {
+    encoder_t encoder;
     uint32_t ticks;
-    int32_t count;     /* of the encoder */
-    int32_t ratio_q30; /* friction compensation over Fc */
-    float torque;      /* N m, of the motor */
-    uint32_t corrupt, jumps, invalid; /* readings of the encoder */
-    uint8_t state, fault, stage;      /* drive_state_t, drive_fault_t, dahl_commission_stage_t */
-    int8_t refusal;                   /* dahl_commission_refusal_t */
-    bool is_good, is_primed;          /* the last reading was good; one was good */
+    int32_t ratio_q30;           /* friction compensation over Fc */
+    float torque;                /* N m, of the motor */
+    uint8_t state, fault, stage; /* drive_state_t, drive_fault_t, dahl_commission_stage_t */
+    int8_t refusal;              /* dahl_commission_refusal_t */
 } drive_report_t;
 
-/* In the interrupt, each DRIVE_PERIOD_S. */
+/* In the interrupt, each millisecond */
 void drive_tick(void);
 
-/* In the main program. Before drive_start() succeeded, the ticks leave the torque at 0. */
-bool drive_start(const store_params_t *params, board_reset_t cause);
-
-/* Use these parameters from the next tick on, without a step of the torque. Returns false, and changes nothing, if they are out
- * of range. Call it only if drive_is_ready(). */
+/* In the main program. drive_set() returns false and changes nothing if the parameters are out of range. New ones act from the next
+ * tick on, without a step of the torque. */
+void drive_start(board_reset_t cause);
 bool drive_set(const store_params_t *params);
-
-/* Give an order; target: counts, of DRIVE_MOVE. Call it only if drive_is_ready(): a tick has taken the order before. */
-void drive_order(drive_order_t order, int32_t target);
-bool drive_is_ready(void);
-
-/* Report a sound main program, and that the plans have the bytes that were prepared. Without it for 50 ms, or if a plan is
- * damaged, the ticks set the torque to 0 and feed the watchdog no more. */
-void drive_check(void);
-
+void drive_order(order_t order, int32_t target); /* target: counts, of ORDER_MOVE */
+bool drive_is_ready(void); /* a tick has taken the last order and parameters; otherwise call neither of the two above */
 void drive_read(drive_report_t *report);
+bool drive_take_result(store_params_t *params); /* false: no new result of a commissioning */
 
-/* Write Fc, sigma0, inertia, delay and noise of a commissioning that has ended. Returns false if there is no new one. */
-bool drive_commissioned(store_params_t *params);
+/* Report that the main program is sound, if the plans are, too. Without a report for 50 ms, the ticks set the torque to 0 and feed
+ * the watchdog no more. */
+void drive_check(void);
 
 #endif

@@ -11,17 +11,13 @@ enum { ENCODER_COUNTS = 65536, ENCODER_MAX_STEP = 1000 /* counts in a tick: 96 r
 
 /* All zeros: no reading yet. */
 typedef struct {
-    int32_t count;       /* of the last good reading, with whole turns; the first one is 0 .. 65535 */
-    uint32_t reading;    /* 0 .. 65535, the last good one */
-    uint32_t good_ticks; /* good readings in a row */
-    uint32_t bad_ticks;  /* bad readings in a row */
-    uint32_t corrupt;    /* readings with a wrong CRC */
-    uint32_t invalid;    /* readings that the encoder marks as wrong */
-    uint32_t jumps;      /* readings that are too far away */
-    bool is_primed;      /* a good reading has come */
+    int32_t count;                   /* of the last good reading, with whole turns; the first one is 0 .. 65535 */
+    uint32_t good_ticks, bad_ticks;  /* good or bad readings in a row; one of them is 0 */
+    uint32_t corrupt, invalid, jumps; /* bad readings: wrong CRC; marked by the encoder; too far away */
+    bool is_primed;                  /* a good reading has come */
 } encoder_t;
 
-/* Take the frame of a tick. Return the counts since the last good reading, 0 if this one is bad (bad_ticks > 0). */
+/* Take the frame of a tick. Return the counts since the last good reading, 0 if this one is bad. */
 int32_t encoder_take(encoder_t *encoder, const uint8_t frame[4]);
 
 #endif

@@ -7,6 +7,7 @@
 #include "board.h"
 
 #define LAYOUT 0x53560001u /* change it with store_params_t */
+#define ERASED 0xFFFFFFFFu
 
 typedef struct {
     uint32_t layout, sequence;
@@ -20,11 +21,9 @@ uint32_t store_crc(const void *from, uint32_t bytes)
 {
     const uint8_t *byte = from;
     uint32_t crc = 0xFFFFFFFFu;
-    for (uint32_t k = 0; k < bytes; k++) {
-        crc ^= byte[k];
-        for (int bit = 0; bit < 8; bit++) {
-            crc = crc >> 1 ^ ((crc & 1u) != 0 ? 0xEDB88320u : 0u);
-        }
+    for (uint32_t k = 0; k < 8 * bytes; k++) {
+        crc ^= k % 8 == 0 ? byte[k / 8] : 0u;
+        crc = crc >> 1 ^ ((crc & 1u) != 0 ? 0xEDB88320u : 0u);
     }
     return ~crc;
 }
@@ -35,31 +34,18 @@ static bool read_record(uint32_t slot, record_t *record)
     return record->layout == LAYOUT && record->crc == store_crc(record, offsetof(record_t, crc));
 }
 
-static bool is_erased(const record_t *record)
-{
-    const uint8_t *byte = (const uint8_t *)record;
-    uint32_t k = 0;
-    while (k < sizeof *record && byte[k] == 0xFF) {
-        k++;
-    }
-    return k == sizeof *record;
-}
-
 store_result_t store_load(store_params_t *params)
 {
     uint32_t good = 0, damaged = 0;
     for (uint32_t slot = 0; slot < BOARD_SLOTS; slot++) {
         record_t record;
         if (!read_record(slot, &record)) {
-            damaged += !is_erased(&record);
-            continue;
-        }
-        if (good == 0 || (int32_t)(record.sequence - newest_sequence) > 0) {
+            damaged += record.layout != ERASED;
+        } else if (good++ == 0 || (int32_t)(record.sequence - newest_sequence) > 0) {
             newest_slot = slot;
             newest_sequence = record.sequence;
             *params = record.params;
         }
-        good++;
     }
     return damaged == 0 ? (good > 0 ? STORE_GOOD : STORE_EMPTY) : (good > 0 ? STORE_TORN : STORE_CORRUPT);
 }

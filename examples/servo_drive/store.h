@@ -6,13 +6,11 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* What the drive keeps over a power cycle, from the commissioning and from CAN. */
+/* What the drive keeps over a power cycle, from the commissioning and from CAN */
 typedef struct {
-    float Fc, sigma0;           /* N m, N m/rad */
-    float gain;                 /* 0 .. 1 */
+    float Fc, sigma0, gain;     /* N m, N m/rad, 0 .. 1 */
     float inertia, inertia_low; /* kg m2: best value, lower bound */
-    uint32_t delay;             /* ticks from a command to its torque */
-    uint32_t noise;             /* counts */
+    uint32_t delay, noise;      /* ticks from a command to its torque, counts */
 } store_params_t;
 
 typedef enum {
@@ -22,13 +20,13 @@ typedef enum {
     STORE_CORRUPT = 3 /* no page is good */
 } store_result_t;
 
-/* Read the newest good set. Leave params unchanged if there is none. */
+/* Read the newest good set. If there is none, leave params unchanged. */
 store_result_t store_load(store_params_t *params);
 
-/* Return true if the set was saved and read back. It takes the time of an erase: the motor must be off. */
+/* Return true if the set was saved and read back. The ticks may stop during the erase, so the motor must be off. */
 bool store_save(const store_params_t *params);
 
-/* CRC-32 of Ethernet. */
+/* CRC-32 of Ethernet */
 uint32_t store_crc(const void *from, uint32_t bytes);
 
 #endif
