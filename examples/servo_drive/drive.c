@@ -39,7 +39,8 @@ static drive_state_t state;
 static drive_fault_t fault;
 static float torque; /* N m, of the last tick */
 static struct { int32_t count, target; float part, speed; } reference; /* counts, rad/s */
-static uint32_t silent_ticks, main_ticks;
+static uint32_t silent_ticks, main_ticks; /* since the last order, and the last report of the main program */
+static bool has_failed;
 
 /* --- the main program --------------------------------------------------------------------------- */
 
@@ -223,12 +224,10 @@ static float commission(int32_t dcounts, bool is_good)
     return result;
 }
 
-/* Return true if the main program reports, and the state of the friction is in range. */
-static bool is_sound(void)
+/* A failed check stays: only the watchdog ends it. */
+static void check(bool is_passed)
 {
-    main_ticks = is_main_sound ? 0 : main_ticks + 1;
-    is_main_sound = false;
-    return main_ticks <= MAIN_TICKS && dahl_state_ok(&loop.bristle);
+    has_failed = has_failed || !is_passed;
 }
 
 void drive_tick(void)
@@ -236,7 +235,11 @@ void drive_tick(void)
     uint8_t frame[BOARD_SPI_BYTES];
     board_encoder(frame);
     int32_t dcounts = encoder_take(&encoder, frame);
-    bool is_good = encoder.bad_ticks == 0, may_act = is_sound();
+    bool is_good = encoder.bad_ticks == 0;
+    main_ticks = is_main_sound ? 0 : main_ticks + 1;
+    is_main_sound = false;
+    check(main_ticks <= MAIN_TICKS);
+    check(dahl_state_ok(&loop.bristle));
     take_settings();
     take_order();
     if (encoder.bad_ticks >= BAD_READINGS && state != DRIVE_FAULT) {
@@ -245,12 +248,12 @@ void drive_tick(void)
     torque = state == DRIVE_RUN          ? run(dcounts, is_good)
              : state == DRIVE_COMMISSION ? commission(dcounts, is_good)
                                          : torque - clamp(torque, FALL_PER_TICK);
-    may_act = may_act && torque >= -TORQUE_LIMIT && torque <= TORQUE_LIMIT; /* false for NaN */
-    board_torque(may_act ? torque : 0);
-    if (may_act) {
+    check(torque >= -TORQUE_LIMIT && torque <= TORQUE_LIMIT); /* fails for NaN, too */
+    board_torque(has_failed ? 0 : torque);
+    if (!has_failed) {
         board_watchdog_feed();
     }
     reports = (drive_report_t){encoder, report_number + 1, state == DRIVE_RUN ? loop.compensator.torque_q30 : 0, torque,
                                (uint8_t)state, (uint8_t)fault, axis.command.stage, axis.command.refusal};
-    report_number++;
+    report_number = reports.ticks;
 }

@@ -112,6 +112,17 @@ class Bench:
     def send_raw(self, identifier: int, data: bytes) -> None:
         self._queue.append((identifier, data))
 
+    def peek(self, address: int) -> int:
+        """Return the word at an address."""
+        self.address = address
+        self.run(0.002)
+        return self.word
+
+    def poke(self, address: int, word: int) -> None:
+        """Write a word, as a fault of the memory does."""
+        self.address, self.value, self.is_written = address, word, True
+        self.run(0.001)
+
     def write(self, param: codec.Param, raw: int, how: codec.Write = codec.Write.WRITE) -> Any:
         """Write a parameter; return its ParamReply."""
         message = codec.pack(codec.ParamWrite(param, raw, how))

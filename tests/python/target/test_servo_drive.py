@@ -1,0 +1,399 @@
+# SPDX-License-Identifier: MIT
+"""examples/servo_drive on emulated cores: its reactions, and the numbers of its page."""
+
+import struct
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import ROOT, need
+from dahl import codec
+from dahl.codec import EncoderState, FrictionTorque, Param, Result, State, Status, Write
+from dahl.sim import axis
+
+sys.path[:0] = [str(ROOT / "examples/servo_drive"), str(ROOT / "tools/bench")]
+import servo_drive  # noqa: E402
+import target  # noqa: E402
+from shaft import Bench, Command, spi_frame  # noqa: E402
+
+pytestmark = pytest.mark.checks
+
+FC_UNIT = 2.0**-20
+FALL_TICKS = 21
+RECORD_BYTES = 40
+
+
+def image_of(core: str) -> Path:
+    need("arm-none-eabi-gcc", "the servo drive works")
+    need("qemu-system-arm", "the servo drive works")
+    target.build(target.CORES[core], "servo_drive")
+    return target.CORES[core].build / "tests/target/servo_drive"
+
+
+@pytest.fixture(scope="module")
+def commissioned(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The flash of a drive that has commissioned its axis."""
+    with Bench("m4f", image_of("m4f"), tmp_path_factory.mktemp("servo")) as bench:
+        commission(bench)
+        return bench.flash.read_bytes()
+
+
+@pytest.fixture
+def bench(commissioned: bytes, tmp_path: Path) -> Iterator[Bench]:
+    """A commissioned drive on Cortex-M4F, half a second after power on."""
+    (tmp_path / "flash.bin").write_bytes(commissioned)
+    with Bench("m4f", image_of("m4f"), tmp_path) as bench:
+        bench.run(0.5)
+        yield bench
+
+
+def commission(bench: Bench) -> None:
+    bench.run(0.3)
+    assert (bench.drive["State"], bench.drive["Stored"], bench.torque) == ("Off", "Empty", 0)
+    bench.send(Command.COMMISSION)
+    assert bench.run(40, lambda: bench.drive["Stored"] == "Good")
+    bench.run(0.1)
+    assert (bench.drive["State"], bench.drive["Stage"], bench.drive["IsSaved"]) == ("Off", 6, 1)
+
+
+def Fc_of(bench: Bench) -> float:  # noqa: N802
+    return float(bench.write(Param.FC, 0, Write.READ).value * FC_UNIT)
+
+
+def recover(bench: Bench) -> None:
+    bench.encoder = spi_frame
+    bench.run(0.2)
+    bench.send(Command.CLEAR)
+    bench.run(0.15)
+    assert (bench.drive["State"], bench.drive["Fault"]) == ("Off", "None")
+
+
+def falls_to_zero(torques: list[float]) -> bool:
+    """Return whether a torque falls to 0 without a step or a change of sign, and stays there."""
+    sizes = [abs(torque) for torque in torques]
+    steps = [a - b for a, b in zip(sizes, sizes[1:], strict=False)]
+    return sizes[FALL_TICKS:] and not any(sizes[FALL_TICKS:]) and 0 <= min(steps) and max(steps) < 0.3
+
+
+@pytest.mark.parametrize("core", ["m0", "m4f"])
+def test_a_life_of_the_drive(core: str, tmp_path: Path) -> None:
+    """Power on, commission, compensate, encoder fault, recovery, new parameter, power cycle."""
+    with Bench(core, image_of(core), tmp_path) as bench:
+        commission(bench)
+        assert Fc_of(bench) == pytest.approx(axis.FC, rel=0.03)
+
+        bench.hold(1.5, 6000)
+        assert bench.drive["State"] == "Run" and abs(bench.count - 6000) <= 2
+        bench.hold(0.4, 0)
+        assert bench.last(FrictionTorque).torque_q30 / 2**30 == pytest.approx(-0.9, abs=0.01)
+        bench.hold(1, 0)
+        assert bench.last(EncoderState).count == bench.count == pytest.approx(0, abs=2)
+
+        bench.encoder = lambda count: bytes(4)
+        before = len(bench.torques)
+        bench.run(0.2)
+        assert (bench.drive["State"], bench.drive["Fault"]) == ("Fault", "Encoder")
+        assert falls_to_zero(bench.torques[before + 4 :])
+        recover(bench)
+        bench.hold(1.5, -3000)
+        assert bench.drive["State"] == "Run" and abs(bench.count + 3000) <= 2
+
+        assert bench.write(Param.FC, round(0.6 / FC_UNIT)).result == Result.DONE
+        assert bench.drive["State"] == "Run"
+        bench.send(Command.STOP)
+        bench.send(Command.SAVE)
+        bench.run(0.2)
+        assert bench.drive["IsSaved"] == 1
+
+        bench.power_cycle()
+        bench.run(0.3)
+        assert (bench.drive["State"], bench.drive["Stored"], bench.torque) == ("Off", "Good", 0)
+        assert Fc_of(bench) == pytest.approx(0.6, abs=1e-6)
+        bench.hold(1.5, 0)
+        assert bench.drive["State"] == "Run" and abs(bench.count) <= 2
+
+
+# --- compensation ---------------------------------------------------------------------------------
+
+
+def settling_ticks(bench: Bench, gain: float) -> int:
+    """Return the ticks from the start of a short move back until the shaft stays within 2 counts."""
+    assert bench.write(Param.GAIN, round(gain * 65536)).result == Result.DONE
+    bench.hold(2, 2000)
+    found = []
+    for _ in range(20):
+        bench.send(Command.MOVE, 1950)
+        for _ in range(50):
+            bench.tick()
+            found.append(abs(bench.count - 1950) > 2)
+    return max(k for k, is_outside in enumerate(found) if is_outside)
+
+
+def test_the_compensation_shortens_a_reversal(bench: Bench) -> None:
+    without, with_it = (settling_ticks(bench, gain) for gain in (0, 1))
+    print(without, with_it)
+    assert with_it < 0.7 * without
+
+
+# --- encoder --------------------------------------------------------------------------------------
+
+
+def test_each_single_bad_frame_is_rejected_and_the_drive_goes_on(bench: Bench) -> None:
+    """All single and a few double bit errors; the torque is held."""
+    damage = [1 << bit for bit in range(32)] + [3 << bit for bit in range(0, 31, 5)]
+    bench.hold(1, 1000)
+    held = bench.torque
+    for number, bits in enumerate(damage):
+        wrong = bits.to_bytes(4, "big")
+        bench.encoder = lambda count, wrong=wrong: bytes(
+            a ^ b for a, b in zip(spi_frame(count), wrong, strict=True)
+        )
+        bench.tick()
+        bench.encoder = spi_frame
+        bench.hold(0.05, 1000)
+        assert abs(bench.torque - held) < 0.05, number
+    bench.hold(0.2, 1000)
+    status = bench.last(Status)
+    assert (status.corrupt, status.errors, status.state) == (len(damage), 1 << State.CRC, State.OK)
+    assert bench.drive["State"] == "Run" and abs(bench.count - 1000) <= 2
+
+
+FAULTS: dict[str, Callable[[int], bytes]] = {
+    "stuck at 0": lambda count: bytes(4),
+    "stuck at 1": lambda count: b"\xff" * 4,
+    "marked as wrong": lambda count: b"\x12\x34\x01\x55",
+    "far away": lambda count: spi_frame(count + 30000),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_three_bad_readings_are_a_fault_and_two_are_none(name: str, bench: Bench) -> None:
+    if name == "marked as wrong":
+        crc = next(c for c in range(256) if is_crc(b"\x12\x34\x01", c))
+        FAULTS[name] = lambda count: b"\x12\x34\x01" + bytes([crc])
+    for number, state in ((2, "Run"), (3, "Fault")):
+        bench.hold(0.5, 2000)
+        bench.encoder = FAULTS[name]
+        bench.run(number / 1000)
+        bench.encoder = spi_frame
+        bench.hold(0.1, 2000)
+        assert bench.drive["State"] == state
+    bench.hold(0.2, 2000)
+    assert bench.drive["State"] == "Fault" and bench.last(Status).state == State.STALE
+    assert bench.torque == 0
+    recover(bench)
+    bench.hold(1.5, 2000)
+    assert abs(bench.count - 2000) <= 2
+
+
+def is_crc(data: bytes, crc: int) -> bool:
+    """The polynomial divides data and inverted CRC without a remainder."""
+    bits = int.from_bytes(data + bytes([crc ^ 0xFF]), "big")
+    for place in range(31, 7, -1):
+        if bits >> place & 1:
+            bits ^= 0x197 << place - 8
+    return bits == 0
+
+
+def test_a_fault_stays_until_the_encoder_is_good_and_a_command_clears_it(bench: Bench) -> None:
+    bench.encoder = lambda count: bytes(4)
+    bench.run(0.3)
+    for command in (Command.CLEAR, Command.MOVE, Command.STOP, Command.COMMISSION):
+        bench.send(command)
+        bench.run(0.15)
+        assert bench.drive["State"] == "Fault"
+    bench.encoder = spi_frame
+    bench.run(0.3)
+    assert bench.drive["State"] == "Fault"
+    recover(bench)
+
+
+def test_a_frozen_encoder_and_a_blocked_shaft_are_found(bench: Bench) -> None:
+    bench.hold(0.3, 0)
+    bench.encoder = lambda count, frozen=bench.count: spi_frame(frozen)
+    assert bench.hold(1, 20000, lambda: bench.drive["Fault"] == "Following")
+    assert abs(bench.count) < 8000
+    bench.encoder = lambda count: spi_frame(bench.count)
+    recover(bench)
+    bench.shaft.hand = -50
+    bench.hold(0.5, bench.count)
+    assert bench.drive["Fault"] in ("Following", "Encoder") and bench.torque == 0
+
+
+# --- parameters and store -------------------------------------------------------------------------
+
+
+def test_new_parameters_act_without_a_step_of_the_torque(bench: Bench) -> None:
+    """In motion: Fc and gain change by a factor, and the torque by the slew at most."""
+    bench.hold(1, 0)
+    bench.hold(0.5, 30000)
+    steps = []
+    for param, raw in ((Param.FC, round(1 / FC_UNIT)), (Param.GAIN, 13107), (Param.GAIN, 65536)):
+        before = len(bench.torques)
+        assert bench.write(param, raw).result == Result.DONE
+        bench.hold(0.15, 30000)
+        torques = bench.torques[before - 1 :]
+        steps += [abs(b - a) for a, b in zip(torques, torques[1:], strict=False)]
+    assert bench.drive["State"] == "Run" and 0.02 < max(steps) < 0.13
+
+
+REFUSED = [
+    (Param.FC, 0, Write.WRITE, Result.OUT_OF_RANGE),
+    (Param.FC, round(0.04 / FC_UNIT), Write.WRITE, Result.OUT_OF_RANGE),
+    (Param.FC, 2**32 - 1, Write.WRITE, Result.OUT_OF_RANGE),
+    (Param.GAIN, 65537, Write.WRITE, Result.OUT_OF_RANGE),
+    (Param.GAIN, 2**32 - 1, Write.WRITE, Result.OUT_OF_RANGE),
+    (Param.FC, round(1 / FC_UNIT), Write.HOLD, Result.OUT_OF_RANGE),
+    (Param.SIGMA0, 1000, Write.WRITE, Result.UNKNOWN),
+    (Param.LOAD, 1, Write.WRITE, Result.UNKNOWN),
+]
+
+
+def test_a_parameter_out_of_range_changes_nothing(bench: Bench) -> None:
+    before = Fc_of(bench), bench.write(Param.GAIN, 0, Write.READ).value
+    for param, raw, how, result in REFUSED:
+        message = codec.pack(codec.ParamReply(param, 0, Result.DONE))  # only for its bytes
+        del message
+        assert raw_write(bench, param, raw, how).result == result, param
+        assert (Fc_of(bench), bench.write(Param.GAIN, 0, Write.READ).value) == before
+    bench.run(0.2)
+    assert bench.drive["IsSaved"] == 1 and bench.last(Status).errors == 0
+
+
+def raw_write(bench: Bench, param: int, raw: int, how: int) -> Any:
+    """A ParamWrite with any value, which the codec of Python refuses to pack."""
+    data = bytes([0, how << 4, param, 0]) + struct.pack("<I", raw)
+    from e2e import p02
+
+    data = bytearray(data)
+    p02.e2e_p02_protect(data, 8, bytes(range(0x60, 0x70)))
+    bench.send_raw(0x130, bytes(data))
+    bench.run(0.005)
+    return bench.last(codec.ParamReply)
+
+
+def test_damaged_frames_do_nothing(bench: Bench) -> None:
+    """One bit of a command or a parameter is wrong."""
+    for bit in range(64):
+        bench.send(Command.MOVE, 3000)
+        identifier, data = bench._queue.pop()
+        bench.send_raw(identifier, (int.from_bytes(data, "little") ^ 1 << bit).to_bytes(8, "little"))
+    bench.run(0.3)
+    assert (bench.drive["State"], bench.last(Status).errors) == ("Off", 1)
+    bench.send(Command.CLEAR)
+    bench.run(0.2)
+    assert bench.last(Status).errors == 0
+
+
+def test_a_parameter_is_saved_on_command_only_and_with_the_motor_off(bench: Bench) -> None:
+    old = Fc_of(bench)
+    for is_running in (True, False):
+        bench.write(Param.FC, round(0.4 / FC_UNIT))
+        if is_running:
+            bench.hold(0.2, 0)
+            bench.send(Command.SAVE)
+            bench.hold(0.2, 0)
+            assert bench.drive["IsSaved"] == 0
+        bench.power_cycle()
+        bench.run(0.2)
+        assert Fc_of(bench) == old and bench.drive["IsSaved"] == 1
+
+
+def test_a_power_loss_during_a_save_keeps_the_older_set(bench: Bench) -> None:
+    old, before = Fc_of(bench), bench.flash.read_bytes()
+    bench.write(Param.FC, round(0.4 / FC_UNIT))
+    bench.send(Command.SAVE)
+    bench.run(0.1)
+    after = bench.flash.read_bytes()
+    (slot,) = [at for at in (0, 256) if after[at : at + 256] != before[at : at + 256]]
+    for written in (0, 1, 4, 7, 8, 12, 30, RECORD_BYTES - 1, RECORD_BYTES):
+        page = after[slot : slot + written] + b"\xff" * (256 - written)
+        bench.flash.write_bytes(after[:slot] + page + after[slot + 256 :])
+        bench.power_cycle()
+        bench.run(0.2)
+        is_whole = written == RECORD_BYTES
+        assert Fc_of(bench) == pytest.approx(0.4 if is_whole else old, abs=1e-6)
+        assert bench.drive["Stored"] == ("Good" if is_whole or written == 0 else "Torn")
+
+
+@pytest.mark.parametrize("place", [0, 5, 9, 20, 38])
+def test_a_corrupt_store_gives_defaults_and_a_flag(place: int, bench: Bench) -> None:
+    bench.write(Param.FC, round(0.4 / FC_UNIT))
+    bench.send(Command.SAVE)
+    bench.run(0.1)
+    flash = bytearray(bench.flash.read_bytes())
+    for slot in (0, 256):
+        flash[slot + place] ^= 0x10
+    bench.flash.write_bytes(flash)
+    bench.power_cycle()
+    bench.run(0.2)
+    assert (bench.drive["Stored"], bench.drive["IsSaved"]) == ("Corrupt", 0)
+    assert Fc_of(bench) == pytest.approx(0.3, abs=1e-6)
+
+
+# --- watchdog, bus, commissioning -----------------------------------------------------------------
+
+
+def start_reset(bench: Bench, how: str) -> None:
+    """Start to damage a running drive."""
+    at = target.symbols(target.CORES["m4f"], image_of("m4f"))["loop"][0]
+    if how == "the main program hangs":
+        bench.is_stalled = True
+    elif how == "a bit of a plan":
+        bench.poke(at + 40, bench.peek(at + 40) ^ 0x100)
+    else:
+        bench.poke(at + 324, 0x7FFFFFFF)  # the upper word of the bristle
+
+
+@pytest.mark.parametrize("how", ["the main program hangs", "a bit of a plan", "the state"])
+def test_the_watchdog_resets_a_drive_that_is_not_sound(how: str, bench: Bench) -> None:
+    """The torque is 0 within 65 ms, and a reset follows. Then nothing moves before two commands."""
+    bench.hold(0.5, 1000)
+    bench.shaft.hand = 0.4  # the drive must hold against it
+    bench.hold(0.3, 1000)
+    assert bench.torque < -0.1
+    start_reset(bench, how)
+    before = len(bench.torques)
+    for _ in range(100):
+        bench.send(Command.MOVE, 1000)
+        bench.tick()
+        if bench.resets:
+            break
+    bench.is_stalled = False
+    assert bench.resets == 1 and not any(bench.torques[before + 65 :])
+    bench.hold(0.3, 1000)
+    assert (bench.drive["State"], bench.drive["Fault"], bench.torque) == ("Fault", "Reset", 0)
+    recover(bench)
+    bench.hold(0.3, 1000)
+    assert bench.drive["State"] == "Run" and bench.resets == 1
+
+
+def test_a_silent_bus_stops_the_drive(bench: Bench) -> None:
+    bench.hold(0.3, 1000)
+    bench.run(0.15)
+    assert bench.drive["State"] == "Run"
+    bench.run(0.3)
+    assert (bench.drive["State"], bench.drive["Fault"]) == ("Fault", "Bus") and bench.torque == 0
+    recover(bench)
+
+
+def test_a_refused_commissioning_keeps_the_parameters(bench: Bench) -> None:
+    old = Fc_of(bench)
+    bench.send(Command.COMMISSION)
+    bench.run(3)
+    assert bench.drive["State"] == "Commission"
+    bench.encoder = lambda count: bytes(4)
+    bench.tick()
+    recover(bench)
+    assert bench.drive["Refusal"] == -42 and Fc_of(bench) == old and bench.drive["IsSaved"] == 1
+
+
+# --- the page -------------------------------------------------------------------------------------
+
+
+def test_the_page_has_the_measured_numbers() -> None:
+    """tools/bench.sh servo_drive --docs writes them."""
+    need("arm-none-eabi-gcc", "the page of the servo drive has the measured numbers")
+    assert servo_drive.measure_all() in (ROOT / "examples/servo_drive/README.md").read_text()
