@@ -20,7 +20,7 @@
 #define APPROACH 8.0f            /* 1/s: SPEED_LIMIT APPROACH < ACCELERATION_LIMIT, so a move does not overshoot */
 #define FC_LEAST 0.05f           /* N m */
 #define FC_MOST 2.0f
-enum { FOLLOWING_COUNTS = 2000, BAD_READINGS = 3, GOOD_READINGS = 100, BUS_TICKS = 200, MAIN_TICKS = 50 };
+enum { FOLLOWING_COUNTS = 300, BAD_READINGS = 3, GOOD_READINGS = 100, BUS_TICKS = 200, MAIN_TICKS = 50 };
 
 static position_loop_params_t params, new_params;
 static position_loop_t loop, new_loop; /* new_loop: plans only */
