@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
 # Usage: tools/bench.sh [--quick]
-#        tools/bench.sh target [--quick] [--mhz CLOCK] [CORE...] | host [--quick] | report [--cycles] | docs | laws [--docs]
+#        tools/bench.sh target [--quick] [--mhz CLOCK] [CORE...] | host [--quick] | report [--cycles] | docs | laws [--docs] | servo_drive [--docs]
 #
 # Measures cost and error of the library and of other methods. Without a command it runs target, host and docs: 5 minutes on two
 # cores. With --quick it runs target, host and report: 1 minute.
@@ -13,6 +13,7 @@
 #   report   reads these two files; writes build/bench/results.json and the pictures speed, pareto and growth (.png, .svg).
 #            --cycles shows cycles of Cortex-M0, M3 and M4F instead of instructions
 #   docs     runs report, then writes the tables and pictures of docs/
+#   servo_drive  measures flash, RAM, stack and worst tick of examples/servo_drive; --docs writes the table of its page
 #   laws     compares laws of friction compensation with five seeds: prints the tables of docs/compensation.md; --docs writes them
 set -euo pipefail
 # shellcheck source=tools/common.sh
@@ -23,8 +24,8 @@ source "$ROOT/tools/setup/python.sh"
 case "${1:-}" in
     -h | --help) usage; exit 0 ;;
     '' | --quick) command=all ;;
-    target | host | report | docs | laws) command=$1; shift ;;
-    *) die "unknown command '$1'; bench.sh has target, host, report, docs and laws (see --help)" ;;
+    target | host | report | docs | laws | servo_drive) command=$1; shift ;;
+    *) die "unknown command '$1'; bench.sh has target, host, report, docs, laws and servo_drive (see --help)" ;;
 esac
 
 python() { "$VENV/bin/python" "$ROOT/tools/bench/$1.py" "${@:2}"; }
@@ -45,6 +46,7 @@ case "$command" in
     target) python target "$@" ;;
     host) install_rivals; python host "$@" ;;
     report) python report "$@" ;;
+    servo_drive) build_demo; python servo_drive "$@" ;; # its shaft is in libdahl.so
     docs) python report --docs ;;
     all)
         say "counting instructions on six cores"

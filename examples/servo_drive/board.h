@@ -17,7 +17,8 @@ void board_encoder(uint8_t frame[BOARD_SPI_BYTES]); /* the last SPI frame, which
 void board_torque(float torque);                    /* N m, to the current loop */
 void board_watchdog_feed(void);
 
-/* In the main program. A slot is a page of flash: a write erases it to 0xFF, then programs it. */
+/* In the main program. A slot is a page of flash: a write erases it to 0xFF, then programs it. If this takes more than 20 ms, let
+ * board_flash_write() feed the watchdog: the motor is off. */
 void board_wait(void); /* sleep until an interrupt was handled */
 bool board_can_receive(dahl_can_frame_t *frame);
 void board_can_send(const dahl_can_frame_t *frame);

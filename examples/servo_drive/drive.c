@@ -249,7 +249,8 @@ void drive_tick(void)
              : state == DRIVE_COMMISSION ? commission(dcounts, is_good)
                                          : torque - clamp(torque, FALL_PER_TICK);
     check(torque >= -TORQUE_LIMIT && torque <= TORQUE_LIMIT); /* fails for NaN, too */
-    board_torque(has_failed ? 0 : torque);
+    torque = has_failed ? 0 : torque;
+    board_torque(torque);
     if (!has_failed) {
         board_watchdog_feed();
     }

@@ -125,6 +125,19 @@ static void save(void)
     }
 }
 
+/* Use and save the result of a commissioning. If drive_set() refuses it, IsSaved becomes 0. */
+static void take_result(void)
+{
+    store_params_t next = params;
+    if (drive_take_result(&next)) {
+        is_saved = false;
+        if (drive_set(&next)) {
+            params = next;
+            save();
+        }
+    }
+}
+
 static bool take_command(const dahl_can_frame_t *frame)
 {
     const uint8_t *data = frame->data;
@@ -176,9 +189,7 @@ int main(void)
     for (uint32_t passes = 0;; passes++) {
         board_wait();
         drive_read(&now);
-        if (drive_take_result(&params) && drive_set(&params)) {
-            save();
-        }
+        take_result();
         serve_bus();
         send_telemetry();
         if (passes % CHECK_PASSES == 0) {

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,16 +29,19 @@ NAMES = ("m0", "m4f")
 STACK_BYTES = 8192  # more than the drive may use
 
 
+Worst = tuple[int, int]  # instructions and cycles of the worst tick
+Spans = dict[str, list[range]]  # ticks of each phase
+
+
 @dataclass(frozen=True)
 class Result:
-    """Bytes, and instructions and cycles of the worst tick: off or running, and commissioning."""
+    """Bytes, and the worst tick of each phase."""
 
     title: str
     flash: int
     ram: int
     stack: int
-    run: tuple[int, int]
-    commission: tuple[int, int]
+    ticks: dict[str, Worst]
 
 
 def stack_of(bench: Bench, top: int) -> int:
@@ -48,16 +52,21 @@ def stack_of(bench: Bench, top: int) -> int:
     raise target.BenchError("no stack was used")
 
 
-def play(bench: Bench) -> tuple[int, int]:
-    """Use each part of the drive. Return the first and the last tick of the commissioning."""
+def play(bench: Bench) -> Spans:
+    """Use each part of the drive."""
+    spans: Spans = {"commissioning": [], "new parameters": []}
+
+    def during(phase: str, act: Callable[[], object]) -> None:
+        first = bench.ticks - 1
+        act()
+        spans[phase].append(range(first, bench.ticks + 2))
+
     bench.run(0.3)
-    first = bench.ticks
     bench.send(Command.COMMISSION)
-    bench.run(60, lambda: bench.drive["Stored"] == "Good")
-    last = bench.ticks
+    during("commissioning", lambda: bench.run(60, lambda: bench.drive["Stored"] == "Good"))
     for goal in (9000, -9000):
         bench.hold(0.6, goal)
-        bench.write(codec.Param.FC, 400000 + goal)
+        during("new parameters", lambda: bench.write(codec.Param.FC, 400000 + bench.count))
     bench.encoder = lambda count: bytes(4)
     bench.run(0.3)
     bench.encoder = spi_frame
@@ -67,7 +76,18 @@ def play(bench: Bench) -> tuple[int, int]:
     bench.run(0.2)
     if bench.drive["State"] != "Off" or bench.drive["Stage"] != 6:
         raise target.BenchError(f"the drive does not work: {bench.drive}")
-    return first, last
+    return spans
+
+
+def worst_ticks(ticks: list[Worst], spans: Spans) -> dict[str, Worst]:
+    """Return the worst tick of each phase, and of all other ticks."""
+    rest = set(range(len(ticks))).difference(*(span for each in spans.values() for span in each))
+    phases = {"running": sorted(rest)}
+    phases |= {name: [tick for span in each for tick in span] for name, each in spans.items()}
+    return {
+        name: (max(ticks[k][0] for k in each), max(ticks[k][1] for k in each))
+        for name, each in phases.items()
+    }
 
 
 def measure(name: str, folder: Path) -> Result:
@@ -80,30 +100,23 @@ def measure(name: str, folder: Path) -> Result:
     places = f"site={at['tick_site']:#x},back={at['tick_back']:#x},floor={at['heap_start']:#x}"
     plugin = f"{target.PLUGIN},{places},costs={costs},out={counts}"
     with Bench(name, image, folder, "-plugin", plugin) as bench:
-        first, last = play(bench)
+        spans = play(bench)
         stack = stack_of(bench, at["stack_top"])
-    ticks = [tuple(map(int, line.split())) for line in counts.read_text().splitlines()]
+    lines = [tuple(map(int, line.split())) for line in counts.read_text().splitlines()]
     kind = 1 if name == "m0" else 2  # cycles: of a multiplier of 1 cycle, else the most
-    pairs = [(tick[0], tick[kind]) for tick in ticks]
+    ticks = worst_ticks([(line[0], line[kind]) for line in lines], spans)
     size = target.sizes(core, image)
-
-    def worst(of: list[tuple[int, int]]) -> tuple[int, int]:
-        return max(tick[0] for tick in of), max(tick[1] for tick in of)
-
-    run, commission = pairs[: first - 1] + pairs[last + 2 :], pairs[first - 1 : last + 2]
-    flash = size["code"] + size["const"]
-    return Result(core.title, flash, size["static"], stack, worst(run), worst(commission))
+    return Result(core.title, size["code"] + size["const"], size["static"], stack, ticks)
 
 
 def table(results: list[Result]) -> str:
-    lines = [
-        "| core | flash | RAM | stack | worst tick, running | worst tick, commissioning |",
-        "|---|---:|---:|---:|---:|---:|",
-    ]
+    phases = list(results[0].ticks)
+    head = ["core", "flash", "RAM", "stack", *(f"worst tick, {phase}" for phase in phases)]
+    lines = ["| " + " | ".join(head) + " |", "|---|" + "---:|" * (len(head) - 1)]
     for one in results:
-        times = [f"{count} instructions, {cycle} cycles" for count, cycle in (one.run, one.commission)]
+        times = [f"{one.ticks[phase][0]} ({one.ticks[phase][1]})" for phase in phases]
         row = [one.title, *(f"{size} B" for size in (one.flash, one.ram, one.stack)), *times]
-        lines.append(f"| {' | '.join(row)} |")
+        lines.append("| " + " | ".join(row) + " |")
     return "\n".join([MARKS[0], *lines, MARKS[1]])
 
 
