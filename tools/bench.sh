@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
 # Usage: tools/bench.sh [--quick]
-#        tools/bench.sh target [--quick] [--mhz CLOCK] [CORE...] | host [--quick] | report [--cycles] | docs | laws [--docs] | servo_drive [--docs]
+#        tools/bench.sh target [--quick] [--mhz CLOCK] [CORE...] | host [--quick] | report [--cycles] | docs | laws [--docs]
+#        tools/bench.sh servo_drive [--docs]
 #
 # Measures cost and error of the library and of other methods. Without a command it runs target, host and docs: 5 minutes on two
 # cores. With --quick it runs target, host and report: 1 minute.
@@ -13,8 +14,8 @@
 #   report   reads these two files; writes build/bench/results.json and the pictures speed, pareto and growth (.png, .svg).
 #            --cycles shows cycles of Cortex-M0, M3 and M4F instead of instructions
 #   docs     runs report, then writes the tables and pictures of docs/
-#   servo_drive  measures flash, RAM, stack and worst tick of examples/servo_drive; --docs writes the table of its page
 #   laws     compares laws of friction compensation with five seeds: prints the tables of docs/compensation.md; --docs writes them
+#   servo_drive  measures flash, RAM, stack and worst tick of examples/servo_drive; --docs writes the table of its page
 set -euo pipefail
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"

@@ -37,7 +37,8 @@ static struct {
 } out;
 
 static int32_t input, output;
-static uint32_t taken, unfed_ticks;
+static wire_frame_t received[FRAMES];
+static uint32_t first_received, end_received, unfed_ticks;
 
 static int32_t host(uint32_t operation, uintptr_t a, uintptr_t b, uintptr_t c)
 {
@@ -65,7 +66,10 @@ static void exchange(void)
         *word = in.value;
     }
     out.word = *word;
-    out.count = taken = 0;
+    out.count = 0;
+    for (uint32_t k = 0; k < in.count; k++) {
+        received[end_received++ % FRAMES] = in.frames[k];
+    }
 }
 
 void board_start(void)
@@ -118,10 +122,10 @@ void board_wait(void)
 
 bool board_can_receive(dahl_can_frame_t *frame)
 {
-    if (taken >= in.count) {
+    if (first_received == end_received) {
         return false;
     }
-    const wire_frame_t *wire = &in.frames[taken++];
+    const wire_frame_t *wire = &received[first_received++ % FRAMES];
     *frame = (dahl_can_frame_t){.id = (uint32_t)wire->id[0] | (uint32_t)wire->id[1] << 8, .length = wire->length};
     memcpy(frame->data, wire->data, sizeof wire->data);
     return true;

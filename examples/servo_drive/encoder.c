@@ -25,21 +25,22 @@ static int32_t reject(encoder_t *encoder, uint32_t *reason)
 
 int32_t encoder_take(encoder_t *encoder, const uint8_t frame[4])
 {
-    uint32_t reading = (uint32_t)frame[0] << 8 | frame[1], before = (uint32_t)encoder->count % ENCODER_COUNTS;
-    int32_t move = dahl_counts_between(encoder->is_primed ? before : reading, reading, ENCODER_COUNTS);
+    uint32_t reading = (uint32_t)frame[0] << 8 | frame[1];
+    int32_t move = dahl_counts_between((uint32_t)encoder->count % ENCODER_COUNTS, reading, ENCODER_COUNTS);
     int64_t most = (int64_t)ENCODER_MAX_STEP * (encoder->bad_ticks + 1); /* it may have moved on in bad ticks */
+    bool is_first = !encoder->is_primed;
     if (crc8(frame, 3) != frame[3]) {
         return reject(encoder, &encoder->corrupt);
     }
     if ((frame[2] & ERROR_FREE) == 0) {
         return reject(encoder, &encoder->invalid);
     }
-    if (move > most || move < -most) {
+    if (!is_first && (move > most || move < -most)) {
         return reject(encoder, &encoder->jumps);
     }
-    encoder->count = encoder->is_primed ? (int32_t)((uint32_t)encoder->count + (uint32_t)move) : (int32_t)reading;
+    encoder->count = (int32_t)((uint32_t)encoder->count + (uint32_t)move);
     encoder->is_primed = true;
     encoder->bad_ticks = 0;
     encoder->good_ticks++;
-    return move;
+    return is_first ? 0 : move;
 }

@@ -11,7 +11,7 @@ enum { ENCODER_COUNTS = 65536, ENCODER_MAX_STEP = 1000 /* counts in a tick: 96 r
 
 /* All zeros: no reading yet. */
 typedef struct {
-    int32_t count;                   /* of the last good reading, with whole turns; the first one is 0 .. 65535 */
+    int32_t count;                   /* of the last good reading, with whole turns; the first one is -32768 .. 32767 */
     uint32_t good_ticks, bad_ticks;  /* good or bad readings in a row; one of them is 0 */
     uint32_t corrupt, invalid, jumps; /* bad readings: wrong CRC; marked by the encoder; too far away */
     bool is_primed;                  /* a good reading has come */

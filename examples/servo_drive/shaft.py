@@ -6,8 +6,8 @@
         bench.run(26.0)
         print(bench.drive["State"])
 
-The shaft is that of `dahl commission --simulate`. Drive and shaft advance in turns of a tick, so each
-run gives the same numbers.
+The shaft is that of `dahl commission --simulate`. Drive and shaft advance in turns of a tick, so
+each run gives the same numbers.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class Bench:
         self.drive: dict[str, Any] = {}  # the last DriveStatus
         self.frames: list[Any] = []  # all other frames
         self.torques: list[float] = []  # N m, of each tick
-        self._queue: deque[tuple[int, bytes]] = deque()
+        self.queue: deque[tuple[int, bytes]] = deque()
         self._counter = 0
         if not self.flash.exists():
             self.flash.write_bytes(b"\xff" * FLASH_BYTES)
@@ -110,7 +110,7 @@ class Bench:
         self.send_raw(0x160, bytes([crc(0x2F, protected, 0xFF)]) + data[1:])
 
     def send_raw(self, identifier: int, data: bytes) -> None:
-        self._queue.append((identifier, data))
+        self.queue.append((identifier, data))
 
     def peek(self, address: int) -> int:
         """Return the word at an address."""
@@ -152,7 +152,7 @@ class Bench:
 
     def tick(self) -> None:
         """Exchange one tick with the drive."""
-        incoming = [self._queue.popleft() for _ in range(min(2, len(self._queue)))]
+        incoming = [self.queue.popleft() for _ in range(min(2, len(self.queue)))]
         raw = TO_DRIVE.pack(
             self.encoder(self.count), self.cause, self.is_stalled, self.address, self.value,
             self.is_written, len(incoming),

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Measure examples/servo_drive in QEMU: flash, RAM, stack and the worst tick. With --docs, write the
-table into its page.
+"""Measure examples/servo_drive in QEMU: flash, RAM, stack and the worst tick. With --docs, write
+the table into its page.
 
 The drive commissions its axis, moves, changes its parameters, and meets a fault of its encoder. The
-plugin of tools/bench counts each tick; main program and simulated board are outside of it. The stack
-is that of the main program and of the interrupt on top of it.
+plugin counts each tick, without the main program. The stack is that of the main program and of the
+interrupt on top of it.
 """
 
 from __future__ import annotations
