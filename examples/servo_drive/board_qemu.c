@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The board in QEMU, in step with shaft.py: each tick sends torque and frames, and waits for the next reading of the encoder and
- * frames, through QEMU's standard input and output by semihosting. The flash is the file flash.bin. The tick is a real interrupt:
- * SysTick, pended by software. A word can be read and written by address, to measure the stack and to damage memory.
+ * The board in QEMU, in step with shaft.py: each tick sends torque and frames, then waits for the encoder and frames, through
+ * QEMU's standard input and output by semihosting. The flash is the file flash.bin. The tick is a real interrupt: SysTick,
+ * pended by software. The watchdog counts ticks. A word can be read and written by address, to measure the stack and to damage
+ * memory.
  */
 #include <string.h>
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The interrupt owns encoder, loop and axis. The main program hands over new settings and orders, each with a flag that the next
+/* The interrupt owns encoder, loop and axis. The main program hands over new plans and orders, each with a flag that the next
  * tick clears. The interrupt preempts the main program, never the other way round. */
 #include "drive.h"
 

@@ -36,8 +36,8 @@ typedef struct {
 /* In the interrupt, each millisecond */
 void drive_tick(void);
 
-/* In the main program. drive_set() returns false and changes nothing if the parameters are out of range. New ones act from the next
- * tick on, without a step of the torque. */
+/* In the main program. drive_set() returns false and changes nothing if the parameters are out of range. New ones act from the
+ * next tick on, without a step of the torque. */
 void drive_start(board_reset_t cause);
 bool drive_set(const store_params_t *params);
 void drive_order(order_t order, int32_t target); /* target: counts, of ORDER_MOVE */
@@ -45,8 +45,8 @@ bool drive_is_ready(void); /* a tick has taken the last order and parameters; ot
 void drive_read(drive_report_t *report);
 bool drive_take_result(store_params_t *params); /* false: no new result of a commissioning */
 
-/* Report that the main program is sound, if the plans are, too. Without a report for 50 ms, the ticks set the torque to 0 and feed
- * the watchdog no more. */
+/* Report that the main program is sound, if the plans are, too. Without a report for 50 ms, the ticks set the torque to 0 and
+ * feed the watchdog no more. */
 void drive_check(void);
 
 #endif

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The main program: start with the stored parameters, serve the bus, check the plans. README.md lists the frames. A frame with a
- * wrong CRC or form is dropped, and Status reports ErrorFormat. */
+/* The main program: start with the stored parameters, serve the bus, check the plans. README.md lists the frames. A frame with
+ * a wrong CRC or form is dropped, and Status reports ErrorFormat. */
 #include <dahl_frames.h>
 
 #include "drive.h"

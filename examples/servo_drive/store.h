@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Parameters in two pages of flash. A save writes the page that is not in use, so a power loss during it keeps the older set. */
+/* Parameters in two pages of flash. A save writes the page that is not in use, so that a power loss keeps the older set. */
 #ifndef STORE_H
 #define STORE_H
 

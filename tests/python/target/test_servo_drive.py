@@ -2,8 +2,10 @@
 """examples/servo_drive on emulated cores: its reactions, and the numbers of its page."""
 
 import itertools
+import re
 import struct
 import sys
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -80,7 +82,26 @@ def steps_of(values: list[float]) -> list[float]:
 def falls_to_zero(torques: list[float]) -> bool:
     """Return whether a torque falls to 0 without a step or a change of sign, and stays there."""
     is_falling = all(0 <= b / a <= 1 if a else b == 0 for a, b in itertools.pairwise(torques))
-    return is_falling and torques[FALL_TICKS] == 0 and max(steps_of(torques)) <= FALL_STEP
+    is_slow = torques[3] != 0 and max(steps_of(torques)) <= FALL_STEP
+    return is_falling and is_slow and torques[FALL_TICKS] == 0
+
+
+def pull(bench: Bench, torque: float, target: int) -> None:
+    """Let a hand pull with a torque that rises slowly, while the drive holds."""
+    for step in range(1, 11):
+        bench.shaft.hand = torque * step / 10
+        bench.hold(0.1, target)
+    assert bench.drive["State"] == "Run" and abs(bench.torque) > 0.7 * torque
+
+
+def fail_under_torque(bench: Bench) -> None:
+    """Let the encoder fail, while the drive holds against a hand."""
+    pull(bench, 1.5, 0)
+    bench.encoder, bench.shaft.hand = (lambda count: bytes(4)), 0
+    before = len(bench.torques)
+    bench.run(0.2)
+    assert (bench.drive["State"], bench.drive["Fault"]) == ("Fault", "Encoder")
+    assert falls_to_zero(bench.torques[before + 4 :])
 
 
 @pytest.mark.parametrize("core", ["m0", "m4f"])
@@ -97,11 +118,7 @@ def test_a_life_of_the_drive(core: str, tmp_path: Path) -> None:
         bench.hold(1.5, 0)
         assert bench.last(EncoderState).count == bench.count == pytest.approx(0, abs=REST)
 
-        bench.encoder = lambda count: bytes(4)
-        before = len(bench.torques)
-        bench.run(0.2)
-        assert (bench.drive["State"], bench.drive["Fault"]) == ("Fault", "Encoder")
-        assert falls_to_zero(bench.torques[before + 4 :])
+        fail_under_torque(bench)
         recover(bench)
         bench.hold(1.5, -3000)
         assert bench.drive["State"] == "Run" and abs(bench.count + 3000) <= REST
@@ -169,27 +186,30 @@ def crc_of(data: bytes) -> bytes:
     return bytes([bits ^ 0xFF])
 
 
-FAULTS: dict[str, Callable[[int], bytes]] = {
-    "stuck at 0": lambda count: bytes(4),
-    "stuck at 1": lambda count: b"\xff" * 4,
-    "marked as wrong": lambda count: b"\x12\x34\x01" + crc_of(b"\x12\x34\x01"),
-    "far away": lambda count: spi_frame(count + 30000),
+FAULTS: dict[str, tuple[Callable[[int], bytes], int]] = {  # a frame for a count; bit of Status
+    "stuck at 0": (lambda count: bytes(4), 1 << State.CRC),
+    "stuck at 1": (lambda count: b"\xff" * 4, 1 << State.CRC),
+    "marked as wrong": (lambda count: b"\x12\x34\x01" + crc_of(b"\x12\x34\x01"), 1 << 6),
+    "far away": (lambda count: spi_frame(count + 30000), 1 << 7),
 }
 
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_three_bad_readings_are_a_fault_and_two_are_none(name: str, bench: Bench) -> None:
+    damage, bit = FAULTS[name]
     for number, state in ((2, "Run"), (3, "Fault")):
         bench.hold(0.5, 2000)
-        bench.encoder = FAULTS[name]
+        bench.encoder = damage
         bench.run(number / 1000)
         bench.encoder = spi_frame
         bench.hold(0.1, 2000)
         assert bench.drive["State"] == state
     bench.hold(0.2, 2000)
-    assert bench.drive["State"] == "Fault" and bench.last(Status).state == State.STALE
-    assert bench.torque == 0
+    status = bench.last(Status)
+    assert (status.state, status.errors) == (State.STALE, bit | 1 << State.STALE)
+    assert bench.drive["State"] == "Fault" and bench.torque == 0
     recover(bench)
+    assert bench.last(Status).errors == 0
     bench.hold(1.5, 2000)
     assert abs(bench.count - 2000) <= REST
 
@@ -202,6 +222,8 @@ def test_a_fault_stays_until_the_encoder_is_good_and_a_command_clears_it(bench: 
         bench.run(0.15)
         assert bench.drive["State"] == "Fault"
     bench.encoder = spi_frame
+    bench.run(0.05)
+    bench.send(Command.CLEAR)
     bench.run(0.3)
     assert bench.drive["State"] == "Fault"
     recover(bench)
@@ -210,7 +232,9 @@ def test_a_fault_stays_until_the_encoder_is_good_and_a_command_clears_it(bench: 
 def test_a_frozen_encoder_and_a_blocked_shaft_are_found(bench: Bench) -> None:
     bench.hold(0.3, 0)
     bench.encoder = lambda count, frozen=bench.count: spi_frame(frozen)
+    before = bench.ticks
     assert bench.hold(1, 20000, lambda: bench.drive["Fault"] == "Following")
+    assert bench.ticks - before < 50 and bench.shaft.rotor.omega < 30
     bench.encoder = lambda count: spi_frame(bench.count)
     recover(bench)
     bench.shaft.hand = -50
@@ -221,17 +245,29 @@ def test_a_frozen_encoder_and_a_blocked_shaft_are_found(bench: Bench) -> None:
 # --- parameters and store -------------------------------------------------------------------------
 
 
-def test_new_parameters_act_without_a_step_of_the_torque(bench: Bench) -> None:
-    """In motion. The slew allows 0.1 N m for the compensation, and 0.1 for the observer."""
+@pytest.mark.parametrize(
+    ("gain", "param", "raw"),
+    [(0.9, Param.FC, 1 / FC_UNIT), (0, Param.FC, 1 / FC_UNIT), (0.9, Param.GAIN, 13107)],
+)
+def test_new_parameters_act_without_a_step_of_the_torque(gain, param, raw, bench: Bench) -> None:
+    """In motion. The slew allows 0.1 N m in a tick, and the counts of the encoder add 0.09."""
+    bench.write(Param.GAIN, round(gain * 65536))
     bench.hold(1, 0)
     bench.hold(0.5, 30000)
-    steps = []
-    for param, raw in ((Param.FC, round(1 / FC_UNIT)), (Param.GAIN, 13107), (Param.GAIN, 65536)):
-        before = len(bench.torques)
-        assert bench.write(param, raw).result == Result.DONE
-        bench.hold(0.15, 30000)
-        steps += steps_of(bench.torques[before - 1 :])
-    assert bench.drive["State"] == "Run" and max(steps) < 0.25
+    before = len(bench.torques)
+    assert bench.write(param, round(raw)).result == Result.DONE
+    bench.hold(0.15, 30000)
+    assert bench.drive["State"] == "Run" and max(steps_of(bench.torques[before - 1 :])) < 0.16
+
+
+def test_a_new_Fc_keeps_the_torque_at_rest(bench: Bench) -> None:  # noqa: N802
+    bench.hold(3, 1000)
+    torques = []
+    for raw in (0.5, 0.75, 0.5):
+        bench.write(Param.FC, round(raw / FC_UNIT))
+        bench.hold(0.3, 1000)
+        torques.append(raw * bench.last(FrictionTorque).torque_q30 / 2**30)
+    assert torques == pytest.approx([torques[0]] * 3, rel=0.05) and torques[0] > 0.3
 
 
 REFUSED = [
@@ -324,6 +360,19 @@ def test_a_corrupt_store_gives_defaults_and_a_flag(place: int, bench: Bench) -> 
     assert Fc_of(bench) == pytest.approx(0.3, abs=1e-6)
 
 
+@pytest.mark.parametrize("Fc", [float("nan"), -0.5, 100.0])
+def test_stored_numbers_of_no_drive_give_defaults(Fc: float, bench: Bench) -> None:  # noqa: N803
+    """With a good CRC, as of another firmware."""
+    record = bytearray(bench.flash.read_bytes()[: RECORD_BYTES - 4])
+    struct.pack_into("<f", record, 8, Fc)
+    record += struct.pack("<I", zlib.crc32(record))
+    bench.flash.write_bytes(record + b"\xff" * (512 - RECORD_BYTES))
+    bench.power_cycle()
+    bench.run(0.2)
+    assert (bench.drive["Stored"], bench.drive["IsSaved"]) == ("Corrupt", 0)
+    assert Fc_of(bench) == pytest.approx(0.3, abs=1e-6)
+
+
 # --- watchdog, bus, commissioning -----------------------------------------------------------------
 
 
@@ -385,6 +434,12 @@ def test_a_refused_commissioning_keeps_the_parameters(bench: Bench) -> None:
 
 
 def test_the_page_has_the_measured_numbers() -> None:
-    """tools/bench.sh servo_drive --docs writes them."""
+    """tools/bench.sh servo_drive --docs writes them. The motion follows the last bits of cos()."""
     need("arm-none-eabi-gcc", "the page of the servo drive has the measured numbers")
-    assert servo_drive.measure_all() in (ROOT / "examples/servo_drive/README.md").read_text()
+    page = (ROOT / "examples/servo_drive/README.md").read_text()
+    (shown,) = re.findall(f"{servo_drive.MARKS[0]}.*{servo_drive.MARKS[1]}", page, re.S)
+    stated, found = (
+        [int(number) for number in re.findall(r"\b\d+\b", text)]
+        for text in (shown, servo_drive.measure_all())
+    )
+    assert len(found) == 18 and stated == pytest.approx(found, rel=0.01)
