@@ -31,7 +31,7 @@ static atomic_bool is_main_sound;
 static atomic_bool has_result; /* set by the tick, cleared by main */
 static int32_t order_target;
 static drive_report_t reports;
-static atomic_uint report_number;
+static atomic_uchar report_number; /* changes with each report */
 
 static encoder_t encoder;
 static axis_t axis;
@@ -99,7 +99,7 @@ void drive_check(void)
 
 void drive_read(drive_report_t *report)
 {
-    unsigned before;
+    unsigned char before;
     do { /* again, if a tick came in between */
         before = report_number;
         *report = reports;
@@ -254,7 +254,7 @@ void drive_tick(void)
     if (!has_failed) {
         board_watchdog_feed();
     }
-    reports = (drive_report_t){encoder, report_number + 1, state == DRIVE_RUN ? loop.compensator.torque_q30 : 0, torque,
+    reports = (drive_report_t){encoder, reports.ticks + 1, state == DRIVE_RUN ? loop.compensator.torque_q30 : 0, torque,
                                (uint8_t)state, (uint8_t)fault, axis.command.stage, axis.command.refusal};
-    report_number = reports.ticks;
+    report_number = (unsigned char)reports.ticks;
 }

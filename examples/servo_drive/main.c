@@ -61,8 +61,8 @@ static void send_drive(void)
 {
     uint16_t milli = (uint16_t)(int16_t)(now.torque * 1000.0f);
     dahl_can_frame_t frame = {.id = ID_DRIVE + NODE, .length = 8};
-    frame.data[1] = (uint8_t)((status_counter & 0xFu) | now.state << 4);
-    frame.data[2] = (uint8_t)(now.fault | stored << 4 | is_saved << 6);
+    frame.data[1] = (uint8_t)((status_counter & 0xFu) | 16u * now.state);
+    frame.data[2] = (uint8_t)(now.fault + 16u * (uint32_t)stored + 64u * is_saved);
     frame.data[3] = now.stage;
     frame.data[4] = (uint8_t)now.refusal;
     frame.data[6] = (uint8_t)milli;
