@@ -92,7 +92,7 @@ void drive_order(order_t what, int32_t target)
 
 void drive_check(void)
 {
-    if (drive_is_ready() && crc_of(&loop) == plans_crc) {
+    if (!has_new_loop && crc_of(&loop) == plans_crc) {
         is_main_sound = true;
     }
 }

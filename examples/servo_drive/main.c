@@ -188,12 +188,12 @@ int main(void)
     start();
     for (uint32_t passes = 0;; passes++) {
         board_wait();
+        if (passes % CHECK_PASSES == 0) {
+            drive_check(); /* before new parameters come */
+        }
         drive_read(&now);
         take_result();
         serve_bus();
         send_telemetry();
-        if (passes % CHECK_PASSES == 0) {
-            drive_check();
-        }
     }
 }

@@ -410,6 +410,19 @@ def test_the_watchdog_resets_a_drive_that_is_not_sound(how: str, bench: Bench) -
     assert bench.drive["State"] == "Run" and bench.resets == 1
 
 
+def test_a_frame_in_each_tick_does_not_reset_the_drive(bench: Bench) -> None:
+    """The check of the plans must not wait for a quiet bus."""
+    message = codec.pack(codec.ParamWrite(Param.GAIN, 60000, Write.WRITE))
+    for _ in range(400):
+        bench.send(Command.MOVE, 1000)
+        bench.tick()
+    for tick in range(400):
+        bench.send(Command.MOVE, 1000) if tick % 50 == 0 else None
+        bench.send_raw(message.arbitration_id, bytes(message.data))
+        bench.tick()
+    assert bench.drive["State"] == "Run" and bench.resets == 0
+
+
 def test_a_silent_bus_stops_the_drive(bench: Bench) -> None:
     bench.hold(0.3, 1000)
     bench.run(0.15)
