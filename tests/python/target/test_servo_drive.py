@@ -439,6 +439,9 @@ def test_a_refused_commissioning_keeps_the_parameters(bench: Bench) -> None:
     assert bench.drive["State"] == "Commission"
     bench.encoder = lambda count: bytes(4)
     bench.tick()
+    bench.encoder = spi_frame
+    bench.run(0.15)
+    assert (bench.drive["State"], bench.drive["Fault"]) == ("Fault", "Refused")
     recover(bench)
     assert bench.drive["Refusal"] == -42 and Fc_of(bench) == old and bench.drive["IsSaved"] == 1
 
