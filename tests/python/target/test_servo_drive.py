@@ -225,6 +225,8 @@ def test_a_fault_stays_until_the_encoder_is_good_and_a_command_clears_it(bench: 
     bench.run(0.05)
     bench.send(Command.CLEAR)
     bench.run(0.3)
+    bench.send(Command.STOP)
+    bench.run(0.15)
     assert bench.drive["State"] == "Fault"
     recover(bench)
 
