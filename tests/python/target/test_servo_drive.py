@@ -2,6 +2,7 @@
 """examples/servo_drive on emulated cores: its reactions, and the numbers of its page."""
 
 import itertools
+import math
 import re
 import struct
 import sys
@@ -304,13 +305,15 @@ def raw_write(bench: Bench, param: int, raw: int, how: int) -> Any:
 
 def test_damaged_frames_do_nothing(bench: Bench) -> None:
     """One bit of a command or a parameter is wrong."""
-    for bit in range(64):
-        bench.send(Command.MOVE, 3000)
-        identifier, data = bench.queue.pop()
-        damaged = int.from_bytes(data, "little") ^ 1 << bit
-        bench.send_raw(identifier, damaged.to_bytes(8, "little"))
+    write = codec.pack(codec.ParamWrite(Param.GAIN, 30000, Write.WRITE))
+    bench.send(Command.MOVE, 3000)
+    for identifier, data in (bench.queue.pop(), (write.arbitration_id, write.data)):
+        for bit in range(64):
+            damaged = int.from_bytes(data, "little") ^ 1 << bit
+            bench.send_raw(identifier, damaged.to_bytes(8, "little"))
     bench.run(0.3)
     assert (bench.drive["State"], bench.last(Status).errors) == ("Off", 1)
+    assert bench.drive["IsSaved"] == 1
     bench.send(Command.CLEAR)
     bench.run(0.2)
     assert bench.last(Status).errors == 0
@@ -328,6 +331,17 @@ def test_a_parameter_is_saved_on_command_only_and_with_the_motor_off(bench: Benc
         bench.power_cycle()
         bench.run(0.2)
         assert Fc_of(bench) == old and bench.drive["IsSaved"] == 1
+
+
+def test_each_save_replaces_the_one_before(bench: Bench) -> None:
+    for number in range(3):
+        bench.write(Param.FC, round((0.4 + number / 10) / FC_UNIT))
+        bench.send(Command.SAVE)
+        bench.run(0.1)
+        bench.power_cycle()
+        bench.run(0.2)
+        assert Fc_of(bench) == pytest.approx(0.4 + number / 10, abs=1e-6)
+        assert (bench.drive["Stored"], bench.drive["IsSaved"]) == ("Good", 1)
 
 
 def test_a_power_loss_during_a_save_keeps_the_older_set(bench: Bench) -> None:
@@ -362,11 +376,14 @@ def test_a_corrupt_store_gives_defaults_and_a_flag(place: int, bench: Bench) -> 
     assert Fc_of(bench) == pytest.approx(0.3, abs=1e-6)
 
 
-@pytest.mark.parametrize("Fc", [float("nan"), -0.5, 100.0])
-def test_stored_numbers_of_no_drive_give_defaults(Fc: float, bench: Bench) -> None:  # noqa: N803
-    """With a good CRC, as of another firmware."""
+@pytest.mark.parametrize("word", [b"\x02\0\x56\x53", math.nan, -0.5, 100.0])
+def test_stored_numbers_of_no_drive_give_defaults(word: float | bytes, bench: Bench) -> None:
+    """Another layout, or a wrong Fc, with a good CRC as of another firmware."""
     record = bytearray(bench.flash.read_bytes()[: RECORD_BYTES - 4])
-    struct.pack_into("<f", record, 8, Fc)
+    if isinstance(word, bytes):
+        record[:4] = word
+    else:
+        struct.pack_into("<f", record, 8, word)
     record += struct.pack("<I", zlib.crc32(record))
     bench.flash.write_bytes(record + b"\xff" * (512 - RECORD_BYTES))
     bench.power_cycle()
