@@ -173,9 +173,19 @@ def test_each_single_bad_frame_is_rejected_and_the_drive_goes_on(bench: Bench) -
         bench.encoder = spi_frame
         bench.hold(0.05, 1000)
         assert max(steps_of(bench.torques[-52:])) < 0.1, number
-    bench.hold(0.2, 1000)
+    bench.hold(0.5, 30000)
+    bench.encoder = lambda count: bytes(4)
+    bench.tick()
+    bench.encoder = spi_frame
+    bench.run(0.02)
+    assert max(steps_of(bench.torques[-22:])) < 0.2  # in motion
+    bench.hold(3, 1000)
     status = bench.last(Status)
-    assert (status.corrupt, status.errors, status.state) == (len(damage), 1 << State.CRC, State.OK)
+    assert (status.corrupt, status.errors, status.state) == (
+        len(damage) + 1,
+        1 << State.CRC,
+        State.OK,
+    )
     assert bench.drive["State"] == "Run" and abs(bench.count - 1000) <= REST
 
 
@@ -313,7 +323,7 @@ def test_damaged_frames_do_nothing(bench: Bench) -> None:
             bench.send_raw(identifier, damaged.to_bytes(8, "little"))
     bench.run(0.3)
     assert (bench.drive["State"], bench.last(Status).errors) == ("Off", 1)
-    assert bench.drive["IsSaved"] == 1
+    assert not any(isinstance(frame, codec.ParamReply) for frame in bench.frames)
     bench.send(Command.CLEAR)
     bench.run(0.2)
     assert bench.last(Status).errors == 0
@@ -342,6 +352,16 @@ def test_each_save_replaces_the_one_before(bench: Bench) -> None:
         bench.run(0.2)
         assert Fc_of(bench) == pytest.approx(0.4 + number / 10, abs=1e-6)
         assert (bench.drive["Stored"], bench.drive["IsSaved"]) == ("Good", 1)
+
+
+def test_two_saves_use_both_pages(bench: Bench) -> None:
+    before = bench.flash.read_bytes()
+    for Fc in (0.4, 0.5):  # noqa: N806
+        bench.write(Param.FC, round(Fc / FC_UNIT))
+        bench.send(Command.SAVE)
+        bench.run(0.1)
+    after = bench.flash.read_bytes()
+    assert before[:256] != after[:256] and before[256:] != after[256:]
 
 
 def test_a_power_loss_during_a_save_keeps_the_older_set(bench: Bench) -> None:
