@@ -4,6 +4,7 @@
 #        tools/bench.sh target [--quick] [--mhz CLOCK] [CORE...] | host [--quick] [--core-math FILE]
 #        tools/bench.sh report [--cycles] | docs | laws [--docs]
 #        tools/bench.sh axes [FIRST COUNT] [--only rigid|flexible] [--rows FILE]
+#        tools/bench.sh servo_drive [--docs]
 #
 # Measures cost and error of the library and of other methods. Without a command it runs target, host and docs: 5 minutes on two
 # cores. With --quick it runs target, host and report: 1 minute.
@@ -19,6 +20,7 @@
 #   laws     compares laws of friction compensation with five seeds: prints the tables of docs/compensation.md; --docs writes them
 #   axes     commissions 300 rigid and 120 flexible random axes in 1 to 2 minutes; prints the tables of docs/commissioning.md,
 #            or those of COUNT other axes of each kind:  tools/bench.sh axes 70000 20
+#   servo_drive  measures flash, RAM, stack and worst tick of examples/servo_drive; --docs writes the table of its page
 set -euo pipefail
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -28,8 +30,8 @@ source "$ROOT/tools/setup/python.sh"
 case "${1:-}" in
     -h | --help) usage; exit 0 ;;
     '' | --quick) command=all ;;
-    target | host | report | docs | laws | axes) command=$1; shift ;;
-    *) die "unknown command '$1'; bench.sh has target, host, report, docs, laws and axes (see --help)" ;;
+    target | host | report | docs | laws | axes | servo_drive) command=$1; shift ;;
+    *) die "unknown command '$1'; bench.sh has target, host, report, docs, laws, axes and servo_drive (see --help)" ;;
 esac
 
 python() { "$VENV/bin/python" "$ROOT/tools/bench/$1.py" "${@:2}"; }
@@ -59,6 +61,7 @@ case "$command" in
     target) python target "$@" ;;
     host) install_rivals; python host "$@" ;;
     report) python report "$@" ;;
+    servo_drive) build_demo; python servo_drive "$@" ;; # its shaft is in libdahl.so
     docs) python report --docs ;;
     all)
         say "counting instructions on seven cores"
