@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: MIT
 """Draw the pictures of docs/pictures that tools/bench.sh does not draw.
 
-Usage: pictures.py [NAME...], such as arcs or commission; default: all. The demo plays the scenes,
+Default: all; example: pictures.py arcs commission. The demo plays the scenes,
 which must be built (tools/demo.sh). loop.png shows latencies: draw it on an idle machine.
 """
 
+import argparse
 import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -179,12 +179,20 @@ def draw_laws() -> None:
     plots.save(figure, PICTURES / "laws.svg")
 
 
-def main(names: Sequence[str]) -> None:
-    os.environ.setdefault("SOURCE_DATE_EPOCH", "0")  # the date in laws.svg
+def main() -> None:
     drawn = {"arcs": draw_arcs, "laws": draw_laws}
-    for name in names or [*drawn, *SCENES]:
+    known = [*drawn, *SCENES]
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(known))
+    names = parser.parse_args().names
+    if unknown := set(names) - set(known):
+        parser.error(f"no picture {', '.join(sorted(unknown))}; known are {', '.join(known)}")
+    os.environ.setdefault("SOURCE_DATE_EPOCH", "0")  # the date in laws.svg
+    for name in names or known:
         with rc_context(plots.STYLE | {"svg.hashsalt": "dahl"}):
             drawn[name]() if name in drawn else draw_scene(name)
 
 
-main(sys.argv[1:])
+main()
