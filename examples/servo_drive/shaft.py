@@ -143,7 +143,7 @@ class Bench:
         return False
 
     def hold(self, seconds: float, target: int, until: Callable[[], bool] = lambda: False) -> bool:
-        """Run with a DriveCommand MOVE each 50 ms."""
+        """Run with a DriveCommand MOVE every 50 ms."""
         for _ in range(round(seconds / 0.05)):
             self.send(Command.MOVE, target)
             if self.run(0.05, until):

@@ -11,7 +11,6 @@
 #include "throughput.h"
 
 #define DAHL_TABLE_MOST 15u /* counts */
-#define DAHL_TABLE_ENTRIES (DAHL_TABLE_MOST + 1u)
 
 #ifdef DAHL_AVX512
 
