@@ -17,7 +17,7 @@ static int is_torque(const scripted_t *axis, dahl_commission_stage_t stage)
     return is_in(axis, stage, DAHL_COMMISSION_TORQUE);
 }
 
-/* --- scripts: each ends with what the commissioning must do ------------------------------------------------------------- */
+/* --- scripts: what the axis does; the table below has what the commissioning must do ------------------------------------- */
 
 static void flicker(scripted_t *axis)
 {
