@@ -37,7 +37,8 @@
  * 4. Breakaway: a torque ramp in both directions.
  * 5. Inertia: strokes with three sines on them; inertia, delay, and a bound of the rotor alone. If
  *    that bound is too low for the compensator, the strokes are repeated with faster sines, up to
- *    76 or 88 Hz (3 to 7 s more). A period above 1.25 ms is too long for them.
+ *    76 or 88 Hz (3 to 7 s more). A period above 1.25 ms is too long for 76 Hz, and above 1.08 ms
+ *    for 88 Hz.
  * 6. Kick: compensation on, short pushes. A swing lengthens length_long; a creep lowers the gain.
  *
  * If the position loop is too soft for the friction, each stroke starts with a torque ramp in the
