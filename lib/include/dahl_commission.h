@@ -133,7 +133,8 @@ typedef struct {
     float theta_per_count; /**< [rad] > 0 */
     float inertia;         /**< [kg m2] of the axis, within a factor of 1.5 */
     float travel;          /**< [rad] 0.2 .. 3: it moves +-travel about the first angle */
-    float angle_limit;     /**< [rad] largest angle from the first: at least 1.5 travel */
+    float angle_limit;     /**< [rad] largest angle from the first: at least 1.5 travel, at most
+                                2e9 counts */
     float speed_limit;     /**< [rad/s] largest speed: at least 5 */
     float torque_limit;    /**< [N m] largest torque: 4 times the friction is enough */
 } dahl_commission_config_t;

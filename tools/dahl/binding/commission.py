@@ -110,7 +110,7 @@ class Commission(HasParameters, Copied):
     inertia = Parameter("1e-9 <= inertia <= 1e9 (kg m2)")
     torque_limit = Parameter("1e-9 <= torque_limit <= 1e9 (N m)")
     travel = Parameter("0.2 <= travel <= 3 (rad)")
-    angle_limit = Parameter("1.5 travel <= angle_limit <= 100 (rad)")
+    angle_limit = Parameter("1.5 travel <= angle_limit <= 100 (rad), 2e9 theta_per_count")
     speed_limit = Parameter("5 <= speed_limit <= 1000 (rad/s)")
 
     def __init__(
@@ -136,7 +136,8 @@ class Commission(HasParameters, Copied):
 
     def _refusal(self) -> str:
         """Return the value and the limit that the library refused."""
-        ranges = {**RANGES_OF_VALUES, "angle_limit": (1.5 * self.travel, 100.0)}
+        most_angle = min(100.0, 2e9 * self.theta_per_count)
+        ranges = {**RANGES_OF_VALUES, "angle_limit": (1.5 * self.travel, most_angle)}
         for name, (least, most) in ranges.items():
             if not np.float32(least) <= np.float32(self._values[name]) <= np.float32(most):
                 return f"{name} = {self._values[name]:g} is outside {self._limits[name]}"
