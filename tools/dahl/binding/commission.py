@@ -24,6 +24,8 @@ COMPENSATOR_PARAMETERS = (
     *("period", "rise", "fall", "fade_speed", "noise", "play", "jump"),
 )
 SWEEP_SPEEDS = (0.6, 1.2, 2.5)  # rad/s, of lib/commission/sweeps.c
+UNEQUAL_SHARE = 0.15  # of Fc: largest difference of the directions
+HIDDEN_LOAD_RAD = 0.8  # mean of a load over its slope, if unequal friction cancels the load
 VALUES = ("load_error", "load_most", "breakaway", "gain", "seconds")
 RANGES_OF_VALUES = {  # of dahl_commission_start()
     "period": (5e-5, 2e-3),
@@ -216,9 +218,9 @@ class Commission(HasParameters, Copied):
 
     @property
     def sweeps(self) -> dict[str, Any]:
-        """Measurements of the sweeps alone: Fc and viscous as Range, `friction` and `load` (N m) at
-        `angle` (rad), and `friction_at_speed` in pairs of rad/s and N m. Raises dahl.RunError
-        before the end of the sweeps.
+        """Measurements of the sweeps alone: Fc and viscous as Range, `friction` and `load` (N m,
+        +-`load_error`) at `angle` (rad), and `friction_at_speed` in pairs of rad/s and N m. Raises
+        dahl.RunError before the end of the sweeps.
         """
         state = self._state
         if not self.has_sweeps:
@@ -228,14 +230,25 @@ class Commission(HasParameters, Copied):
         best = state.result.Fc.best
         error = (viscous.most - viscous.best) * float(np.mean(SWEEP_SPEEDS))
         bins = len(friction)
+        angle = self.travel * ((2 * np.arange(bins) + 1) / bins - 1)
         return {
             "Fc": Range(best - error, best, best + error),
             "viscous": Range(viscous.least, viscous.best, viscous.most),
-            "angle": self.travel * ((2 * np.arange(bins) + 1) / bins - 1),
+            "angle": angle,
             "friction": friction,
             "load": self._loads(),
+            "load_error": state.table.scatter + self._load_error(angle, friction),
             "friction_at_speed": [(speed, level) for speed, level in levels if level > 0],
         }
+
+    def _load_error(self, angle: NDArray[np.float64], friction: NDArray[np.float64]) -> float:
+        """Return the error of the load after the sweeps, as breakaway.c adds it up: friction that
+        differs between the directions, friction that has not grown to Fc near the ends, noise.
+        """
+        Fc = self._state.result.Fc.best
+        slope, mean = np.polyfit(angle, self._loads(), 1)
+        unequal = min(UNEQUAL_SHARE * Fc, abs(mean) + HIDDEN_LOAD_RAD * abs(slope))
+        return float(unequal + np.abs(np.diff(friction)).max() / 2 + 0.03 * Fc)
 
     def _need_done(self) -> None:
         if self.stage != "done":
