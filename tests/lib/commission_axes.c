@@ -46,7 +46,7 @@ static void print_flexible(uint64_t number)
         print_ratios(&axis, &state.result);
     }
     printf(", \"bounds\": %d, \"rest after pushes\": %d, \"bound of the rotor is true\": %d}\n", is_accepted,
-           is_accepted && rests(&axis, &state), is_accepted && bounds_rotor(&axis, &state.result));
+           is_accepted && rests(&axis, &state, 0), is_accepted && bounds_rotor(&axis, &state.result));
 }
 
 int main(int count, char **words)

@@ -120,7 +120,7 @@ static void test_flexible_axes_rest_and_their_rotor_is_bounded(void)
         if (state.command.stage == DAHL_COMMISSION_DONE) {
             accepted++;
             bounded += bounds_rotor(&axis, &state.result);
-            TEST_ASSERT_TRUE(rests(&axis, &state));
+            TEST_ASSERT_TRUE(rests(&axis, &state, 0));
         }
     }
     printf("%d of %d flexible axes accepted, %d have a bound of the rotor\n", accepted, FLEXIBLE_AXES, bounded);
@@ -138,7 +138,7 @@ static void test_faster_sines_show_a_rotor(void)
         motion_t motion;
         const dahl_commission_t state = commission_axis(&axis, &motion, FLEXIBLE_SECONDS);
         TEST_ASSERT_EQUAL(DAHL_COMMISSION_OK, state.command.refusal);
-        TEST_ASSERT_TRUE(state.result.elastic && bounds_rotor(&axis, &state.result) && rests(&axis, &state));
+        TEST_ASSERT_TRUE(state.result.elastic && bounds_rotor(&axis, &state.result) && rests(&axis, &state, 0));
         TEST_ASSERT_TRUE((double)state.result.gain < 0.51);
     }
 }

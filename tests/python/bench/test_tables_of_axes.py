@@ -54,7 +54,7 @@ def test_the_tables_are_a_count_of_the_axes(axes, tmp_path, capsys) -> None:
         assert f"{COUNT} random {kind} axes, from {FIRST}: {len(done)} gave bounds" in report
         assert len(done) + sum(map(int, re.findall(r"(\d+) (?:refused|not done)", report))) == COUNT
         table = dict(re.findall(r"(?m)^\| (.+) \| (\d+) \|$", report))
-        assert {*table} <= {*of_kind[0]} and len(table) == {"rigid": 11, "flexible": 2}[kind]
+        assert {*table} <= {*of_kind[0]} and len(table) == {"rigid": 12, "flexible": 2}[kind]
         for name, count in table.items():
             is_true = RECOUNT.get(name, lambda row, name=name: row[name] == "1")
             assert int(count) == sum(map(is_true, done)), name
