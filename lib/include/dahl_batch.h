@@ -78,8 +78,9 @@ void dahl_batch_velocity(const dahl_velocity_plan_t *plan, const int32_t *dcount
  * #DAHL_ULP_COUNTS ulp of Fc by counts, and by angle if each |u| is 0 or at least 2^-30.
  *
  * There is no plan: parameters are double, with the limits and error codes of dahl_prepare(). If a
- * call fails, it writes nothing. A NaN angle is no motion; an infinite one saturates. States are
- * those of the exact form. Stack, if optimized: 16 KiB.
+ * call fails, it writes nothing. An infinite angle saturates; a NaN is no motion, as is a
+ * subnormal one if the caller has set DAZ in MXCSR. States are those of the exact form. The error
+ * holds for rounding to nearest. Stack, if optimized: 16 KiB.
  */
 /** @{ */
 
