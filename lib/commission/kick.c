@@ -172,11 +172,12 @@ static void lower_gain(dahl_commission_t *axis)
 }
 
 /** Return the index of the highest gain that is left. If little friction is left, the load of an elastic axis can swing:
- * the softer its shaft, the more friction must stay. */
+ * the softer its shaft, the more friction must stay. If only faster sines showed the rotor, a shaft may be hidden. */
 static int highest_gain(const dahl_commission_t *axis)
 {
-    const int elastic_highest = axis->has_soft_shaft ? 0 : GAINS - 2, left = GAINS - 1 - axis->work.kick.creeps;
-    return axis->result.elastic && left > elastic_highest ? elastic_highest : left;
+    const int left = GAINS - 1 - axis->work.kick.creeps;
+    const int highest = axis->has_soft_shaft ? 0 : axis->result.elastic ? GAINS - 2 : GAINS - 1;
+    return left > highest ? highest : left;
 }
 
 /** Count a kick after which the axis rests. After the last one, the gain has passed. */

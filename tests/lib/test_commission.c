@@ -143,6 +143,18 @@ static void test_faster_sines_show_a_rotor(void)
     }
 }
 
+/* This axis is flexible, but at no sine does its inertia differ by more than the error. */
+static void test_faster_sines_lower_the_gain_also_if_no_shaft_shows(void)
+{
+    axis_t axis = flexible_axis(54105);
+    int tries;
+    const dahl_commission_t state = commission_flexible(&axis, &tries);
+    TEST_ASSERT_EQUAL(DAHL_COMMISSION_DONE, state.command.stage);
+    TEST_ASSERT_FALSE(state.result.elastic);
+    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.5f, state.result.gain);
+    TEST_ASSERT_TRUE(rests(&axis, &state));
+}
+
 /* --- faults ----------------------------------------------------------------------------------------------------------- */
 
 /* The axis must be refused, or have true bounds, and it stays near its limits. */
