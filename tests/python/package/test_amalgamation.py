@@ -8,11 +8,10 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT, need, with_compilers
-from programs import run
-
 from dahl import Plan, Slip
 from dahl.binding import plan_header
 from dahl.binding.library import c
+from programs import run
 
 TOOL = ROOT / "tools/amalgamate.sh"
 PARTS = ("parts", "compensator", "commission", "node")
