@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Cancel friction from a host: read the angle of an ODrive or a moteus, send a feed-forward torque.
 
-An ODrive must be in torque mode and send its estimates each 2 ms: its default of 10 ms would count
+An ODrive must be in torque mode and send its estimates every 2 ms: its default of 10 ms would count
 as a fault. Enable its watchdog: without it, the last torque stays if this program ends. A moteus is
 set to its position mode without gains. A host adds delay and jitter: prefer the current loop of the
 drive if you can change it. The turns are floats, so that 1/16384 turn is lost beyond 512 turns.

@@ -73,6 +73,7 @@ class Bench:
         self.drive: dict[str, Any] = {}  # the last DriveStatus
         self.frames: list[Any] = []  # all other frames
         self.torques: list[float] = []  # N m, of each tick
+        self.counts: list[int] = []  # of the encoder, of each tick
         self.queue: deque[tuple[int, bytes]] = deque()
         self._counter = 0
         if not self.flash.exists():
@@ -143,7 +144,7 @@ class Bench:
         return False
 
     def hold(self, seconds: float, target: int, until: Callable[[], bool] = lambda: False) -> bool:
-        """Run with a DriveCommand MOVE each 50 ms."""
+        """Run with a DriveCommand MOVE every 50 ms."""
         for _ in range(round(seconds / 0.05)):
             self.send(Command.MOVE, target)
             if self.run(0.05, until):
@@ -170,6 +171,7 @@ class Bench:
         self.torque, self.word, number = FROM_DRIVE.unpack_from(found)
         self._take(found[FROM_DRIVE.size :], number)
         self.torques.append(self.torque)
+        self.counts.append(self.count)
         self.count += self.shaft.move(self.torque)
         self.ticks += 1
         stdin.write(raw + bytes(TO_DRIVE.size + FRAMES * FRAME.size - len(raw)))

@@ -35,7 +35,8 @@
 #endif
 
 #define DAHL_VARIANTS(name, type, run_avx512, run_avx2, run_plain)                      \
-    DAHL_AVX512 DAHL_SCHEDULED static void name##_avx512(const type *job) { run_avx512; }              \
+    DAHL_AVX512 DAHL_SCHEDULED                                                          \
+    static void name##_avx512(const type *job) { run_avx512; }                          \
     DAHL_AVX2 static void name##_avx2(const type *job) { run_avx2; }                    \
     static void name##_plain(const type *job) { run_plain; }                            \
     static void name(const type *job)                                                   \

@@ -162,7 +162,7 @@ DAHL_WIDE __m512d dahl_tile_up(__m512d x, __m512d first, int lanes)
                                             : _mm512_alignr_epi64(high, low, 4));
 }
 
-/** The map of each lane joined to that of the lane 1, 2 or 4 below, where there is one. */
+/** Join the map of each lane to that of the lane 1, 2 or 4 below it, if there is one. */
 DAHL_WIDE dahl_map_t dahl_tile_join_lanes(dahl_map_t map, int lanes)
 {
     dahl_map_t below = {dahl_tile_up(map.e, dahl_tile_all(1.0), lanes), dahl_tile_up(map.c, _mm512_setzero_pd(), lanes)};

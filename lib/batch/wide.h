@@ -11,7 +11,6 @@
 #include "throughput.h"
 
 #define DAHL_TABLE_MOST 15u /* counts */
-#define DAHL_TABLE_ENTRIES (DAHL_TABLE_MOST + 1u)
 
 #ifdef DAHL_AVX512
 
@@ -20,7 +19,7 @@
 #define DAHL_WIDE DAHL_AVX512 DAHL_INLINE /* a function that uses 512-bit registers */
 #define DAHL_NAN_CLASS 0x81               /* quiet and signalling NaN for fpclass */
 
-/** Eight moves: |g|, and any numbers with their signs. */
+/** Of eight moves: |g|, and numbers with the signs of the moves. */
 typedef struct {
     __m512d size;
     __m512i sign;

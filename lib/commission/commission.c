@@ -2,7 +2,8 @@
 /** Start, run and end a commissioning. */
 #include "commission.h"
 
-#define SPEED_HZ 40.0f /* of the speed that is limited */
+#define SPEED_HZ 40.0f   /* of the speed that is limited */
+#define MOST_COUNTS 2e9f /* that the counts hold */
 
 /** The size of this array is invalid if the state has more than 1 kB. */
 typedef char dahl_commission_has_at_most_1_kb[sizeof(dahl_commission_t) <= 1024 ? 1 : -1];
@@ -52,9 +53,10 @@ dahl_commission_refusal_t dahl_commission_start(dahl_commission_t *axis, const d
     clear(axis, sizeof *axis);
     axis->config = *config;
     axis->command.torque_limit = config->torque_limit;
+    const float most_angle = dahl_smaller(100, MOST_COUNTS * config->theta_per_count);
     int is_valid = is_within(config->period, 5e-5f, 2e-3f) && is_within(config->theta_per_count, 1e-9f, 0.01f)
                    && is_within(config->inertia, 1e-9f, 1e9f) && is_within(config->travel, 0.2f, 3)
-                   && is_within(config->angle_limit, 1.5f * config->travel, 100)
+                   && is_within(config->angle_limit, 1.5f * config->travel, most_angle)
                    && is_within(config->speed_limit, 5, 1000) && is_within(config->torque_limit, 1e-9f, 1e9f);
     dahl_enter(axis, DAHL_COMMISSION_REST);
     if (!is_valid) {

@@ -40,7 +40,8 @@
 #define FINE_STEP 1.01f                /* the same, with faster sines */
 #define SLOW_SHARE 0.42f               /* of the mean speed: a low-passed speed above it does not reverse */
 #define WEAKER 0.97f                   /* factor of the sines in a tick in which the axis is slower */
-#define FASTER_PERIOD_S 1.25e-3f       /* longest period for the fastest sines */
+#define FASTER_PERIOD_S 1.25e-3f       /* longest period for the faster sines: the blocks must be shorter than half of a turn */
+#define FASTEST_PERIOD_S 1.08e-3f      /* the same for the last set */
 #define LIGHT_SHARE 0.98f              /* of the inertia that the compensator needs: for rounding */
 #define DIRECTION_S 1e-3f              /* time over which the counts show the direction */
 #define MAX_REVERSED 0.05f             /* of the windows: beyond it the inertia is false, by up to a factor of 2.5 */
@@ -482,7 +483,8 @@ static void widen_result(dahl_commission_t *axis, float a)
 /** Repeat the stage with other sines. Refuse if there are none. */
 static void try_next(dahl_commission_t *axis)
 {
-    const int sets = axis->config.period > FASTER_PERIOD_S ? FASTER : SETS;
+    const float period = axis->config.period;
+    const int sets = period > FASTER_PERIOD_S ? FASTER : period > FASTEST_PERIOD_S ? FASTER + 1 : SETS;
     if (++axis->work.inertia.set < sets) {
         dahl_return_to_middle(axis);
     } else {

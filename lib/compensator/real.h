@@ -94,8 +94,8 @@ static inline DAHL_COLD uint64_t dahl_real_shift(dahl_real_t x, int32_t shift)
 /** Return a + b as a mantissa of 30 or 31 bits, rounded up by at most 2^-29 of the sum. */
 static inline DAHL_COLD dahl_real_t dahl_real_add_up(dahl_real_t a, dahl_real_t b)
 {
-    const dahl_real_t large = a.exponent < b.exponent ? b : a, small = a.exponent < b.exponent ? a : b;
-    uint64_t sum = dahl_real_shift(large, 0) + dahl_real_shift(small, large.exponent - small.exponent);
+    const dahl_real_t large = a.exponent < b.exponent ? b : a, little = a.exponent < b.exponent ? a : b;
+    uint64_t sum = dahl_real_shift(large, 0) + dahl_real_shift(little, large.exponent - little.exponent);
     dahl_real_t real = {(uint32_t)(sum >> 32) + 1, large.exponent + 2};
     return real;
 }

@@ -37,7 +37,8 @@
  * 4. Breakaway: a torque ramp in both directions.
  * 5. Inertia: strokes with three sines on them; inertia, delay, and a bound of the rotor alone. If
  *    that bound is too low for the compensator, the strokes are repeated with faster sines, up to
- *    76 or 88 Hz (3 to 7 s more). A period above 1.25 ms is too long for them.
+ *    76 or 88 Hz (3 to 7 s more). A period above 1.25 ms is too long for 76 Hz, and above 1.08 ms
+ *    for 88 Hz.
  * 6. Kick: compensation on, short pushes. A swing lengthens length_long; a creep lowers the gain.
  *
  * If the position loop is too soft for the friction, each stroke starts with a torque ramp in the
@@ -132,7 +133,8 @@ typedef struct {
     float theta_per_count; /**< [rad] > 0 */
     float inertia;         /**< [kg m2] of the axis, within a factor of 1.5 */
     float travel;          /**< [rad] 0.2 .. 3: it moves +-travel about the first angle */
-    float angle_limit;     /**< [rad] largest angle from the first: at least 1.5 travel */
+    float angle_limit;     /**< [rad] largest angle from the first: at least 1.5 travel, at most
+                                2e9 counts */
     float speed_limit;     /**< [rad/s] largest speed: at least 5 */
     float torque_limit;    /**< [N m] largest torque: 4 times the friction is enough */
 } dahl_commission_config_t;

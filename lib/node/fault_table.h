@@ -6,10 +6,10 @@
  * Both have the columns: name; ...; counts that increment (members of dahl_node_counts_t); state in Status; whether the
  * bristle moves or is kept; whether the node answers. Unless a row says otherwise, frames arrive within the timeout.
  *
- * FAULT_COUNTERS is for good and valid frames, by their counter after that of the last frame in sequence, by their
- * distance from its count (MaxStep 0: no limit), and by whether the frame is the third in a row that is out of
- * sequence or too far away. In a row, each frame has the counter after the one before. An accepted count ends the row;
- * repeated, bad and invalid frames do not. FAULT_EVENTS has all other frames and events.
+ * FAULT_COUNTERS is for good and valid frames. Its first columns compare the frame with the last one in sequence: the
+ * counter, and the distance of the count (MaxStep 0: no limit). The third one says if the frame is the third in a row
+ * that is out of sequence or too far away. In a row, each frame has the counter after the one before. An accepted count
+ * ends the row; repeated, bad and invalid frames do not. FAULT_EVENTS has all other frames and events.
  */
 #ifndef FAULT_TABLE_H
 #define FAULT_TABLE_H

@@ -218,6 +218,18 @@ static void test_rejects_each_bad_configuration(void)
     }
 }
 
+/* Otherwise the angle wraps before it reaches its limit. */
+static void test_the_counts_hold_the_angle_limit(void)
+{
+    dahl_commission_config_t config = valid;
+    dahl_commission_t axis;
+    config.theta_per_count = 1e-9f;
+    config.angle_limit = 1.9f;
+    TEST_ASSERT_EQUAL(DAHL_COMMISSION_OK, dahl_commission_start(&axis, &config));
+    config.angle_limit = 2.2f;
+    TEST_ASSERT_EQUAL(DAHL_COMMISSION_PARAM, dahl_commission_start(&axis, &config));
+}
+
 /* Any counts and torques: the torque stays within its limit, and the end comes within the time-outs. */
 static void test_any_input_ends_within_the_limits(void)
 {

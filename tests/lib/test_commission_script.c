@@ -17,7 +17,7 @@ static int is_torque(const scripted_t *axis, dahl_commission_stage_t stage)
     return is_in(axis, stage, DAHL_COMMISSION_TORQUE);
 }
 
-/* --- scripts: each ends with what the commissioning must do ------------------------------------------------------------- */
+/* --- scripts: what the axis does; the table below has what the commissioning must do ------------------------------------- */
 
 static void flicker(scripted_t *axis)
 {
@@ -224,6 +224,13 @@ static void run_loud_twice(scripted_t *axis)
     }
 }
 
+static void run_loud_three_times(scripted_t *axis)
+{
+    if (axis->ticks < 90) {
+        run_loud(axis);
+    }
+}
+
 static void stiffen_above_15_hz(scripted_t *axis) /* the inertia grows and levels off, as that of no shaft */
 {
     if (is_in(axis, DAHL_COMMISSION_INERTIA, DAHL_COMMISSION_TRACK)) {
@@ -260,6 +267,10 @@ static const scenario_t scenarios[] = {
     {"half of the strokes without sines", DAHL_COMMISSION_BAD_INERTIA, 0, {.script = lose_sines}},
     {"resonance in the strokes", DAHL_COMMISSION_BAD_INERTIA, 0, {.script = run_loud}},
     {"resonance at first: a soft shaft", DAHL_COMMISSION_OK, 0.5f, {.script = run_loud_twice}},
+    {"resonance at 76 Hz, and a tick too long for 88 Hz",
+     DAHL_COMMISSION_BAD_INERTIA,
+     0,
+     {.period = 1.0 / 880, .script = run_loud_three_times}},
     {"inertia of no shaft", DAHL_COMMISSION_BAD_INERTIA, 0, {.script = stiffen_above_15_hz}},
     {"inertia 6 times that of the configuration", DAHL_COMMISSION_BAD_INERTIA, 0, {.inertia = 0.012}},
     {"inertia a sixth of that of the configuration", DAHL_COMMISSION_BAD_INERTIA, 0, {.loop_inertia = 0.012}},

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""List the instructions of the AVX-512 loops of the throughput forms: what the distance of a tick
-to a copy consists of.
+"""Count the instructions of the AVX-512 loops of the throughput forms, to explain the distance of a
+tick to a copy.
 
 Usage: PYTHON tools/bench/batch_loops.py [ARCHIVE]    (build/host/lib/libdahl_batch.a)
 
@@ -88,8 +88,8 @@ def main(archive: Path) -> int:
         passes, wide = 64 / kind.ticks, sum("%zmm" in line for line in loop)
         cells = [kind.title, f"{passes * len(loop):.0f}", f"{passes * wide:.0f}"]
         for name in PROCESSORS:
-            known = shutil.which(MCA)
-            cells.append(f"{passes * expected_cycles(loop, name):.0f}" if known else "-")
+            has_mca = shutil.which(MCA)
+            cells.append(f"{passes * expected_cycles(loop, name):.0f}" if has_mca else "-")
         print("| " + " | ".join(cells) + " |")
     return 0
 

@@ -234,13 +234,13 @@ def measure_threads(ticks: int) -> dict[str, float]:
 def cpu(text: str) -> str:
     """Return name, family, model and vectors of the first processor in /proc/cpuinfo."""
     lines = [line.partition(":") for line in text.partition("\n\n")[0].splitlines()]
-    said = {key.strip(): value.strip() for key, _, value in lines}
-    if "model name" not in said:
+    fields = {key.strip(): value.strip() for key, _, value in lines}
+    if "model name" not in fields:
         return "unknown processor"
-    flags = said.get("flags", "").split()
+    flags = fields.get("flags", "").split()
     vectors = "AVX-512" if "avx512bw" in flags else "AVX2" if "avx2" in flags else "no AVX2"
-    family = f"family {said.get('cpu family', '?')}, model {said.get('model', '?')}"
-    return f"{said['model name']} ({family}, {vectors})"
+    family = f"family {fields.get('cpu family', '?')}, model {fields.get('model', '?')}"
+    return f"{fields['model name']} ({family}, {vectors})"
 
 
 def measure(quick: bool, core_math: Path | None) -> dict[str, Any]:

@@ -542,7 +542,7 @@ def main(arguments: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    import target  # whose errors avr.py raises
+    import target  # the module that avr.py imports: its BenchError is caught below
 
     try:
         sys.exit(target.main(sys.argv[1:]))

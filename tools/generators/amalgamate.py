@@ -50,7 +50,9 @@ HEAD = """{licence_line}/*
  */
 """
 CODE_HEAD = """
+#if !defined(DAHL_WITHOUT_ASSEMBLY)
 #define DAHL_WITHOUT_ASSEMBLY /* so no tick is weak */
+#endif
 {defines}#include "dahl.h"
 
 #if defined(__clang__) /* not every selection of parts needs every helper */
@@ -98,7 +100,11 @@ def commit() -> str:
         return ARCHIVED_COMMIT
     git = ["git", "-C", str(ROOT)]
     try:
-        known = subprocess.check_output([*git, "rev-parse", "HEAD"], text=True).strip()
+        top, known = subprocess.check_output(
+            [*git, "rev-parse", "--show-toplevel", "HEAD"], text=True
+        ).splitlines()
+        if not ROOT.samefile(top):
+            return "unknown"  # a copy in the repository of another project
         changed = subprocess.check_output([*git, "status", "--porcelain", "--", "lib"])
     except (OSError, subprocess.CalledProcessError):
         return "unknown"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Draw the pictures of docs/pictures that tools/bench.sh does not draw.
+"""Draw pictures of docs/pictures: scenes of the demo, arcs of the paper, block diagrams.
 
-Default: all; example: pictures.py arcs commission. The demo plays the scenes,
-which must be built (tools/demo.sh). loop.png shows latencies: draw it on an idle machine.
+Default: all; example: pictures.py arcs commission. The demo must be built (tools/demo.sh).
+loop.png shows latencies: draw it on an idle machine.
 """
 
 import argparse
@@ -63,7 +63,7 @@ def draw_arcs() -> None:
 
 
 def block(axes: Axes, middle: Point, words: str, is_ours: bool = True, width: float = 1.3) -> None:
-    """Draw a box of an inch in height by its first line, a name, and what it does."""
+    """Draw a box. The first line of its words is its name."""
     name, _, text = words.partition("\n")
     x, y = middle
     colour = plots.COMPUTED if is_ours else plots.MEASURED
@@ -74,7 +74,7 @@ def block(axes: Axes, middle: Point, words: str, is_ours: bool = True, width: fl
 
 
 def arrow(axes: Axes, *way: Point, style: str = "-", words: str = "", at: Point = (0, 0)) -> None:
-    """Draw a line with an arrow at its end, and words at a place."""
+    """Draw a line with an arrow at its end, and its words at another place."""
     x, y = zip(*way, strict=True)
     look: Any = {"color": plots.WITHOUT, "linewidth": 1.1, "linestyle": style}
     axes.plot(x[:-1], y[:-1], **look)
@@ -195,4 +195,5 @@ def main() -> None:
             drawn[name]() if name in drawn else draw_scene(name)
 
 
-main()
+if __name__ == "__main__":
+    main()

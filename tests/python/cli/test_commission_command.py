@@ -136,6 +136,8 @@ def test_a_recording_shows_friction_and_load_but_no_bounds(dahl, recording) -> N
     sweeps = numbers["sweeps"]
     assert sweeps["Fc"]["least"] <= FC <= sweeps["Fc"]["most"] < 1.03 * FC
     assert sweeps["load"] == pytest.approx(GRAVITY * np.cos(sweeps["angle"]), abs=0.02)
+    assert np.abs(sweeps["load"] - GRAVITY * np.cos(sweeps["angle"])).max() <= sweeps["load_error"]
+    assert sweeps["load_error"] < 0.3 * FC
     assert sweeps["viscous"]["least"] <= VISCOUS <= sweeps["viscous"]["most"]
     assert "inertia" not in done.stderr + "".join(numbers)  # it would have no interval
     assert numbers["result"] is numbers["compensator"] is None

@@ -2,6 +2,7 @@
 """The library as dahl.c and dahl.h (tools/amalgamate.sh), alone in a flat folder."""
 
 import re
+import shutil
 import tarfile
 from itertools import product
 from pathlib import Path
@@ -19,6 +20,12 @@ STRICT = "-Wall -Wextra -pedantic -Wconversion -Wsign-conversion -Wundef -Wshado
 GOLDEN = ROOT / "tests/lib/golden_bits.txt"
 CORES = ("arm-none-eabi-gcc -mcpu=cortex-m0 -mthumb", "arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb")
 AVR = "avr-gcc -mmcu=atmega2560"  # gcc 5: no C17
+MACROS = [
+    *("abs(x)=0", "min(a,b)=0", "max(a,b)=0", "round(x)=0", "sq(x)=0", "bit(b)=0", "F(x)=0"),
+    *("B1=1", "A0=1", "PI=3", "TWO_PI=6", "HIGH=1", "LOW=0", "INPUT=0", "OUTPUT=1", "DEFAULT=1"),
+    *("near=", "far=", "small=char", "IN=", "OUT=", "CONST=const", "TRUE=1", "ERROR=0", "I=1"),
+    *("RESET=0", "SET=1", "CRC=1", "CAN=1", "__IO=volatile", "SP=1", "DT=1"),
+]
 STANDARDS = ("c99", "c11", "c17", "c2x")
 CPP = """#include "dahl.h"
 int main()
@@ -72,6 +79,18 @@ def test_an_archive_without_git_names_its_commit(tmp_path: Path) -> None:
     assert re.findall(r" \*   commit +(.*)", text) == [commit]
 
 
+def test_a_copy_in_the_repository_of_another_project_names_no_commit(tmp_path: Path) -> None:
+    copy = tmp_path / "vendor"
+    for name in ("lib", "tools"):
+        shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "LICENSE", copy)
+    for words in ("init -q", "add -A", "-c user.name=n -c user.email=e commit -q -m c"):
+        run("git", "-C", tmp_path, *words.split())
+    run(copy / "tools/amalgamate.sh", "-o", tmp_path)
+    text = (tmp_path / "dahl.h").read_text()
+    assert re.findall(r" \*   commit +(.*)", text) == ["unknown"]
+
+
 def test_an_unknown_part_is_named(tmp_path: Path) -> None:
     said = run(TOOL, "--with", "parts,gear", "-o", tmp_path, code=2)
     assert said.startswith("error: ") and "'gear'" in said and all(name in said for name in PARTS)
@@ -105,6 +124,14 @@ def test_headers_of_the_commands_compile_beside_it(
     (tmp_path / "dahl_plan_axis.h").write_text(header)
     (tmp_path / "main.c").write_text('#include "dahl_plan_axis.h"\n')
     run("gcc", "-std=c99", f"-I{made[part]}", "-fsyntax-only", tmp_path / "main.c")
+
+
+def test_macros_of_a_platform_and_its_own_define_do_no_harm(made: dict[str, Path]) -> None:
+    """Arduino.h, windows.h and CMSIS, included before, as if a project compiles it as one unit."""
+    words = [*STRICT, "-std=c99", "-fsyntax-only", "-DDAHL_WITHOUT_ASSEMBLY"]
+    words += [f"-D{macro}" for macro in MACROS]
+    for name in ("friction", "all"):
+        run("gcc", *words, "dahl.c", cwd=made[name])
 
 
 @pytest.mark.parametrize("command", with_compilers("gcc -O2", "clang -O2", "tcc"))

@@ -24,6 +24,8 @@ COMPENSATOR_PARAMETERS = (
     *("period", "rise", "fall", "fade_speed", "noise", "play", "jump"),
 )
 SWEEP_SPEEDS = (0.6, 1.2, 2.5)  # rad/s, of lib/commission/sweeps.c
+UNEQUAL_SHARE = 0.15  # of Fc: largest difference of the directions
+HIDDEN_LOAD_RAD = 0.8  # mean of a load over its slope, if unequal friction cancels the load
 VALUES = ("load_error", "load_most", "breakaway", "gain", "seconds")
 RANGES_OF_VALUES = {  # of dahl_commission_start()
     "period": (5e-5, 2e-3),
@@ -110,7 +112,7 @@ class Commission(HasParameters, Copied):
     inertia = Parameter("1e-9 <= inertia <= 1e9 (kg m2)")
     torque_limit = Parameter("1e-9 <= torque_limit <= 1e9 (N m)")
     travel = Parameter("0.2 <= travel <= 3 (rad)")
-    angle_limit = Parameter("1.5 travel <= angle_limit <= 100 (rad)")
+    angle_limit = Parameter("1.5 travel <= angle_limit <= 100 (rad), 2e9 theta_per_count")
     speed_limit = Parameter("5 <= speed_limit <= 1000 (rad/s)")
 
     def __init__(
@@ -136,7 +138,8 @@ class Commission(HasParameters, Copied):
 
     def _refusal(self) -> str:
         """Return the value and the limit that the library refused."""
-        ranges = {**RANGES_OF_VALUES, "angle_limit": (1.5 * self.travel, 100.0)}
+        most_angle = min(100.0, 2e9 * self.theta_per_count)
+        ranges = {**RANGES_OF_VALUES, "angle_limit": (1.5 * self.travel, most_angle)}
         for name, (least, most) in ranges.items():
             if not np.float32(least) <= np.float32(self._values[name]) <= np.float32(most):
                 return f"{name} = {self._values[name]:g} is outside {self._limits[name]}"
@@ -215,9 +218,9 @@ class Commission(HasParameters, Copied):
 
     @property
     def sweeps(self) -> dict[str, Any]:
-        """Measurements of the sweeps alone: Fc and viscous as Range, `friction` and `load` (N m) at
-        `angle` (rad), and `friction_at_speed` in pairs of rad/s and N m. Raises dahl.RunError
-        before the end of the sweeps.
+        """Measurements of the sweeps alone: Fc and viscous as Range, `friction` and `load` (N m,
+        +-`load_error`) at `angle` (rad), and `friction_at_speed` in pairs of rad/s and N m. Raises
+        dahl.RunError before the end of the sweeps.
         """
         state = self._state
         if not self.has_sweeps:
@@ -227,14 +230,25 @@ class Commission(HasParameters, Copied):
         best = state.result.Fc.best
         error = (viscous.most - viscous.best) * float(np.mean(SWEEP_SPEEDS))
         bins = len(friction)
+        angle = self.travel * ((2 * np.arange(bins) + 1) / bins - 1)
         return {
             "Fc": Range(best - error, best, best + error),
             "viscous": Range(viscous.least, viscous.best, viscous.most),
-            "angle": self.travel * ((2 * np.arange(bins) + 1) / bins - 1),
+            "angle": angle,
             "friction": friction,
             "load": self._loads(),
+            "load_error": state.table.scatter + self._load_error(angle, friction),
             "friction_at_speed": [(speed, level) for speed, level in levels if level > 0],
         }
+
+    def _load_error(self, angle: NDArray[np.float64], friction: NDArray[np.float64]) -> float:
+        """Return the error of the load after the sweeps, as breakaway.c adds it up: friction that
+        differs between the directions, friction that has not grown to Fc near the ends, noise.
+        """
+        Fc = self._state.result.Fc.best
+        slope, mean = np.polyfit(angle, self._loads(), 1)
+        unequal = min(UNEQUAL_SHARE * Fc, abs(mean) + HIDDEN_LOAD_RAD * abs(slope))
+        return float(unequal + np.abs(np.diff(friction)).max() / 2 + 0.03 * Fc)
 
     def _need_done(self) -> None:
         if self.stage != "done":

@@ -222,7 +222,7 @@ def _read(args: argparse.Namespace) -> Report:
         raise InputError(f"{args.log}: {next(iter(log.questions.values()))}")
     table = sweep_table.motion(args.travel or 0.35)
     placed = sweep_table.place(log, table)
-    count = min(max(log.resolution, 1e-9), 0.01) if log.resolution else FINE_COUNT_RAD
+    count = min(max(log.resolution, 1e-8), 0.01) if log.resolution else FINE_COUNT_RAD
     limits = {"inertia": UNLIMITED, "torque_limit": UNLIMITED, **_given(args)}
     axis = Commission(period=table.period, theta_per_count=count, **limits)
     done = sweep_table.replay(axis, placed)

@@ -507,10 +507,10 @@ def _against_sigma0(result: Result, i: Intervals) -> Iterator[Objection]:
             what, reason = "the steepest part of the fitted law is", "steepest at rest"
         yield (True, False), reason, f"{what} shorter than a count or a move of one row"
     if (is_unusual and best.lag is PLAY) or has_play:
-        text = "a play and a soft friction turn the loop alike, and this log needs both"
+        text = "a play and a soft friction look alike in loops, and this log needs both"
         yield (True, is_unusual), "law and play", text
     elif is_unusual:
-        text = "a torque that lags and a soft friction turn the loop alike, and this log needs both"
+        text = "a torque that lags and a soft friction look alike in loops, and this log needs both"
         yield (True, is_unusual), "law and lag", text
     if any(fit.hypothesis.law.is_steepest_at_rest(fit.p) for fit in result.plausible.fits):
         text = "the loop is steepest at rest, as of small stiff elements: sigma0 is larger"

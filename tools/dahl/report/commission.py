@@ -175,8 +175,9 @@ class Report:
         elif axis.has_sweeps:
             yield "Fc", f"{_shown(axis.sweeps['Fc'])} N m"
             yield "viscous", f"{_shown(axis.sweeps['viscous'])} N m s/rad"
-            load = axis.sweeps["load"]
-            yield "load", f"{load.min():.4g} to {load.max():.4g} N m over the travel"
+            load, error = axis.sweeps["load"], axis.sweeps["load_error"]
+            words = f"{load.min():.4g} to {load.max():.4g} N m over the travel, each within"
+            yield "load", f"{words} {error:.2g}"
 
     def table(self) -> Table:
         """Return the rows as a table for the terminal."""
