@@ -21,6 +21,8 @@
 set -euo pipefail
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+# shellcheck source=tools/setup/python.sh
+source "$ROOT/tools/setup/python.sh"
 
 OUT=$BUILD/release
 COMMIT=HEAD
@@ -52,14 +54,14 @@ check_checkout() {
         die "the checkout is not at $COMMIT: check it out, or give --without-site"
 }
 
-build_release() { # ARGUMENT...
-    "$VENV/bin/python" "$ROOT/tools/release/release.py" -o "$OUT" --commit "$COMMIT" ${ARGUMENTS[@]+"${ARGUMENTS[@]}"} "$@"
+build_release() { # PYTHON ARGUMENT...
+    "$1" "$ROOT/tools/release/release.py" -o "$OUT" --commit "$COMMIT" ${ARGUMENTS[@]+"${ARGUMENTS[@]}"} "${@:2}"
 }
 
 [ -z "$SITE" ] || check_checkout
+if python=$(find_python); then build_release "$python" --check; fi # before the set-up, which takes minutes
 "$ROOT/tools/setup.sh" release
-build_release --check
 SOURCE_DATE_EPOCH=$(git -C "$ROOT" log -1 --format=%ct "$COMMIT")
 export SOURCE_DATE_EPOCH
 if [ -n "$SITE" ]; then "$ROOT/tools/docs.sh"; fi
-build_release ${SITE:+--site "$SITE"}
+build_release "$VENV/bin/python" ${SITE:+--site "$SITE"}

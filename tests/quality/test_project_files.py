@@ -39,6 +39,12 @@ def test_a_file_follows_its_schema(name: str, tmp_path: Path) -> None:
     assert not schema_accepts(schema, broken)
 
 
+def test_an_environment_in_the_checkout_is_no_file_of_it() -> None:
+    """docs/python.md creates one there; tools/docs.sh and tools/release.sh must not see it."""
+    for folder in ("venv", ".venv"):
+        run("git", "-C", ROOT, "check-ignore", f"{folder}/lib64")
+
+
 def test_each_job_of_the_workflow_has_an_end() -> None:
     assert schema_accepts("custom.github-workflows-require-timeout", WORKFLOW)
 

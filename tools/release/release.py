@@ -21,13 +21,13 @@ from pathlib import Path
 
 import archives
 import sbom
-import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = "aarch64-linux-gnu"
 ADDRESS = re.compile(r"https://(?!example\.)[\w.-]+\.\w+/[\w./~-]*\w(?<!\.git)")
-NO_ADDRESS = """no address of the repository: '{address}'. Set repository in [tool.dahl] of
-pyproject.toml, or give --repository, for example --repository https://host.name/owner/dahl"""
+NO_ADDRESS = """'{address}' is no address of a repository: give one such as
+https://host.name/owner/dahl, without .git and not of example.com. Set repository in [tool.dahl] of
+pyproject.toml, or give --repository"""
 
 
 @dataclass
@@ -158,6 +158,8 @@ def platformio(release: Release) -> None:
 
 
 def esp_idf(release: Release) -> None:
+    import yaml  # here, so that --check needs no package
+
     globs = yaml.safe_load((release.tree / "idf_component.yml").read_text())["files"]["include"]
     files = matching(release.tree, globs)
     archives.write_tar(release.file("-esp-idf.tgz"), release.tree, files, release.seconds)

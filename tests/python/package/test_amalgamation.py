@@ -9,6 +9,9 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT, need, with_compilers
+from dahl import Plan, Slip
+from dahl.binding import plan_header
+from dahl.binding.library import c
 from programs import run
 
 TOOL = ROOT / "tools/amalgamate.sh"
@@ -104,6 +107,23 @@ def test_it_compiles_alone_without_a_warning(command: str, made: dict[str, Path]
     for name, standard in runs:
         words = [] if compiler == "tcc" else [*STRICT, "-fsyntax-only"]
         run(compiler, f"-std={standard}", *flags, *words, "-c", "dahl.c", cwd=made[name])
+
+
+@pytest.mark.parametrize("part", ["parts", "compensator"])
+def test_headers_of_the_commands_compile_beside_it(
+    part: str, made: dict[str, Path], tmp_path: Path
+) -> None:
+    """`dahl.h` of the amalgamation has all: no other header of the library is in the project."""
+    if part == "parts":
+        slip = plan_header.text("axis", Slip([100, 40], [0.5, 0.3], 1e-4), [])
+        header = plan_header.with_load(slip, "axis", 0.0, 1.0)
+    else:
+        header = plan_header.text("axis", Plan(100, 0.5, 1e-4), [])
+        params = c.new("dahl_compensator_params_t *", {"law": c.DAHL_COMPENSATOR_MEASURED})
+        header += plan_header.commission("axis", params[0], [0.1] * 14, 0.35)
+    (tmp_path / "dahl_plan_axis.h").write_text(header)
+    (tmp_path / "main.c").write_text('#include "dahl_plan_axis.h"\n')
+    run("gcc", "-std=c99", f"-I{made[part]}", "-fsyntax-only", tmp_path / "main.c")
 
 
 def test_macros_of_a_platform_and_its_own_define_do_no_harm(made: dict[str, Path]) -> None:

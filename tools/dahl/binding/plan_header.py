@@ -56,6 +56,14 @@ def is_plan(path: Path) -> bool:
         return False
 
 
+def _include(header: str) -> list[str]:
+    """Return the lines that include a header. The dahl.h of tools/amalgamate.sh replaces each."""
+    if header == "dahl.h":
+        return ['#include "dahl.h"']
+    guard = header.upper().replace(".", "_")
+    return ['#include "dahl.h"', f"#ifndef {guard}", f'#include "{header}"', "#endif"]
+
+
 def _initialiser(value: Any, kind: Any) -> str:
     if kind.kind == "array":
         return "{" + ", ".join(_initialiser(one, kind.item) for one in value) + "}"
@@ -104,7 +112,7 @@ def text(name: str, plan: AnyPlan | dict[str, AnyPlan], comment: list[str]) -> s
         f"#ifndef {guard}",
         f"#define {guard}",
         "",
-        *(f'#include "{header}"' for header in sorted({header for _, header, _ in kinds})),
+        *_include(max(header for _, header, _ in kinds)),
         "",
         f"#if DAHL_VERSION_MAJOR != {major} || DAHL_VERSION_MINOR != {minor}",
         f'#error "this plan was made for dahl {major}.{minor}: make it again with this version"',
@@ -120,7 +128,7 @@ def with_load(header: str, name: str, at_zero: float, per_unit: float) -> str:
     """Return the header of a plan with a function that converts a measured load to the load_q30 of
     dahl_loaded_step_counts(): 2^30 (at_zero + per_unit load), 0 .. 2^31 - 1; 0 for NaN.
     """
-    header = header.replace('#include "dahl.h"', '#include "dahl_parts.h"')
+    header = header.replace('#include "dahl.h"', "\n".join(_include("dahl_parts.h")), 1)
     end = header.rindex("#endif /* ")
     function = [
         "/* load_q30 of dahl_loaded_step_counts() for a load as the log has it. */",
@@ -172,7 +180,7 @@ def commission(name: str, params: Any, load: Sequence[float], travel: float) -> 
         "/* For dahl_compensator_prepare(), if the firmware adds the load to its command. */",
         f"#ifndef {guard}",
         f"#define {guard}",
-        '#include "dahl_compensator.h"',
+        *_include("dahl_compensator.h"),
         "",
         f"static const dahl_compensator_params_t dahl_plan_{name}_compensator = {{",
         *(f"    /* {field} */ {value}," for field, value in members),
