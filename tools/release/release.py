@@ -25,7 +25,7 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = "aarch64-linux-gnu"
-ADDRESS = re.compile(r"https://(?!example\.)[\w.-]+\.\w+/[\w./~-]*\w(?<!\.git)")
+ADDRESS = re.compile(r"https://(?!([\w.-]+\.)?(?i:example)\.)[\w.-]+\.\w+/[\w./~-]*\w(?<!\.git)")
 NO_ADDRESS = """no address of the repository: '{address}'. Set repository in [tool.dahl] of
 pyproject.toml, or give --repository, for example --repository https://host.name/owner/dahl"""
 
