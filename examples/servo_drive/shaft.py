@@ -104,7 +104,8 @@ class Bench:
     def send(self, command: Command, target: int = 0) -> None:
         """Send a DriveCommand."""
         values = {"Crc": 0, "Counter": self._counter % 16, "Command": int(command)}
-        data = DATABASE.encode_message("DriveCommand", values | {"Target": target})
+        values |= {"Target": target}
+        data = DATABASE.encode_message("DriveCommand", values, strict=False)
         protected = bytes(data[1:]) + bytes([0xF0 | data[1] & 15])
         self._counter += 1
         self.send_raw(0x160, bytes([crc(0x2F, protected, 0xFF)]) + data[1:])
