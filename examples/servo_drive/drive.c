@@ -28,7 +28,7 @@ static uint32_t plans_crc;             /* of the last set */
 static atomic_bool has_new_loop;       /* set by main, cleared by the tick; so are the next two */
 static atomic_uchar order = ORDER_NONE;
 static atomic_bool is_main_sound;
-static atomic_bool has_result; /* set by the tick, cleared by main */
+static atomic_bool has_result; /* set by the tick, cleared by main and by the next commissioning */
 static int32_t order_target;
 static drive_report_t reports;
 static atomic_uchar report_number; /* changes with each report */

@@ -120,8 +120,8 @@ static bool take_param(const dahl_can_frame_t *frame)
     return true;
 }
 
-/* The flash may stop the ticks, so the torque must be 0: after a Stop, it falls for some ticks. In the states Off and Fault it stays
- * 0, if no order is on its way. */
+/* The flash may stop the ticks, so the torque must be 0: after a Stop, it falls for some ticks. In the states Off and Fault it
+ * stays 0, if no order is on its way. */
 static void save_pending(void)
 {
     if (!is_save_pending || !drive_is_ready()) {
