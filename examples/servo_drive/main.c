@@ -17,7 +17,7 @@ static const store_params_t defaults = {
 
 static store_params_t params;
 static store_result_t stored;
-static bool is_saved; /* params are those in flash */
+static bool is_saved;        /* params are those in flash */
 static bool is_save_pending; /* until the torque is 0 */
 static drive_report_t now, last;
 static uint32_t format_error, sent_motion, sent_status; /* bit of Status, ticks */
