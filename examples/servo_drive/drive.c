@@ -28,7 +28,7 @@ static uint32_t plans_crc;             /* of the last set */
 static atomic_bool has_new_loop;       /* set by main, cleared by the tick; so are the next two */
 static atomic_uchar order = ORDER_NONE;
 static atomic_bool is_main_sound;
-static atomic_bool has_result; /* set by the tick, cleared by main */
+static atomic_bool has_result; /* set by the tick, cleared by main and by the next commissioning */
 static int32_t order_target;
 static drive_report_t reports;
 static atomic_uchar report_number; /* changes with each report */
@@ -39,7 +39,7 @@ static drive_state_t state;
 static drive_fault_t fault;
 static float torque; /* N m, of the last tick */
 static struct { int32_t count, target; float part, speed; } reference; /* counts, rad/s */
-static uint32_t silent_ticks, main_ticks; /* since the last order, and the last report of the main program */
+static uint32_t silent_ticks, main_ticks; /* since the last ORDER_MOVE, and the last report of the main program */
 static bool has_failed;
 
 /* --- the main program --------------------------------------------------------------------------- */
@@ -159,13 +159,14 @@ static void start_commissioning(void)
                                              .inertia = params.observer.speed_gain / LOOP_RATE, .travel = 0.35f,
                                              .angle_limit = 0.7f, .speed_limit = 10, .torque_limit = TORQUE_LIMIT};
     state = DRIVE_COMMISSION;
+    has_result = false;
     (void)axis_start(&axis, &config, LOOP_HZ); /* if it is refused, so is its first tick */
 }
 
 static void take_order(void)
 {
     bool is_steady = encoder.good_ticks >= GOOD_READINGS;
-    silent_ticks = order == ORDER_NONE ? silent_ticks + 1 : 0;
+    silent_ticks = order == ORDER_MOVE ? 0 : silent_ticks + 1;
     if (order == ORDER_STOP && state != DRIVE_FAULT) {
         state = DRIVE_OFF;
     } else if (order == ORDER_COMMISSION && state == DRIVE_OFF && is_steady) {

@@ -15,7 +15,7 @@ typedef enum {
     DRIVE_NO_FAULT = 0,
     DRIVE_ENCODER = 1,   /* three bad readings in a row */
     DRIVE_FOLLOWING = 2, /* the shaft is too far from its reference: blocked, or the encoder is frozen */
-    DRIVE_BUS = 3,       /* no order for 200 ms while the drive ran */
+    DRIVE_BUS = 3,       /* no ORDER_MOVE for 200 ms while the drive ran */
     DRIVE_REFUSED = 4,   /* the commissioning was refused */
     DRIVE_RESET = 5      /* the watchdog has reset the drive */
 } drive_fault_t;

@@ -6,9 +6,10 @@
 #include "drive.h"
 
 enum { NODE = 0, ID_COMMAND = 0x160, ID_DRIVE = 0x170, KIND_COMMAND = 0xF, KIND_DRIVE = 0x0 }; /* of servo_drive.dbc */
-enum { MOTION_TICKS = 10, STATUS_TICKS = 100, CHECK_PASSES = 10 };
+enum { NO_COMMAND = 0xFF, MOTION_TICKS = 10, STATUS_TICKS = 100, CHECK_PASSES = 10 };
 #define FC_UNIT (1.0f / 1048576) /* N m */
 #define GAIN_UNIT (1.0f / 65536)
+#define TARGET_MOST 1000000000u /* counts: the difference of two fits into 32 bits */
 
 /* For a first commissioning: only the inertia must be right, within a factor of 1.5. */
 static const store_params_t defaults = {
@@ -16,10 +17,12 @@ static const store_params_t defaults = {
 
 static store_params_t params;
 static store_result_t stored;
-static bool is_saved; /* params are those in flash */
+static bool is_saved;        /* params are those in flash */
+static bool is_save_pending; /* until the torque is 0 */
 static drive_report_t now, last;
 static uint32_t format_error, sent_motion, sent_status; /* bit of Status, ticks */
 static uint8_t motion_counter, status_counter;
+static uint8_t last_command = NO_COMMAND; /* its order and counter */
 
 /* --- telemetry ---------------------------------------------------------------------------------- */
 
@@ -117,11 +120,19 @@ static bool take_param(const dahl_can_frame_t *frame)
     return true;
 }
 
-static void save(void)
+/* The flash may stop the ticks, so the torque must be 0: after a Stop, it falls for some ticks. In the states Off and Fault it
+ * stays 0, if no order is on its way. */
+static void save_pending(void)
 {
-    if (now.state == DRIVE_OFF || now.state == DRIVE_FAULT) {
+    if (!is_save_pending || !drive_is_ready()) {
+        return;
+    }
+    drive_read(&now);
+    is_save_pending = now.state == DRIVE_OFF || now.state == DRIVE_FAULT;
+    if (is_save_pending && now.torque == 0.0f) {
         is_saved = store_save(&params);
         stored = is_saved ? STORE_GOOD : STORE_CORRUPT;
+        is_save_pending = false;
     }
 }
 
@@ -129,11 +140,11 @@ static void save(void)
 static void take_result(void)
 {
     store_params_t next = params;
-    if (drive_take_result(&next)) {
+    if (drive_is_ready() && drive_take_result(&next)) {
         is_saved = false;
         if (drive_set(&next)) {
             params = next;
-            save();
+            is_save_pending = true;
         }
     }
 }
@@ -144,11 +155,15 @@ static bool take_command(const dahl_can_frame_t *frame)
     uint32_t target = (uint32_t)data[4] | (uint32_t)data[5] << 8 | (uint32_t)data[6] << 16 | (uint32_t)data[7] << 24;
     order_t order = (order_t)(data[1] >> 4);
     if (frame->length != 8 || (frame->flags & DAHL_CAN_FRAME_FOREIGN) != 0 || dahl_frames_crc(data, KIND_COMMAND) != data[0]
-        || order > ORDER_CLEAR) {
+        || order > ORDER_CLEAR || (order == ORDER_MOVE && target + TARGET_MOST > 2 * TARGET_MOST)) {
         return false;
     }
+    if (data[1] == last_command) {
+        return true; /* sent twice, or by a sender that hangs */
+    }
+    last_command = data[1];
     if (order == ORDER_SAVE) {
-        save();
+        is_save_pending = true;
     } else {
         drive_order(order, (int32_t)target);
     }
@@ -194,6 +209,7 @@ int main(void)
         drive_read(&now);
         take_result();
         serve_bus();
+        save_pending();
         send_telemetry();
     }
 }

@@ -73,7 +73,6 @@ class Bench:
         self.drive: dict[str, Any] = {}  # the last DriveStatus
         self.frames: list[Any] = []  # all other frames
         self.torques: list[float] = []  # N m, of each tick
-        self.counts: list[int] = []  # of the encoder, of each tick
         self.queue: deque[tuple[int, bytes]] = deque()
         self._counter = 0
         if not self.flash.exists():
@@ -105,7 +104,8 @@ class Bench:
     def send(self, command: Command, target: int = 0) -> None:
         """Send a DriveCommand."""
         values = {"Crc": 0, "Counter": self._counter % 16, "Command": int(command)}
-        data = DATABASE.encode_message("DriveCommand", values | {"Target": target})
+        values |= {"Target": target}
+        data = DATABASE.encode_message("DriveCommand", values, strict=False)
         protected = bytes(data[1:]) + bytes([0xF0 | data[1] & 15])
         self._counter += 1
         self.send_raw(0x160, bytes([crc(0x2F, protected, 0xFF)]) + data[1:])
@@ -171,7 +171,6 @@ class Bench:
         self.torque, self.word, number = FROM_DRIVE.unpack_from(found)
         self._take(found[FROM_DRIVE.size :], number)
         self.torques.append(self.torque)
-        self.counts.append(self.count)
         self.count += self.shaft.move(self.torque)
         self.ticks += 1
         stdin.write(raw + bytes(TO_DRIVE.size + FRAMES * FRAME.size - len(raw)))

@@ -24,7 +24,7 @@ import sbom
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = "aarch64-linux-gnu"
-ADDRESS = re.compile(r"https://(?!example\.)[\w.-]+\.\w+/[\w./~-]*\w(?<!\.git)")
+ADDRESS = re.compile(r"https://(?!([\w.-]+\.)?(?i:example)\.)[\w.-]+\.\w+/[\w./~-]*\w(?<!\.git)")
 NO_ADDRESS = """'{address}' is no address of a repository: give one such as
 https://host.name/owner/dahl, without .git and not of example.com. Set repository in [tool.dahl] of
 pyproject.toml, or give --repository"""

@@ -131,7 +131,11 @@ def without_aarch64(bill: Path) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    "address", ["", "https://example.org/dahl", "host.name/dahl", "https://host.name/dahl.git"]
+    "address",
+    [
+        *("", "https://example.org/dahl", "https://www.Example.com/dahl"),
+        *("host.name/dahl", "https://host.name/dahl.git"),
+    ],
 )
 def test_without_an_address_there_is_no_release(address: str, tmp_path: Path) -> None:
     """It is said before packages are installed."""

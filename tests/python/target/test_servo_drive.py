@@ -29,7 +29,6 @@ FC_UNIT = 2.0**-20
 FALL_TICKS, FALL_STEP = 20, 0.251  # N m
 RECORD_BYTES = 40
 REST = 10  # counts, 1.5 s after a move
-TELEMETRY_TICKS = 12  # an EncoderState every 10 ms, and two ticks until it is here
 
 
 def image_of(core: str) -> Path:
@@ -106,6 +105,22 @@ def fail_under_torque(bench: Bench) -> None:
     assert falls_to_zero(bench.torques[before + 4 :])
 
 
+def next_counts(bench: Bench) -> tuple[int, int]:
+    """Return the count of the next EncoderState, and the one that the drive had read for it."""
+    counts, before = [], len(bench.frames)
+
+    def look(count: int) -> bytes:
+        counts.append(count)
+        return spi_frame(count)
+
+    bench.encoder = look
+    assert bench.run(
+        0.02, lambda: any(isinstance(one, EncoderState) for one in bench.frames[before:])
+    )
+    bench.encoder = spi_frame
+    return bench.last(EncoderState).count, counts[-2]
+
+
 @pytest.mark.parametrize("core", ["m0", "m4f"])
 def test_a_life_of_the_drive(core: str, tmp_path: Path) -> None:
     """Power on, commission, compensate, encoder fault, recovery, new parameter, power cycle."""
@@ -118,8 +133,7 @@ def test_a_life_of_the_drive(core: str, tmp_path: Path) -> None:
         bench.hold(0.4, 0)
         assert bench.last(FrictionTorque).torque_q30 / 2**30 == pytest.approx(-0.9, abs=0.01)
         bench.hold(1.5, 0)
-        assert bench.last(EncoderState).count in bench.counts[-TELEMETRY_TICKS:]
-        assert bench.count == pytest.approx(0, abs=REST)
+        assert len(set(next_counts(bench))) == 1 and abs(bench.count) <= REST
 
         fail_under_torque(bench)
         recover(bench)
@@ -345,6 +359,25 @@ def test_a_parameter_is_saved_on_command_only_and_with_the_motor_off(bench: Benc
         assert Fc_of(bench) == old and bench.drive["IsSaved"] == 1
 
 
+def test_a_save_waits_until_the_torque_is_0(bench: Bench, monkeypatch) -> None:
+    """The flash may stop the ticks, so a torque would stay."""
+    pull(bench, 1.5, 0)
+    before, move, torques_at_a_change = bench.flash.read_bytes(), bench.shaft.move, []
+
+    def look(torque: float) -> int:  # the drive waits for the next encoder frame
+        if bench.flash.read_bytes() != before:
+            torques_at_a_change.append(torque)
+        return move(torque)
+
+    monkeypatch.setattr(bench.shaft, "move", look)
+    bench.write(Param.GAIN, 30000)
+    bench.send(Command.STOP)
+    bench.send(Command.SAVE)
+    bench.run(0.3)
+    assert torques_at_a_change and torques_at_a_change[0] == 0
+    assert (bench.drive["State"], bench.drive["IsSaved"]) == ("Off", 1)
+
+
 def test_each_save_replaces_the_one_before(bench: Bench) -> None:
     for number in range(3):
         bench.write(Param.FC, round((0.4 + number / 10) / FC_UNIT))
@@ -471,6 +504,41 @@ def test_a_silent_bus_stops_the_drive(bench: Bench) -> None:
     bench.run(0.3)
     assert (bench.drive["State"], bench.drive["Fault"]) == ("Fault", "Bus") and bench.torque == 0
     recover(bench)
+
+
+@pytest.mark.parametrize("command", [Command.CLEAR, Command.COMMISSION])
+def test_only_move_keeps_the_drive_running(command: Command, bench: Bench) -> None:
+    bench.hold(0.3, 1000)
+    for _ in range(6):
+        bench.send(command)
+        if bench.run(0.05, lambda: bench.drive["Fault"] == "Bus"):
+            return
+    pytest.fail(f"the drive is in state {bench.drive['State']}")
+
+
+def test_a_sender_that_repeats_its_last_frame_is_silent(bench: Bench) -> None:
+    bench.hold(0.3, 1000)
+    bench.send(Command.MOVE, 1000)
+    identifier, data = bench.queue[-1]
+    for _ in range(8):
+        bench.send_raw(identifier, data)
+        bench.run(0.05)
+    assert (bench.drive["State"], bench.drive["Fault"]) == ("Fault", "Bus")
+
+
+@pytest.mark.parametrize("target", [10**9, -(10**9)])
+def test_the_farthest_move_has_the_right_direction(target: int, bench: Bench) -> None:
+    start = -3000 if target > 0 else 3000
+    bench.hold(1, start)
+    bench.hold(0.3, target)
+    assert bench.drive["State"] == "Run" and (bench.count - start) * target > 0
+
+
+@pytest.mark.parametrize("target", [10**9 + 1, -(10**9) - 1, 2**31 - 1, -(2**31)])
+def test_a_move_that_is_too_far_is_refused(target: int, bench: Bench) -> None:
+    bench.send(Command.MOVE, target)
+    bench.run(0.2)
+    assert (bench.drive["State"], bench.last(Status).errors) == ("Off", 1)
 
 
 def test_a_refused_commissioning_keeps_the_parameters(bench: Bench) -> None:
