@@ -152,7 +152,7 @@ static void test_faster_sines_lower_the_gain_also_if_no_shaft_shows(void)
     TEST_ASSERT_EQUAL(DAHL_COMMISSION_DONE, state.command.stage);
     TEST_ASSERT_FALSE(state.result.elastic);
     TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.5f, state.result.gain);
-    TEST_ASSERT_TRUE(rests(&axis, &state));
+    TEST_ASSERT_TRUE(rests(&axis, &state, 0));
 }
 
 /* --- faults ----------------------------------------------------------------------------------------------------------- */
