@@ -53,12 +53,12 @@ dahl_commission_refusal_t dahl_commission_start(dahl_commission_t *axis, const d
     clear(axis, sizeof *axis);
     axis->config = *config;
     axis->command.torque_limit = config->torque_limit;
-    const float most_angle = dahl_smaller(100, MOST_COUNTS * config->theta_per_count);
     int is_valid = is_within(config->period, 5e-5f, 2e-3f) && is_within(config->theta_per_count, 1e-9f, 0.01f)
+                   && config->angle_limit <= MOST_COUNTS * config->theta_per_count
                    && is_within(config->inertia, 1e-9f, 1e9f) && is_within(config->travel, 0.2f, 3)
-                   && is_within(config->angle_limit, 1.5f * config->travel, most_angle)
+                   && is_within(config->angle_limit, 1.5f * config->travel, 100)
                    && is_within(config->speed_limit, 5, 1000) && is_within(config->torque_limit, 1e-9f, 1e9f);
-    dahl_enter(axis, DAHL_COMMISSION_REST);
+    axis->command.stage = DAHL_COMMISSION_REST;
     if (!is_valid) {
         dahl_refuse(axis, DAHL_COMMISSION_PARAM);
         axis->command.torque_limit = 0;
