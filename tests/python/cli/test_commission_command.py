@@ -32,6 +32,7 @@ from programs import run, shared_object
 
 TRUTH = {"Fc": FC, "sigma0": SIGMA0, "length": FC / SIGMA0, "inertia": INERTIA, "delay": 1e-3}
 TRUTH |= {"viscous": VISCOUS}
+WITHOUT_UNIT = {"breakaway", "gain", "elastic"}  # ratios, and a flag
 
 
 def assert_true(numbers: dict, names=tuple(TRUTH)) -> None:
@@ -48,6 +49,8 @@ def test_a_simulated_axis_is_commissioned(dahl, root: Path, tmp_path: Path) -> N
     assert done.returncode == 0, done.stderr
     numbers = json.loads(done.stdout)
     assert numbers == json.loads(Path("out/rig_1.json").read_text())
+    shown = {name for part in ("configuration", "sweeps", "result") for name in numbers[part]}
+    assert numbers["units"].keys() == shown - WITHOUT_UNIT
     assert numbers["refusal"] is None and numbers["stage"] == "done"
     assert_true(numbers)
     law = Compensator(**numbers["compensator"])
