@@ -23,7 +23,7 @@ typedef enum {
 /* Values of Command in servo_drive.dbc. The tick drops an order that its state does not allow. */
 typedef enum { ORDER_STOP = 0, ORDER_MOVE = 1, ORDER_COMMISSION = 2, ORDER_SAVE = 3, ORDER_CLEAR = 4, ORDER_NONE } order_t;
 
-/* What a tick reports */
+/* Report of a tick */
 typedef struct {
     encoder_t encoder;
     uint32_t ticks;

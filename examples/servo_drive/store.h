@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* What the drive keeps over a power cycle, from the commissioning and from CAN */
+/* Parameters that stay over a power cycle, from the commissioning and from CAN */
 typedef struct {
     float Fc, sigma0, gain;     /* N m, N m/rad, 0 .. 1 */
     float inertia, inertia_low; /* kg m2: best value, lower bound */
