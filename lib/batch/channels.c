@@ -86,25 +86,18 @@ DAHL_INLINE void step_angles(chunk_t *chunk, const job_t *job, size_t count, siz
 }
 
 #ifdef DAHL_AVX512
-#define TURNS 4 /* ticks of which g is computed in turns: the latency of one exceeds the look-ahead of a processor */
+#define TURNS 4 /* ticks of which the moves are read in turns: the latency of one exceeds the look-ahead of a processor */
 
-/** Eight channels in registers, and the table of g, which only channels of equal travel per count may use. */
+/** Eight channels in registers. The state is d, or the torque in the absolute form. */
 typedef struct {
-    __m512d a, w0, Fc, F0, d;
-    const __m512d *table;
+    __m512d a, w0, Fc, F0, state;
+    const dahl_wide_table_t *table;
     __mmask8 used;
     bool is_masked; /* a store with a mask is slower */
 } eight_t;
 
-/** Returns g of the moves of a tick. */
-typedef dahl_wide_g_t (*g_of_eight_t)(const eight_t *eight, __m256i moves);
-
-DAHL_WIDE dahl_wide_g_t g_by_table(const eight_t *eight, __m256i moves)
-{
-    __m512i counts = _mm512_cvtepi32_epi64(moves);
-    dahl_wide_g_t g = {dahl_wide_look_up(eight->table, _mm512_abs_epi64(counts)), counts};
-    return g;
-}
+/** Returns the moves of a tick as numbers. */
+typedef __m512d (*values_t)(__m256i moves);
 
 DAHL_WIDE __m512d counts_of(__m256i moves)
 {
@@ -121,24 +114,54 @@ DAHL_WIDE __m512d angles_or_nan_of(__m256i moves)
     return dahl_wide_number(angles_of(moves));
 }
 
-#define G_BY_KERNEL(moves, kernel)                                                                                             \
-    DAHL_WIDE dahl_wide_g_t g_##kernel##_##moves(const eight_t *eight, __m256i read)                                           \
-    {                                                                                                                          \
-        return dahl_wide_g(eight->a * moves##_of(read), dahl_wide_##kernel);                                                   \
-    }
-G_BY_KERNEL(counts, tiny)
-G_BY_KERNEL(counts, small)
-G_BY_KERNEL(counts, any)
-G_BY_KERNEL(angles, tiny)
-G_BY_KERNEL(angles, small)
-G_BY_KERNEL(angles_or_nan, any)
+/** Returns maps of the torque from the moves of a tick. */
+typedef dahl_map_t (*map_of_eight_t)(const eight_t *eight, __m256i moves);
 
-DAHL_WIDE eight_t load_eight(const chunk_t *chunk, size_t count, size_t from, const __m512d *table)
+DAHL_WIDE dahl_map_t map_of_counts(const eight_t *eight, __m256i moves)
 {
-    eight_t eight = {_mm512_loadu_pd(chunk->a + from),         _mm512_loadu_pd(chunk->w0 + from),
-                     _mm512_loadu_pd(chunk->Fc + from),        _mm512_loadu_pd(chunk->F0 + from),
-                     _mm512_loadu_pd(chunk->d + from),         table,
-                     (__mmask8)(((1u << count) - 1u) >> from), count != CHUNK};
+    return dahl_wide_look_up(eight->table->counts, _mm512_cvtepi32_epi64(moves));
+}
+
+DAHL_WIDE dahl_map_t map_of_sizes(const eight_t *eight, __m256i moves)
+{
+    __m512i counts = _mm512_cvtepi32_epi64(moves);
+    dahl_map_t map = dahl_wide_look_up(eight->table->sizes, _mm512_abs_epi64(counts));
+    map.c = dahl_wide_with_sign(map.c, counts);
+    return map;
+}
+
+DAHL_WIDE dahl_map_t map_of_any_counts(const eight_t *eight, __m256i moves)
+{
+    __m512d x = counts_of(moves), e = dahl_wide_e(_mm512_abs_pd(x) * (eight->a * DAHL_ROOTS_OF_E));
+    __m512d Fc = dahl_wide_with_sign(eight->Fc, _mm512_castpd_si512(x));
+    dahl_map_t map = {e, Fc - Fc * e};
+    return map;
+}
+
+/** What moves a block of ticks: maps of the torque, or a kernel. */
+typedef struct {
+    map_of_eight_t map_of;
+    values_t values_of;
+    dahl_wide_kernel_t kernel;
+    const dahl_wide_table_t *table;
+} form_t;
+
+DAHL_WIDE __m512d first_state(const chunk_t *chunk, size_t from, const form_t *form)
+{
+    __m512d zero = _mm512_setzero_pd();
+    return form->map_of != NULL ? _mm512_loadu_pd(chunk->F0 + from) : zero;
+}
+
+DAHL_WIDE eight_t load_eight(const chunk_t *chunk, size_t count, size_t from, const form_t *form)
+{
+    eight_t eight = {_mm512_loadu_pd(chunk->a + from),
+                     _mm512_loadu_pd(chunk->w0 + from),
+                     _mm512_loadu_pd(chunk->Fc + from),
+                     _mm512_loadu_pd(chunk->F0 + from),
+                     first_state(chunk, from, form),
+                     form->table,
+                     (__mmask8)(((1u << count) - 1u) >> from),
+                     count != CHUNK};
     return eight;
 }
 
@@ -147,16 +170,29 @@ DAHL_WIDE __m256i load_moves(const eight_t *eight, const int32_t *moves)
     return eight->is_masked ? _mm256_maskz_loadu_epi32(eight->used, moves) : _mm256_loadu_si256((const void *)moves);
 }
 
-DAHL_WIDE void move_eight(eight_t *eight, dahl_wide_g_t g, float *F)
+/** The map of a tick, or g and g with signs for d -> d + (c - w e), which rounds less. */
+DAHL_WIDE dahl_map_t read_eight(const eight_t *eight, const form_t *form, const int32_t *moves)
 {
-    if (eight->table != NULL) {
-        __m512d c = dahl_wide_with_sign(g) - eight->w0 * g.size;
-        eight->d = (1.0 - g.size) * eight->d + c;
-    } else {
-        __m512d w = eight->w0 + eight->d;
-        eight->d += dahl_wide_with_sign(g) - w * g.size;
+    __m256i read = load_moves(eight, moves);
+    if (form->map_of != NULL) {
+        return form->map_of(eight, read);
     }
-    __m256 torques = _mm512_cvtpd_ps(eight->Fc * eight->d + eight->F0);
+    __m512d x = form->values_of(read), g = form->kernel(_mm512_abs_pd(x) * eight->a);
+    dahl_map_t g_and_sign = {g, dahl_wide_with_sign(g, _mm512_castpd_si512(x))};
+    return g_and_sign;
+}
+
+DAHL_WIDE void move_eight(eight_t *eight, const form_t *form, dahl_map_t move, float *F)
+{
+    __m512d torque;
+    if (form->map_of != NULL) {
+        torque = eight->state = move.e * eight->state + move.c;
+    } else {
+        __m512d w = eight->w0 + eight->state;
+        eight->state += move.c - w * move.e;
+        torque = eight->Fc * eight->state + eight->F0;
+    }
+    __m256 torques = _mm512_cvtpd_ps(torque);
     if (eight->is_masked) {
         _mm256_mask_storeu_ps(F, eight->used, torques);
     } else {
@@ -164,41 +200,45 @@ DAHL_WIDE void move_eight(eight_t *eight, dahl_wide_g_t g, float *F)
     }
 }
 
-DAHL_WIDE void step_turns(eight_t eights[2], const int32_t *moves, float *F, size_t stride, int turns, g_of_eight_t g_of)
+DAHL_WIDE void step_turns(eight_t eights[2], const int32_t *moves, float *F, size_t stride, int turns, const form_t *form)
 {
-    dahl_wide_g_t g[TURNS][2];
+    dahl_map_t move[TURNS][2];
     DAHL_UNROLL_8
     for (int t = 0; t < turns; t++) {
         DAHL_UNROLL_8
         for (int i = 0; i < 2; i++) {
-            g[t][i] = g_of(&eights[i], load_moves(&eights[i], moves + (size_t)t * stride + 8 * i));
+            move[t][i] = read_eight(&eights[i], form, moves + (size_t)t * stride + 8 * i);
         }
     }
     DAHL_UNROLL_8
     for (int t = 0; t < turns; t++) {
         DAHL_UNROLL_8
         for (int i = 0; i < 2; i++) {
-            move_eight(&eights[i], g[t][i], F + (size_t)t * stride + 8 * i);
+            move_eight(&eights[i], form, move[t][i], F + (size_t)t * stride + 8 * i);
         }
     }
 }
 
-DAHL_WIDE void step_wide(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last, const __m512d *table,
-                         g_of_eight_t g_of)
+DAHL_WIDE void step_wide(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last, form_t form)
 {
     const size_t stride = job->stride;
     const int32_t *moves = (const int32_t *)job->moves;
     float *F = job->F;
-    eight_t eights[2] = {load_eight(chunk, count, 0, table), load_eight(chunk, count, 8, table)};
+    eight_t eights[2] = {load_eight(chunk, count, 0, &form), load_eight(chunk, count, 8, &form)};
     size_t t = first;
     for (; t + TURNS <= last; t += TURNS) {
-        step_turns(eights, moves + t * stride, F + t * stride, stride, TURNS, g_of);
+        step_turns(eights, moves + t * stride, F + t * stride, stride, TURNS, &form);
     }
     for (; t < last; t++) {
-        step_turns(eights, moves + t * stride, F + t * stride, stride, 1, g_of);
+        step_turns(eights, moves + t * stride, F + t * stride, stride, 1, &form);
     }
-    _mm512_storeu_pd(chunk->d, eights[0].d);
-    _mm512_storeu_pd(chunk->d + 8, eights[1].d);
+    for (size_t i = 0; i < 2; i++) { /* the motion of w */
+        __m512d moved = eights[i].state - first_state(chunk, 8 * i, &form);
+        if (form.map_of != NULL) {
+            moved = _mm512_maskz_div_pd(eights[i].used, moved, eights[i].Fc);
+        }
+        _mm512_storeu_pd(chunk->d + 8 * i, moved);
+    }
 }
 
 DAHL_WIDE uint32_t largest_wide(const job_t *job, size_t first, size_t last, dahl_wide_measure_t measure)
@@ -216,42 +256,70 @@ DAHL_WIDE uint32_t largest_wide(const job_t *job, size_t first, size_t last, dah
     return most;
 }
 
-/** Return true if all channels have the same travel per count, so that one table serves them. */
+/** Return true if all channels have the same travel per count and Fc, so that one table serves them. */
 DAHL_INLINE bool is_uniform(const chunk_t *chunk, size_t count)
 {
     for (size_t c = 1; c < count; c++) {
-        if (chunk->a[0] < chunk->a[c] || chunk->a[0] > chunk->a[c]) {
+        if (chunk->a[0] < chunk->a[c] || chunk->a[0] > chunk->a[c] || chunk->Fc[0] < chunk->Fc[c]
+            || chunk->Fc[0] > chunk->Fc[c]) {
             return false;
         }
     }
     return true;
 }
 
+DAHL_INLINE double least_a(const chunk_t *chunk, size_t count)
+{
+    double least = chunk->a[0];
+    for (size_t c = 1; c < count; c++) {
+        least = chunk->a[c] < least ? chunk->a[c] : least;
+    }
+    return least;
+}
+
+DAHL_WIDE form_t form_of_kernel(values_t values_of, dahl_wide_kernel_t kernel)
+{
+    form_t form = {NULL, values_of, kernel, NULL};
+    return form;
+}
+
+DAHL_WIDE form_t form_of_maps(map_of_eight_t map_of, const dahl_wide_table_t *table)
+{
+    form_t form = {map_of, NULL, NULL, table};
+    return form;
+}
+
 DAHL_WIDE void step_wide_counts(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
 {
-    uint32_t most = largest_wide(job, first, last, dahl_wide_counts);
-    if (most <= DAHL_TABLE_MOST && job->n >= 16 && is_uniform(chunk, count)) { /* enough ticks to pay for the table */
-        __m512d table[2];
-        dahl_wide_table(chunk->a[0], table);
-        step_wide(chunk, job, count, first, last, table, g_by_table);
-    } else if (most > chunk->small) {
-        step_wide(chunk, job, count, first, last, NULL, g_any_counts);
+    const uint32_t most = largest_wide(job, first, last, dahl_wide_counts);
+    const bool is_absolute = least_a(chunk, count) >= DAHL_ABSOLUTE_LEAST;
+    if (is_absolute && most <= DAHL_SIZES_MOST && job->n >= 16 && is_uniform(chunk, count)) { /* a table pays */
+        const dahl_wide_table_t table = dahl_wide_table(chunk->a[0], chunk->Fc[0]);
+        if (most <= DAHL_COUNTS_MOST) {
+            step_wide(chunk, job, count, first, last, form_of_maps(map_of_counts, &table));
+        } else {
+            step_wide(chunk, job, count, first, last, form_of_maps(map_of_sizes, &table));
+        }
     } else if (most <= chunk->tiny) {
-        step_wide(chunk, job, count, first, last, NULL, g_tiny_counts);
+        step_wide(chunk, job, count, first, last, form_of_kernel(counts_of, dahl_wide_tiny));
+    } else if (most <= chunk->small) {
+        step_wide(chunk, job, count, first, last, form_of_kernel(counts_of, dahl_wide_small));
+    } else if (is_absolute) {
+        step_wide(chunk, job, count, first, last, form_of_maps(map_of_any_counts, NULL));
     } else {
-        step_wide(chunk, job, count, first, last, NULL, g_small_counts);
+        step_wide(chunk, job, count, first, last, form_of_kernel(counts_of, dahl_wide_any));
     }
 }
 
 DAHL_WIDE void step_wide_angles(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
 {
-    uint32_t most = largest_wide(job, first, last, dahl_wide_angles);
-    if (most > chunk->small) {
-        step_wide(chunk, job, count, first, last, NULL, g_any_angles_or_nan);
-    } else if (most <= chunk->tiny) {
-        step_wide(chunk, job, count, first, last, NULL, g_tiny_angles);
+    const uint32_t most = largest_wide(job, first, last, dahl_wide_angles);
+    if (most <= chunk->tiny) {
+        step_wide(chunk, job, count, first, last, form_of_kernel(angles_of, dahl_wide_tiny));
+    } else if (most <= chunk->small) {
+        step_wide(chunk, job, count, first, last, form_of_kernel(angles_of, dahl_wide_small));
     } else {
-        step_wide(chunk, job, count, first, last, NULL, g_small_angles);
+        step_wide(chunk, job, count, first, last, form_of_kernel(angles_or_nan_of, dahl_wide_any));
     }
 }
 #endif

@@ -9,9 +9,11 @@
 #if defined(__GNUC__) && !defined(__clang__)
 #define DAHL_AS_VECTORS _Pragma("GCC unroll 1") _Pragma("GCC ivdep")
 #define DAHL_UNROLL_8 _Pragma("GCC unroll 8")
+#define DAHL_NO_UNROLL _Pragma("GCC unroll 1")
 #else
 #define DAHL_AS_VECTORS
 #define DAHL_UNROLL_8
+#define DAHL_NO_UNROLL
 #endif
 
 #if defined(__GNUC__) && defined(__x86_64__)

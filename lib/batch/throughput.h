@@ -2,8 +2,8 @@
 /**
  * Throughput forms: the recurrence in double, many ticks or channels at a time. Other bits than the exact forms,
  * the same error bound for any motion:
- * - kernel: g(u) = u P(u), relative error 2.1e-10 (throughput_kernel.py; fewer terms for short travel). The error of F/Fc
- *   is at most twice that.
+ * - kernel: g(u) = u P(u), relative error 2.1e-10 (throughput_kernel.py; fewer terms for short travel), 2.3e-10 with the
+ *   roots of wide.h. The error of F/Fc is at most twice that.
  * - block: a block of ticks computes only d = w - w0, with w0 the state at its start. Rounding loses at most 2^-53
  *   (ticks of a block) u for each tick of travel u.
  * - carry: between blocks the state is w in Q62. Truncation to 2^-61 sums up to at most 2^-31, for a block of
@@ -43,6 +43,19 @@ typedef double (*dahl_g_t)(double x);
 
 /* The same for 0 <= x <= ln 2/128: four terms of the series, which omit at most x^4/120 of g, 7.2e-12. */
 #define DAHL_TINY_SLOPE(x) (((1.0 / 6 - (x) * (1.0 / 24)) * (x) - 0.5) * (x) + 1.0)
+
+/* 2^-(f/16) for 0 <= f <= 1: 1 minus f times a slope with the relative error DAHL_ROOT_ERROR, so it is exact at 0. And
+ * 2^-(j/16) for j = 0 .. 15. Both: throughput_kernel.py. */
+#define DAHL_ROOT_ERROR 2.29e-10
+#define DAHL_ROOT_POWER(f)                                                                                       \
+    ((((0x1.35c122ecb9e12p-23 * (f) - 0x1.c6a30bc829113p-17) * (f) + 0x1.ebfbd52835c7fp-11) * (f)                \
+        - 0x1.62e42fee489cep-5) * (f) + 1.0)
+#define DAHL_ROOTS_OF_E (16 * DAHL_LOG2E) /* in a travel of 1 */
+#define DAHL_ROOTS \
+    0x1.0000000000000p+0, 0x1.ea4afa2a490dap-1, 0x1.d5818dcfba487p-1, 0x1.c199bdd85529cp-1, \
+    0x1.ae89f995ad3adp-1, 0x1.9c49182a3f090p-1, 0x1.8ace5422aa0dbp-1, 0x1.7a11473eb0187p-1, \
+    0x1.6a09e667f3bcdp-1, 0x1.5ab07dd485429p-1, 0x1.4bfdad5362a27p-1, 0x1.3dea64c123422p-1, \
+    0x1.306fe0a31b715p-1, 0x1.2387a6e756238p-1, 0x1.172b83c7d517bp-1, 0x1.0b5586cf9890fp-1
 
 DAHL_INLINE double dahl_g_small(double x)
 {

@@ -24,7 +24,7 @@ typedef struct {
     const void *moves; /* int32_t or float */
     float *F;
     size_t n;
-    const void *table; /* g of few counts in registers, for trajectory_tiles.h */
+    const void *table; /* of short moves, for trajectory_tiles.h */
 } job_t;
 
 typedef struct {
@@ -163,28 +163,27 @@ typedef char the_tiles_are_a_block[DAHL_TILES_TICKS == BLOCK ? 1 : -1];
 
 DAHL_WIDE double counts_tiles(const job_t *job, double w0, const void *moves, float *F)
 {
-    const dahl_tile_job_t block = {job->scale, job->table, w0, moves, F};
-    return dahl_tiles_by_counts(&block, dahl_wide_largest(moves, BLOCK, dahl_wide_counts));
+    const dahl_tiles_job_t block = {job->scale, job->table, w0, moves, F};
+    return dahl_tiles_by_counts(&block);
 }
 
 DAHL_WIDE double angles_tiles(const job_t *job, double w0, const void *moves, float *F)
 {
-    const dahl_tile_job_t block = {job->scale, job->table, w0, moves, F};
-    return dahl_tiles_by_angle(&block, dahl_wide_largest(moves, BLOCK, dahl_wide_angles));
+    const dahl_tiles_job_t block = {job->scale, NULL, w0, moves, F};
+    return dahl_tiles_by_angle(&block);
 }
 
-DAHL_WIDE void run_tiles(const job_t *job, block_t block)
+DAHL_WIDE void run_tiles_by_counts(const job_t *job)
 {
-    __m512d table[2];
+    const dahl_wide_table_t table = dahl_wide_table(job->scale->a, job->scale->Fc);
     job_t with_table = *job;
-    dahl_wide_table(job->scale->a, table);
-    with_table.table = table;
-    run(&with_table, block);
+    with_table.table = &table;
+    run(&with_table, counts_tiles);
 }
 #endif
 
-DAHL_VARIANTS(counts, job_t, run_tiles(job, counts_tiles), run_counts(job), run_counts(job))
-DAHL_VARIANTS(angles, job_t, run_tiles(job, angles_tiles), run_angles(job), run_angles(job))
+DAHL_VARIANTS(counts, job_t, run_tiles_by_counts(job), run_counts(job), run_counts(job))
+DAHL_VARIANTS(angles, job_t, run(job, angles_tiles), run_angles(job), run_angles(job))
 
 dahl_err_t dahl_throughput_counts(const dahl_throughput_params_t *params, dahl_state_t *state, const int32_t *dcounts, float *F,
                                   size_t n)

@@ -1,13 +1,16 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * The scan of trajectory.c in AVX-512 registers. A compiler uses more shuffles and no tables in registers. This form
- * needs half of its time for moves of few counts, and two thirds otherwise (docs/decisions/04).
- * - lanes: a tile is 64 ticks. Lane i of vector k is tick 8 i + k, so each lane runs through 8 ticks in a row.
- * - pairs: ticks 2 m and 2 m + 1 of a lane share one 64-bit word until they become doubles, which halves the
- *   shuffles.
- * - tables: maps of up to 7 counts, and g of up to 15 counts (wide.h).
- * - two passes over a block, with the maps in memory: from moves to maps, then from maps to torques.
- * - turns: two tiles take turns in each pass. The latency of one exceeds the look-ahead of a processor.
+ * The scan of trajectory.c in AVX-512 registers. A compiler uses more shuffles, and no tables in registers
+ * (docs/decisions/04).
+ *
+ * A tile is 64 ticks: lane i has ticks 8 i to 8 i + 7, one in each of eight registers. Three passes over a block, since
+ * the latency of all of them for one tile exceeds the look-ahead of a processor:
+ * -# Join the maps of the ticks of each lane.
+ * -# Join the lanes. This gives the state at the start of each lane.
+ * -# Apply the maps of the ticks, and write the torques.
+ *
+ * The maps of short moves come from a table, twice: a look-up costs less than a store. Moves packed to bytes are its
+ * places. Other maps are made before, into memory.
  */
 #ifndef DAHL_BATCH_TRAJECTORY_TILES_H
 #define DAHL_BATCH_TRAJECTORY_TILES_H
@@ -16,59 +19,63 @@
 
 #ifdef DAHL_AVX512
 
-#define DAHL_NIBBLE_MOST 7u /* counts */
-#define DAHL_LANES 8        /* doubles in a register, ticks in a lane */
-#define DAHL_TILES 8        /* tiles in a block */
-#define DAHL_TURNS 2        /* tiles that take turns */
+#define DAHL_LANES 8 /* doubles in a register, ticks of a lane */
+#define DAHL_TILES 8 /* of a block */
+#define DAHL_TURNS 2 /* tiles of the last pass that take turns */
 #define DAHL_TILE_TICKS (DAHL_LANES * DAHL_LANES)
 #define DAHL_TILES_TICKS (DAHL_TILES * DAHL_TILE_TICKS)
-#define DAHL_LEAST_E 0x1p-110 /* of a lane: its 8th power times d is no subnormal number (see dahl_w_of) */
+#define DAHL_LEAST_E 0x1p-64 /* of a lane: no product of eight lanes, Fc and a state is a subnormal number (see dahl_w_of) */
 
-/** The map d -> e d + c of a tick, or of several in a row. */
+/** A block of moves from w, and where its torques go. */
 typedef struct {
-    __m512d e, c;
-} dahl_map_t;
+    const dahl_throughput_scale_t *scale;
+    const dahl_wide_table_t *table;
+    double w;
+    const int32_t *moves; /* or bits of angles */
+    float *F;
+} dahl_tiles_job_t;
 
+/** Where the maps of a block come from. */
 typedef struct {
-    __m512d table[2];   /* g of 0 .. 15 counts */
-    __m512d e[2], c[2]; /* maps of 0 .. 7, -8 .. -1 counts */
-    __m512d a, w0, Fc, F0;
-} dahl_tile_element_t;
-
-/** The maps of the ticks of a block, and d at the start of each lane. */
-typedef struct {
+    const dahl_wide_table_t *table;
+    __m512i bytes[DAHL_TILES]; /* byte k of 64-bit word i: tick k of lane i */
     dahl_map_t maps[DAHL_TILES][DAHL_LANES];
-    __m512d start[DAHL_TILES];
 } dahl_tiles_t;
 
-/** Computes the maps of two ticks of each lane. */
-typedef void (*dahl_tile_maps_t)(const dahl_tile_element_t *element, __m512i pair, dahl_map_t maps[2]);
+/** Returns the maps of tick k of the lanes of a tile. */
+typedef dahl_map_t (*dahl_tile_maps_t)(const dahl_tiles_t *tiles, int tile, unsigned k);
 
-DAHL_WIDE __m512d dahl_tile_all(double x)
+/** Returns the torques of states. */
+typedef __m256 (*dahl_tile_torques_t)(const dahl_tiles_job_t *job, __m512d state);
+
+DAHL_WIDE dahl_map_t dahl_tile_join(dahl_map_t first, dahl_map_t then)
 {
-    return _mm512_set1_pd(x);
+    dahl_map_t both = {then.e * first.e, then.e * first.c + then.c};
+    return both;
 }
 
-/** Load a tile. lanes[m] gets ticks 2 m and 2 m + 1 of each lane; in memory this is pair 4 i + m for lane i. */
-DAHL_WIDE void dahl_tile_load(const void *moves, __m512i lanes[4])
+/** Shift the lanes up by 1, 2 or 4, and fill with those of `first`. */
+DAHL_WIDE __m512d dahl_tile_up(__m512d x, __m512d first, int lanes)
 {
-    const __m512i first = _mm512_setr_epi64(0, 4, 8, 12, 1, 5, 9, 13), last = _mm512_setr_epi64(2, 6, 10, 14, 3, 7, 11, 15);
-    const unsigned char *from = moves;
-    __m512i a = _mm512_loadu_si512(from), b = _mm512_loadu_si512(from + 64);
-    __m512i c = _mm512_loadu_si512(from + 128), d = _mm512_loadu_si512(from + 192);
-    __m512i ab01 = _mm512_permutex2var_epi64(a, first, b), cd01 = _mm512_permutex2var_epi64(c, first, d);
-    __m512i ab23 = _mm512_permutex2var_epi64(a, last, b), cd23 = _mm512_permutex2var_epi64(c, last, d);
-    lanes[0] = _mm512_shuffle_i64x2(ab01, cd01, 0x44);
-    lanes[1] = _mm512_shuffle_i64x2(ab01, cd01, 0xee);
-    lanes[2] = _mm512_shuffle_i64x2(ab23, cd23, 0x44);
-    lanes[3] = _mm512_shuffle_i64x2(ab23, cd23, 0xee);
+    __m512i high = _mm512_castpd_si512(x), low = _mm512_castpd_si512(first);
+    return _mm512_castsi512_pd(lanes == 1   ? _mm512_alignr_epi64(high, low, 7)
+                               : lanes == 2 ? _mm512_alignr_epi64(high, low, 6)
+                                            : _mm512_alignr_epi64(high, low, 4));
+}
+
+/** Join the map of each lane to that of the lane 1, 2 or 4 below it, if there is one. */
+DAHL_WIDE dahl_map_t dahl_tile_join_lanes(dahl_map_t map, int lanes)
+{
+    dahl_map_t below = {dahl_tile_up(map.e, dahl_wide_all(1.0), lanes), dahl_tile_up(map.c, _mm512_setzero_pd(), lanes)};
+    return dahl_tile_join(below, map);
 }
 
 /** Store a tile, from F[k] with tick k of each lane. */
-DAHL_WIDE void dahl_tile_store(const __m256 F[8], float *to)
+DAHL_WIDE void dahl_tile_store(const __m256 F[DAHL_LANES], float *to)
 {
-    const __m512i mixed = _mm512_setr_epi32(0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
-    __m512i pair[4], even[2], odd[2]; /* even and odd lanes; ticks 0 to 3 and 4 to 7 */
+    const __m512i mixed = _mm512_setr_epi32(0, 16, 4, 20, 1, 17, 5, 21, 2, 18, 6, 22, 3, 19, 7, 23);
+    const __m512i first = _mm512_setr_epi64(0, 1, 8, 9, 2, 3, 10, 11), last = _mm512_setr_epi64(4, 5, 12, 13, 6, 7, 14, 15);
+    __m512i pair[4], low[2], high[2]; /* low and high lanes; ticks 0 to 3 and 4 to 7 */
     DAHL_UNROLL_8
     for (int m = 0; m < 4; m++) {
         __m512 one = _mm512_castps256_ps512(F[2 * m]), other = _mm512_castps256_ps512(F[2 * m + 1]);
@@ -76,41 +83,141 @@ DAHL_WIDE void dahl_tile_store(const __m256 F[8], float *to)
     }
     DAHL_UNROLL_8
     for (int half = 0; half < 2; half++) {
-        even[half] = _mm512_unpacklo_epi64(pair[2 * half], pair[2 * half + 1]);
-        odd[half] = _mm512_unpackhi_epi64(pair[2 * half], pair[2 * half + 1]);
+        low[half] = _mm512_unpacklo_epi64(pair[2 * half], pair[2 * half + 1]);
+        high[half] = _mm512_unpackhi_epi64(pair[2 * half], pair[2 * half + 1]);
     }
-    __m512i lanes02 = _mm512_shuffle_i64x2(even[0], even[1], 0x44), lanes13 = _mm512_shuffle_i64x2(odd[0], odd[1], 0x44);
-    __m512i lanes46 = _mm512_shuffle_i64x2(even[0], even[1], 0xee), lanes57 = _mm512_shuffle_i64x2(odd[0], odd[1], 0xee);
-    _mm512_storeu_si512(to, _mm512_shuffle_i64x2(lanes02, lanes13, 0x88));
-    _mm512_storeu_si512(to + 16, _mm512_shuffle_i64x2(lanes02, lanes13, 0xdd));
-    _mm512_storeu_si512(to + 32, _mm512_shuffle_i64x2(lanes46, lanes57, 0x88));
-    _mm512_storeu_si512(to + 48, _mm512_shuffle_i64x2(lanes46, lanes57, 0xdd));
+    _mm512_storeu_si512(to, _mm512_permutex2var_epi64(low[0], first, low[1]));
+    _mm512_storeu_si512(to + 16, _mm512_permutex2var_epi64(low[0], last, low[1]));
+    _mm512_storeu_si512(to + 32, _mm512_permutex2var_epi64(high[0], first, high[1]));
+    _mm512_storeu_si512(to + 48, _mm512_permutex2var_epi64(high[0], last, high[1]));
 }
 
-DAHL_WIDE dahl_map_t dahl_tile_map(const dahl_tile_element_t *element, dahl_wide_g_t g)
+DAHL_WIDE void dahl_tiles_join(dahl_map_t lanes[DAHL_TILES], const dahl_tiles_t *tiles, dahl_tile_maps_t map_of)
 {
-    dahl_map_t map = {1.0 - g.size, dahl_wide_with_sign(g) - element->w0 * g.size};
+    DAHL_NO_UNROLL
+    for (int t = 0; t < DAHL_TILES; t++) {
+        dahl_map_t pair[4];
+        DAHL_UNROLL_8
+        for (unsigned m = 0; m < 4; m++) {
+            pair[m] = dahl_tile_join(map_of(tiles, t, 2 * m), map_of(tiles, t, 2 * m + 1));
+        }
+        lanes[t] = dahl_tile_join(dahl_tile_join(pair[0], pair[1]), dahl_tile_join(pair[2], pair[3]));
+    }
+}
+
+/** Return the state at the end, from that at the start, in all lanes. */
+DAHL_WIDE __m512d dahl_tiles_start(__m512d starts[DAHL_TILES], const dahl_map_t lanes[DAHL_TILES], __m512d state)
+{
+    DAHL_NO_UNROLL
+    for (int t = 0; t < DAHL_TILES; t++) {
+        dahl_map_t map = {_mm512_max_pd(lanes[t].e, dahl_wide_all(DAHL_LEAST_E)), lanes[t].c};
+        map = dahl_tile_join_lanes(map, 1);
+        map = dahl_tile_join_lanes(map, 2);
+        map = dahl_tile_join_lanes(map, 4);
+        __m512d ends = map.e * state + map.c;
+        starts[t] = dahl_tile_up(ends, state, 1);
+        state = _mm512_permutexvar_pd(_mm512_set1_epi64(DAHL_LANES - 1), ends);
+    }
+    return state;
+}
+
+DAHL_WIDE void dahl_tiles_write(const dahl_tiles_job_t *job, const __m512d starts[DAHL_TILES], const dahl_tiles_t *tiles,
+                                dahl_tile_maps_t map_of, dahl_tile_torques_t torques_of)
+{
+    DAHL_NO_UNROLL
+    for (int t = 0; t < DAHL_TILES; t += DAHL_TURNS) {
+        __m256 F[DAHL_TURNS][DAHL_LANES];
+        __m512d state[DAHL_TURNS] = {starts[t], starts[t + 1]};
+        DAHL_UNROLL_8
+        for (unsigned k = 0; k < DAHL_LANES; k++) {
+            DAHL_UNROLL_8
+            for (int i = 0; i < DAHL_TURNS; i++) {
+                dahl_map_t map = map_of(tiles, t + i, k);
+                state[i] = map.e * state[i] + map.c;
+                F[i][k] = torques_of(job, state[i]);
+            }
+        }
+        for (int i = 0; i < DAHL_TURNS; i++) {
+            dahl_tile_store(F[i], job->F + DAHL_TILE_TICKS * (t + i));
+        }
+    }
+}
+
+/** Run all passes. Return the state at the end, from that at the start. */
+DAHL_WIDE double dahl_tiles_run(const dahl_tiles_job_t *job, double state, const dahl_tiles_t *tiles, dahl_tile_maps_t map_of,
+                                dahl_tile_torques_t torques_of)
+{
+    dahl_map_t lanes[DAHL_TILES];
+    __m512d starts[DAHL_TILES];
+    dahl_tiles_join(lanes, tiles, map_of);
+    __m512d end = dahl_tiles_start(starts, lanes, dahl_wide_all(state));
+    dahl_tiles_write(job, starts, tiles, map_of, torques_of);
+    return _mm512_cvtsd_f64(end);
+}
+
+/** d form: state d. */
+DAHL_WIDE __m256 dahl_tile_torques_of_d(const dahl_tiles_job_t *job, __m512d d)
+{
+    return _mm512_cvtpd_ps(job->scale->Fc * d + dahl_wide_all(job->scale->Fc * job->w));
+}
+
+/** Absolute form. */
+DAHL_WIDE __m256 dahl_tile_torques(const dahl_tiles_job_t *job, __m512d F)
+{
+    (void)job;
+    return _mm512_cvtpd_ps(F);
+}
+
+/** Run the absolute form. Return the motion of w. */
+DAHL_WIDE double dahl_tiles_run_absolute(const dahl_tiles_job_t *job, const dahl_tiles_t *tiles, dahl_tile_maps_t map_of)
+{
+    const double Fc = job->scale->Fc, from = Fc * job->w;
+    return (dahl_tiles_run(job, from, tiles, map_of, dahl_tile_torques) - from) / Fc;
+}
+
+DAHL_WIDE dahl_map_t dahl_tile_counts_map(const dahl_tiles_t *tiles, int t, unsigned k)
+{
+    return dahl_wide_look_up(tiles->table->counts, _mm512_srli_epi64(tiles->bytes[t], 8 * k));
+}
+
+DAHL_WIDE dahl_map_t dahl_tile_sizes_map(const dahl_tiles_t *tiles, int t, unsigned k)
+{
+    __m512i places = _mm512_srli_epi64(_mm512_abs_epi8(tiles->bytes[t]), 8 * k);
+    dahl_map_t map = dahl_wide_look_up(tiles->table->sizes, places);
+    map.c = dahl_wide_with_sign(map.c, _mm512_slli_epi64(tiles->bytes[t], 56 - 8 * k));
     return map;
 }
 
-/** Moves of -8 .. 7 counts: the last four bits of a move are its place in the tables. */
-DAHL_WIDE void dahl_tile_maps_few(const dahl_tile_element_t *element, __m512i pair, dahl_map_t maps[2])
+DAHL_WIDE dahl_map_t dahl_tile_made_map(const dahl_tiles_t *tiles, int t, unsigned k)
 {
-    __m512i second = _mm512_srli_epi64(pair, 32);
-    maps[0].e = dahl_wide_look_up(element->e, pair);
-    maps[0].c = dahl_wide_look_up(element->c, pair);
-    maps[1].e = dahl_wide_look_up(element->e, second);
-    maps[1].c = dahl_wide_look_up(element->c, second);
+    return tiles->maps[t][k];
 }
 
-DAHL_WIDE void dahl_tile_maps_table(const dahl_tile_element_t *element, __m512i pair, dahl_map_t maps[2])
+/** Pack a tile to signed bytes, which saturate. */
+DAHL_WIDE __m512i dahl_tile_pack(const int32_t *from)
 {
-    __m512i counts = _mm512_abs_epi32(pair);
-    dahl_wide_g_t first = {dahl_wide_look_up(element->table, counts), _mm512_slli_epi64(pair, 32)};
-    dahl_wide_g_t second = {dahl_wide_look_up(element->table, _mm512_srli_epi64(counts, 32)), pair};
-    maps[0] = dahl_tile_map(element, first);
-    maps[1] = dahl_tile_map(element, second);
+    const __m512i order = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
+    __m512i first = _mm512_packs_epi32(_mm512_loadu_si512(from), _mm512_loadu_si512(from + 16));
+    __m512i last = _mm512_packs_epi32(_mm512_loadu_si512(from + 32), _mm512_loadu_si512(from + 48));
+    return _mm512_permutexvar_epi32(order, _mm512_packs_epi16(first, last));
 }
+
+/** Pack a block. Return the bits of all sizes: no move is longer. */
+DAHL_WIDE uint32_t dahl_tiles_pack(dahl_tiles_t *tiles, const int32_t *moves)
+{
+    __m512i bits = _mm512_setzero_si512();
+    DAHL_UNROLL_8
+    for (int t = 0; t < DAHL_TILES; t++) {
+        tiles->bytes[t] = dahl_tile_pack(moves + DAHL_TILE_TICKS * t);
+        bits = _mm512_or_si512(bits, _mm512_abs_epi8(tiles->bytes[t]));
+    }
+    return _mm512_test_epi8_mask(bits, _mm512_set1_epi8(~(int)DAHL_COUNTS_MOST)) == 0  ? DAHL_COUNTS_MOST
+           : _mm512_test_epi8_mask(bits, _mm512_set1_epi8(~(int)DAHL_SIZES_MOST)) == 0 ? DAHL_SIZES_MOST
+                                                                                       : UINT32_MAX;
+}
+
+/** Reads ticks 2 m and 2 m + 1 of the lanes of a tile, which share 64-bit words, as two registers. */
+typedef void (*dahl_tile_values_t)(__m512i pair, __m512d x[2]);
 
 DAHL_WIDE void dahl_tile_counts(__m512i pair, __m512d x[2])
 {
@@ -131,174 +238,109 @@ DAHL_WIDE void dahl_tile_angles_or_nan(__m512i pair, __m512d x[2])
     x[1] = dahl_wide_number(x[1]);
 }
 
-#define DAHL_TILE_MAPS(moves, kernel)                                                                                          \
-    DAHL_WIDE void dahl_tile_maps_##kernel##_##moves(const dahl_tile_element_t *element, __m512i pair, dahl_map_t maps[2])     \
+/** Load a tile. pairs[m] gets ticks 2 m and 2 m + 1 of each lane; in memory this is pair 4 i + m for lane i. */
+DAHL_WIDE void dahl_tile_load(const int32_t *from, __m512i pairs[4])
+{
+    const __m512i first = _mm512_setr_epi64(0, 4, 8, 12, 1, 5, 9, 13), last = _mm512_setr_epi64(2, 6, 10, 14, 3, 7, 11, 15);
+    __m512i a = _mm512_loadu_si512(from), b = _mm512_loadu_si512(from + 16);
+    __m512i c = _mm512_loadu_si512(from + 32), d = _mm512_loadu_si512(from + 48);
+    __m512i ab01 = _mm512_permutex2var_epi64(a, first, b), cd01 = _mm512_permutex2var_epi64(c, first, d);
+    __m512i ab23 = _mm512_permutex2var_epi64(a, last, b), cd23 = _mm512_permutex2var_epi64(c, last, d);
+    pairs[0] = _mm512_shuffle_i64x2(ab01, cd01, 0x44);
+    pairs[1] = _mm512_shuffle_i64x2(ab01, cd01, 0xee);
+    pairs[2] = _mm512_shuffle_i64x2(ab23, cd23, 0x44);
+    pairs[3] = _mm512_shuffle_i64x2(ab23, cd23, 0xee);
+}
+
+/** Returns the maps of moves x, from w0 in the d form, else for Fc. */
+typedef dahl_map_t (*dahl_tile_kernel_t)(const dahl_tiles_job_t *job, __m512d x);
+
+#define DAHL_TILE_KERNEL(kernel)                                                                                               \
+    DAHL_WIDE dahl_map_t dahl_tile_##kernel(const dahl_tiles_job_t *job, __m512d x)                                            \
     {                                                                                                                          \
-        __m512d x[2];                                                                                                          \
-        dahl_tile_##moves(pair, x);                                                                                            \
-        maps[0] = dahl_tile_map(element, dahl_wide_g(element->a * x[0], dahl_wide_##kernel));                                  \
-        maps[1] = dahl_tile_map(element, dahl_wide_g(element->a * x[1], dahl_wide_##kernel));                                  \
+        __m512d g = dahl_wide_##kernel(_mm512_abs_pd(x) * job->scale->a);                                                      \
+        dahl_map_t map = {1.0 - g, dahl_wide_with_sign(g, _mm512_castpd_si512(x)) - job->w * g};                               \
+        return map;                                                                                                            \
     }
-DAHL_TILE_MAPS(counts, tiny)
-DAHL_TILE_MAPS(counts, small)
-DAHL_TILE_MAPS(counts, any)
-DAHL_TILE_MAPS(angles, tiny)
-DAHL_TILE_MAPS(angles, small)
-DAHL_TILE_MAPS(angles_or_nan, any)
+DAHL_TILE_KERNEL(tiny)
+DAHL_TILE_KERNEL(small)
 
-/** The map `first`, then the map `then`. */
-DAHL_WIDE dahl_map_t dahl_tile_join(dahl_map_t first, dahl_map_t then)
+/** Moves of any length, in the d form. A block has one longer than ln 2, which halves the errors of all others. */
+DAHL_WIDE dahl_map_t dahl_tile_any(const dahl_tiles_job_t *job, __m512d x)
 {
-    dahl_map_t both = {then.e * first.e, then.e * first.c + then.c};
-    return both;
+    __m512d e = dahl_wide_e(_mm512_abs_pd(x) * (job->scale->a * DAHL_ROOTS_OF_E)), g = 1.0 - e;
+    dahl_map_t map = {e, dahl_wide_with_sign(g, _mm512_castpd_si512(x)) - job->w * g};
+    return map;
 }
 
-/** Shift the lanes up by 1, 2 or 4, and fill with those of `first`. */
-DAHL_WIDE __m512d dahl_tile_up(__m512d x, __m512d first, int lanes)
+/** The same in the absolute form, which has errors of 2^-53 anyway. */
+DAHL_WIDE dahl_map_t dahl_tile_any_absolute(const dahl_tiles_job_t *job, __m512d x)
 {
-    __m512i high = _mm512_castpd_si512(x), low = _mm512_castpd_si512(first);
-    return _mm512_castsi512_pd(lanes == 1   ? _mm512_alignr_epi64(high, low, 7)
-                               : lanes == 2 ? _mm512_alignr_epi64(high, low, 6)
-                                            : _mm512_alignr_epi64(high, low, 4));
+    __m512d e = dahl_wide_e(_mm512_abs_pd(x) * (job->scale->a * DAHL_ROOTS_OF_E));
+    __m512d Fc = dahl_wide_with_sign(dahl_wide_all(job->scale->Fc), _mm512_castpd_si512(x));
+    dahl_map_t map = {e, Fc - Fc * e};
+    return map;
 }
 
-/** Join the map of each lane to that of the lane 1, 2 or 4 below it, if there is one. */
-DAHL_WIDE dahl_map_t dahl_tile_join_lanes(dahl_map_t map, int lanes)
+/** Make the maps of a block. The registers of a tile take turns. */
+DAHL_WIDE void dahl_tiles_make(dahl_tiles_t *tiles, const dahl_tiles_job_t *job, dahl_tile_values_t values,
+                               dahl_tile_kernel_t kernel)
 {
-    dahl_map_t below = {dahl_tile_up(map.e, dahl_tile_all(1.0), lanes), dahl_tile_up(map.c, _mm512_setzero_pd(), lanes)};
-    return dahl_tile_join(below, map);
-}
-
-/** Make the maps of tiles in turns. Return their joined pairs of ticks. */
-DAHL_WIDE void dahl_tile_make_maps(dahl_map_t maps[][DAHL_LANES], const dahl_tile_element_t *element, const void *moves,
-                                   dahl_tile_maps_t maps_of, dahl_map_t pairs[DAHL_TURNS][4])
-{
-    __m512i lanes[DAHL_TURNS][4];
-    for (int i = 0; i < DAHL_TURNS; i++) {
-        dahl_tile_load((const unsigned char *)moves + 4 * DAHL_TILE_TICKS * i, lanes[i]);
-    }
-    DAHL_UNROLL_8
-    for (int m = 0; m < 4; m++) {
+    DAHL_NO_UNROLL
+    for (int t = 0; t < DAHL_TILES; t++) {
+        __m512i pairs[4];
+        __m512d x[DAHL_LANES];
+        dahl_tile_load(job->moves + DAHL_TILE_TICKS * t, pairs);
         DAHL_UNROLL_8
-        for (int i = 0; i < DAHL_TURNS; i++) {
-            dahl_map_t two[2];
-            maps_of(element, lanes[i][m], two);
-            maps[i][2 * m] = two[0];
-            maps[i][2 * m + 1] = two[1];
-            pairs[i][m] = dahl_tile_join(two[0], two[1]);
+        for (int m = 0; m < 4; m++) {
+            values(pairs[m], x + 2 * m);
+        }
+        DAHL_UNROLL_8
+        for (int k = 0; k < DAHL_LANES; k++) {
+            tiles->maps[t][k] = kernel(job, x[k]);
         }
     }
 }
 
-/** Join the pairs of ticks of each lane, then the lanes below each lane: the maps from the start of the tiles. */
-DAHL_WIDE void dahl_tile_join_all(dahl_map_t pairs[DAHL_TURNS][4], dahl_map_t from_start[DAHL_TURNS])
+DAHL_WIDE double dahl_tiles_by(const dahl_tiles_job_t *job, dahl_tiles_t *tiles, dahl_tile_values_t values,
+                               dahl_tile_kernel_t kernel)
 {
-    DAHL_UNROLL_8
-    for (int i = 0; i < DAHL_TURNS; i++) {
-        from_start[i] = dahl_tile_join(dahl_tile_join(pairs[i][0], pairs[i][1]), dahl_tile_join(pairs[i][2], pairs[i][3]));
-        from_start[i].e = _mm512_max_pd(from_start[i].e, dahl_tile_all(DAHL_LEAST_E));
-    }
-    DAHL_UNROLL_8
-    for (int lanes = 1; lanes < DAHL_LANES; lanes *= 2) {
-        DAHL_UNROLL_8
-        for (int i = 0; i < DAHL_TURNS; i++) {
-            from_start[i] = dahl_tile_join_lanes(from_start[i], lanes);
-        }
-    }
+    dahl_tiles_make(tiles, job, values, kernel);
+    return dahl_tiles_run(job, 0.0, tiles, dahl_tile_made_map, dahl_tile_torques_of_d);
 }
 
-/** First pass, from tile t on: maps and starts. Return d at the end, from d at the start, in all lanes. */
-DAHL_WIDE __m512d dahl_tile_read(dahl_tiles_t *tiles, int t, const dahl_tile_element_t *element, const void *moves,
-                                 dahl_tile_maps_t maps_of, __m512d d)
+/** Process a block. Return the motion of w. */
+DAHL_WIDE double dahl_tiles_by_counts(const dahl_tiles_job_t *job)
 {
-    dahl_map_t pairs[DAHL_TURNS][4], from_start[DAHL_TURNS];
-    dahl_tile_make_maps(tiles->maps + t, element, moves, maps_of, pairs);
-    dahl_tile_join_all(pairs, from_start);
-    for (int i = 0; i < DAHL_TURNS; i++) {
-        __m512d ends = from_start[i].e * d + from_start[i].c;
-        tiles->start[t + i] = dahl_tile_up(ends, d, 1);
-        d = _mm512_permutexvar_pd(_mm512_set1_epi64(DAHL_LANES - 1), ends);
-    }
-    return d;
-}
-
-/** Second pass, from tile t on: torques. */
-DAHL_WIDE void dahl_tile_write(const dahl_tiles_t *tiles, int t, const dahl_tile_element_t *element, float *to)
-{
-    __m256 F[DAHL_TURNS][DAHL_LANES];
-    __m512d d[DAHL_TURNS] = {tiles->start[t], tiles->start[t + 1]};
-    DAHL_UNROLL_8
-    for (int k = 0; k < DAHL_LANES; k++) {
-        DAHL_UNROLL_8
-        for (int i = 0; i < DAHL_TURNS; i++) {
-            d[i] = tiles->maps[t + i][k].e * d[i] + tiles->maps[t + i][k].c;
-            F[i][k] = _mm512_cvtpd_ps(element->Fc * d[i] + element->F0);
-        }
-    }
-    for (int i = 0; i < DAHL_TURNS; i++) {
-        dahl_tile_store(F[i], to + DAHL_TILE_TICKS * i);
-    }
-}
-
-/** Input of a block: an element and its start. */
-typedef struct {
-    const dahl_throughput_scale_t *scale;
-    const __m512d *table;
-    double w0;
-    const void *moves;
-    float *F;
-} dahl_tile_job_t;
-
-DAHL_WIDE dahl_tile_element_t dahl_tile_element(const dahl_tile_job_t *job)
-{
-    const dahl_throughput_scale_t *scale = job->scale;
-    const __m512d zero = _mm512_setzero_pd(), *table = job->table;
-    dahl_tile_element_t element = {{table[0], table[1]},
-                                   {zero, zero},
-                                   {zero, zero},
-                                   dahl_tile_all(scale->a),
-                                   dahl_tile_all(job->w0),
-                                   dahl_tile_all(scale->Fc),
-                                   dahl_tile_all(scale->Fc * job->w0)};
-    __m512d back = _mm512_permutex2var_pd(table[0], _mm512_setr_epi64(8, 7, 6, 5, 4, 3, 2, 1), table[1]);
-    dahl_wide_g_t g[2] = {{table[0], _mm512_setzero_si512()}, {back, _mm512_set1_epi64(-1)}};
-    for (int i = 0; i < 2; i++) {
-        dahl_map_t map = dahl_tile_map(&element, g[i]);
-        element.e[i] = map.e;
-        element.c[i] = map.c;
-    }
-    return element;
-}
-
-DAHL_WIDE double dahl_tiles_run(const dahl_tile_job_t *job, dahl_tile_maps_t maps_of)
-{
-    const dahl_tile_element_t element = dahl_tile_element(job);
-    __m512d d = _mm512_setzero_pd();
+    const bool is_absolute = job->scale->a >= DAHL_ABSOLUTE_LEAST;
     dahl_tiles_t tiles;
-    for (int t = 0; t < DAHL_TILES; t += DAHL_TURNS) {
-        d = dahl_tile_read(&tiles, t, &element, (const unsigned char *)job->moves + 4 * DAHL_TILE_TICKS * t, maps_of, d);
+    tiles.table = job->table;
+    uint32_t most = is_absolute ? dahl_tiles_pack(&tiles, job->moves) : UINT32_MAX;
+    if (most == DAHL_COUNTS_MOST) {
+        return dahl_tiles_run_absolute(job, &tiles, dahl_tile_counts_map);
     }
-    for (int t = 0; t < DAHL_TILES; t += DAHL_TURNS) {
-        dahl_tile_write(&tiles, t, &element, job->F + DAHL_TILE_TICKS * t);
+    if (most == DAHL_SIZES_MOST) {
+        return dahl_tiles_run_absolute(job, &tiles, dahl_tile_sizes_map);
     }
-    return _mm512_cvtsd_f64(d);
+    most = dahl_wide_largest(job->moves, DAHL_TILES_TICKS, dahl_wide_counts);
+    if (most <= job->scale->small) {
+        return most <= job->scale->tiny ? dahl_tiles_by(job, &tiles, dahl_tile_counts, dahl_tile_tiny)
+                                        : dahl_tiles_by(job, &tiles, dahl_tile_counts, dahl_tile_small);
+    }
+    if (is_absolute) {
+        dahl_tiles_make(&tiles, job, dahl_tile_counts, dahl_tile_any_absolute);
+        return dahl_tiles_run_absolute(job, &tiles, dahl_tile_made_map);
+    }
+    return dahl_tiles_by(job, &tiles, dahl_tile_counts, dahl_tile_any);
 }
 
-DAHL_WIDE double dahl_tiles_by_counts(const dahl_tile_job_t *job, uint32_t most)
+DAHL_WIDE double dahl_tiles_by_angle(const dahl_tiles_job_t *job)
 {
-    if (most <= DAHL_TABLE_MOST) {
-        return most <= DAHL_NIBBLE_MOST ? dahl_tiles_run(job, dahl_tile_maps_few) : dahl_tiles_run(job, dahl_tile_maps_table);
-    }
-    return most <= job->scale->tiny    ? dahl_tiles_run(job, dahl_tile_maps_tiny_counts)
-           : most <= job->scale->small ? dahl_tiles_run(job, dahl_tile_maps_small_counts)
-                                       : dahl_tiles_run(job, dahl_tile_maps_any_counts);
-}
-
-DAHL_WIDE double dahl_tiles_by_angle(const dahl_tile_job_t *job, uint32_t most)
-{
-    return most <= job->scale->tiny    ? dahl_tiles_run(job, dahl_tile_maps_tiny_angles)
-           : most <= job->scale->small ? dahl_tiles_run(job, dahl_tile_maps_small_angles)
-                                       : dahl_tiles_run(job, dahl_tile_maps_any_angles_or_nan);
+    dahl_tiles_t tiles;
+    uint32_t most = dahl_wide_largest(job->moves, DAHL_TILES_TICKS, dahl_wide_angles);
+    return most <= job->scale->tiny    ? dahl_tiles_by(job, &tiles, dahl_tile_angles, dahl_tile_tiny)
+           : most <= job->scale->small ? dahl_tiles_by(job, &tiles, dahl_tile_angles, dahl_tile_small)
+                                       : dahl_tiles_by(job, &tiles, dahl_tile_angles_or_nan, dahl_tile_any);
 }
 
 #endif

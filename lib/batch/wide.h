@@ -1,16 +1,18 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * g of eight moves in AVX-512 registers, for one trajectory (trajectory_tiles.h) and for channels (channels.c).
- *
- * The size of g comes from a polynomial. If all ticks have one travel per count and no move exceeds 15 counts, one
- * permutation of a table in two registers replaces it.
+ * Eight moves in AVX-512 registers, for one trajectory (trajectory_tiles.h) and for channels (channels.c). A tick is a
+ * map of the state, with e = 1 - g:
+ * - d form, as throughput.h says: d -> e d + (s - w0) g.
+ * - absolute form: the torque F -> e F + s g Fc. Maps do not depend on the state, so tables serve for a whole call. A
+ *   tick with motion rounds F/Fc by at most 2^-52: 2^-54 for e, for c, and for each of two results of joined maps. The
+ *   motion forgets a part a of the sum, which so stays within 2^-52/a, 2.4e-10 for DAHL_ABSOLUTE_LEAST.
  */
 #ifndef DAHL_BATCH_WIDE_H
 #define DAHL_BATCH_WIDE_H
 
 #include "throughput.h"
 
-#define DAHL_TABLE_MOST 15u /* counts */
+#define DAHL_ABSOLUTE_LEAST 0x1p-20 /* travel per count */
 
 #ifdef DAHL_AVX512
 
@@ -19,14 +21,33 @@
 #define DAHL_WIDE DAHL_AVX512 DAHL_INLINE /* a function that uses 512-bit registers */
 #define DAHL_NAN_CLASS 0x81               /* quiet and signalling NaN for fpclass */
 
-/** Of eight moves: |g|, and numbers with the signs of the moves. */
+/** The map x -> e x + c of a tick, or of several in a row. */
 typedef struct {
-    __m512d size;
-    __m512i sign;
-} dahl_wide_g_t;
+    __m512d e, c;
+} dahl_map_t;
 
-/** Returns g(u) of travels u >= 0. */
+/** Returns g of travels u >= 0. */
 typedef __m512d (*dahl_wide_kernel_t)(__m512d u);
+
+DAHL_WIDE __m512d dahl_wide_all(double x)
+{
+    return _mm512_set1_pd(x);
+}
+
+/** |x| with the signs of `sign`. */
+DAHL_WIDE __m512d dahl_wide_with_sign(__m512d x, __m512i sign)
+{
+    enum { SECOND_IF_THIRD_ELSE_FIRST = 0xd8 };
+    const __m512i place = _mm512_set1_epi64(INT64_MIN);
+    __m512i bits = _mm512_castpd_si512(x);
+    return _mm512_castsi512_pd(_mm512_ternarylogic_epi64(bits, sign, place, SECOND_IF_THIRD_ELSE_FIRST));
+}
+
+/** Replace NaN, detected by its class, by no travel. */
+DAHL_WIDE __m512d dahl_wide_number(__m512d x)
+{
+    return _mm512_mask_mov_pd(x, _mm512_fpclass_pd_mask(x, DAHL_NAN_CLASS), _mm512_setzero_pd());
+}
 
 DAHL_WIDE __m512d dahl_wide_tiny(__m512d u)
 {
@@ -41,42 +62,65 @@ DAHL_WIDE __m512d dahl_wide_small(__m512d u)
 /** The same as dahl_g_any(). 2^-k is taken off the exponent of 1 - g, which is at least 1/2. */
 DAHL_WIDE __m512d dahl_wide_any(__m512d u)
 {
-    __m512d most = _mm512_min_pd(u, _mm512_set1_pd(DAHL_ALL));
+    __m512d most = _mm512_min_pd(u, dahl_wide_all(DAHL_ALL));
     __m512i k = _mm512_cvttpd_epi64(most * DAHL_LOG2E);
     __m512d r = most - _mm512_cvtepi64_pd(k) * DAHL_LN2, g = r * DAHL_SLOPE(r);
     __m512i left = _mm512_sub_epi64(_mm512_castpd_si512(1.0 - g), _mm512_slli_epi64(k, 52));
     return _mm512_mask_mov_pd(1.0 - _mm512_castsi512_pd(left), _mm512_testn_epi64_mask(k, k), g);
 }
 
-DAHL_WIDE dahl_wide_g_t dahl_wide_g(__m512d x, dahl_wide_kernel_t kernel)
+/** 2^-(j/16) for the eight j from `from` on, as bits plus j 2^48: see dahl_wide_e(). */
+DAHL_WIDE __m512i dahl_wide_roots(int from)
 {
-    dahl_wide_g_t g = {kernel(_mm512_abs_pd(x)), _mm512_castpd_si512(x)};
-    return g;
+    static const double roots[16] = {DAHL_ROOTS};
+    __m512i j = _mm512_add_epi64(_mm512_setr_epi64(0, 1, 2, 3, 4, 5, 6, 7), _mm512_set1_epi64(from));
+    return _mm512_add_epi64(_mm512_loadu_si512(roots + from), _mm512_slli_epi64(j, 48));
 }
 
-/** Replace NaN, detected by its class, by no travel. */
-DAHL_WIDE __m512d dahl_wide_number(__m512d x)
+/**
+ * e = 2^-(k + j/16 + f/16) of travels u >= 0 in units of ln 2/16, with whole k and j < 16. A sum with 2^52 has 16 k + j
+ * as its last bits. Subtracting them from the bits of 2^-(j/16), 48 places up, divides by 2^k, since j is cancelled.
+ * 1 - e errs by 2^-53, which is not small against a short travel: callers say why this does not sum up.
+ */
+DAHL_WIDE __m512d dahl_wide_e(__m512d u)
 {
-    return _mm512_mask_mov_pd(x, _mm512_fpclass_pd_mask(x, DAHL_NAN_CLASS), _mm512_setzero_pd());
+    const __m512d big = dahl_wide_all(0x1p52);
+    __m512d most = _mm512_min_pd(u, dahl_wide_all(DAHL_ALL * DAHL_ROOTS_OF_E));
+    __m512d sum = _mm512_add_round_pd(most, big, _MM_FROUND_TO_ZERO | _MM_FROUND_NO_EXC), f = most - (sum - big);
+    __m512i whole = _mm512_castpd_si512(sum);
+    __m512i root = _mm512_permutex2var_epi64(dahl_wide_roots(0), whole, dahl_wide_roots(8));
+    return _mm512_castsi512_pd(_mm512_sub_epi64(root, _mm512_slli_epi64(whole, 48))) * DAHL_ROOT_POWER(f);
 }
 
-DAHL_WIDE __m512d dahl_wide_with_sign(dahl_wide_g_t g)
+/** Absolute maps of up to 15 counts, and of -8 to 7 counts: permutations that read the lowest four bits of words. */
+typedef struct {
+    dahl_map_t sizes[2], counts[2];
+} dahl_wide_table_t;
+
+#define DAHL_SIZES_MOST 15u
+#define DAHL_COUNTS_MOST 7u
+
+DAHL_WIDE dahl_map_t dahl_wide_look_up(const dahl_map_t table[2], __m512i places)
 {
-    const __m512i sign = _mm512_set1_epi64(INT64_MIN);
-    return _mm512_or_pd(g.size, _mm512_castsi512_pd(_mm512_and_si512(g.sign, sign)));
+    dahl_map_t map = {_mm512_permutex2var_pd(table[0].e, places, table[1].e),
+                      _mm512_permutex2var_pd(table[0].c, places, table[1].c)};
+    return map;
 }
 
-/** Return g of eight moves by their counts. The permutation reads the lowest four bits of each 64-bit word. */
-DAHL_WIDE __m512d dahl_wide_look_up(const __m512d table[2], __m512i counts)
+DAHL_WIDE dahl_wide_table_t dahl_wide_table(double a, double Fc)
 {
-    return _mm512_permutex2var_pd(table[0], counts, table[1]);
-}
-
-DAHL_WIDE void dahl_wide_table(double a, __m512d table[2])
-{
-    const __m512d counts = _mm512_setr_pd(0, 1, 2, 3, 4, 5, 6, 7);
-    table[0] = dahl_wide_any(a * counts);
-    table[1] = dahl_wide_any(a * (counts + 8.0));
+    const __m512d eight = _mm512_setr_pd(0, 1, 2, 3, 4, 5, 6, 7);
+    const __m512i from_minus_8 = _mm512_setr_epi64(8, 7, 6, 5, 4, 3, 2, 1);
+    dahl_wide_table_t table;
+    for (int i = 0; i < 2; i++) {
+        __m512d g = dahl_wide_any(a * (eight + 8.0 * i));
+        table.sizes[i].e = 1.0 - g;
+        table.sizes[i].c = Fc * g;
+    }
+    table.counts[0] = table.sizes[0];
+    table.counts[1] = dahl_wide_look_up(table.sizes, from_minus_8);
+    table.counts[1].c = -table.counts[1].c;
+    return table;
 }
 
 /** Measure 16 moves as throughput.h does: counts without their sign, or the bits of angles without their sign. */

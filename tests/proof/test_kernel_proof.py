@@ -3,6 +3,7 @@
 
 import functools
 import math
+import re
 import sys
 from pathlib import Path
 
@@ -88,16 +89,44 @@ def worst_error(pairs: list[tuple[float, float]]) -> float:
     return max(abs(slope * x / -math.expm1(-x) - 1) for x, slope in pairs)
 
 
-def test_the_kernel_of_the_vectors_is_the_one_that_is_generated(tmp_path: Path) -> None:
-    """Bit for bit, with the error that the generator prints, within DAHL_G_ERROR."""
+@pytest.fixture(scope="module")
+def generated() -> dict[str, list[float]]:
+    """The numbers that the generator prints after each name, and under "errors" its errors."""
     said = run(sys.executable, ROOT / "tools/generators/throughput_kernel.py").splitlines()
-    polynomial = [float.fromhex(line) for line in said[:-1]]
+    rows = [line.split() for line in said if line.startswith("DAHL_")]
+    numbers = {name: [float.fromhex(value) for value in values] for name, *values in rows}
+    errors = [float(line.split()[-1]) for line in said if line.startswith("relative")]
+    return numbers | {"errors": errors}
+
+
+def horner(polynomial: list[float], x: float) -> float:
+    return functools.reduce(lambda p, c: p * x + c, reversed(polynomial))
+
+
+def test_the_kernel_of_the_vectors_is_the_one_that_is_generated(tmp_path: Path, generated) -> None:
+    """Bit for bit, with the error that the generator prints, within DAHL_G_ERROR."""
     pairs = slopes(tmp_path, "DAHL_SLOPE", math.log(2))
-    horner = lambda x: functools.reduce(lambda p, c: p * x + c, reversed(polynomial))  # noqa: E731
-    assert [slope for _, slope in pairs] == [horner(x) for x, _ in pairs]
-    printed_error = float(said[-1].removeprefix("relative error at most "))
-    assert printed_error == pytest.approx(worst_error(pairs), rel=5e-3)
-    assert printed_error < number("DAHL_G_ERROR", "throughput.h")
+    assert [slope for _, slope in pairs] == [horner(generated["DAHL_SLOPE"], x) for x, _ in pairs]
+    assert generated["errors"][0] == pytest.approx(worst_error(pairs), rel=5e-3)
+    assert generated["errors"][0] < number("DAHL_G_ERROR", "throughput.h")
+
+
+def test_the_kernel_of_powers_is_the_one_that_is_generated(tmp_path: Path, generated) -> None:
+    """Bit for bit. The error of its slope is the printed one, within DAHL_ROOT_ERROR."""
+    pairs = slopes(tmp_path, "DAHL_ROOT_POWER", 1.0)
+    polynomial = [1.0, *(-c for c in generated["DAHL_ROOT_POWER"])]
+    assert [power for _, power in pairs] == [horner(polynomial, f) for f, _ in pairs]
+    exact = [-math.expm1(-f * math.log(2) / 16) for f, _ in pairs]
+    worst = max(abs((1 - power) / g - 1) for (_, power), g in zip(pairs, exact, strict=True))
+    assert generated["errors"][1] == pytest.approx(worst, rel=2e-2)
+    assert generated["errors"][1] < number("DAHL_ROOT_ERROR", "throughput.h")
+
+
+def test_the_roots_are_the_generated_ones(generated) -> None:
+    text = (ROOT / "lib/batch/throughput.h").read_text()
+    block = text.partition("#define DAHL_ROOTS ")[2].partition("\n\n")[0]
+    found = [float.fromhex(value) for value in re.findall(r"0x[\w.+-]+", block)]
+    assert found == generated["DAHL_ROOTS"]
 
 
 def test_the_kernel_of_short_travel_keeps_its_bound(tmp_path: Path) -> None:

@@ -34,15 +34,26 @@ class Kind:
     has: dict[str, range]
 
 
-ANY, NO = range(1, 999), range(1)
+NO, EIGHT, SIXTEEN = range(1), range(8, 9), range(16, 17)
+LOOK_UP, SIGN, POWER, ROUND = "vperm[ti]2pd", "vpternlogq", "rz-sae", "vcvtpd2ps"
 KINDS = (
+    Kind("trajectory", "lanes, up to 7 counts", 64, {LOOK_UP: SIXTEEN, SIGN: NO, ROUND: NO}),
+    Kind("trajectory", "lanes, up to 15", 64, {LOOK_UP: SIXTEEN, SIGN: EIGHT, ROUND: NO}),
+    Kind("trajectory", "starts of lanes", 64, {"vmaxpd": range(1, 2)}),
+    Kind("trajectory", "torques, up to 7 counts", 128, {LOOK_UP: range(32, 33), SIGN: NO}),
+    Kind("trajectory", "torques, up to 15", 128, {LOOK_UP: range(32, 33), SIGN: SIXTEEN}),
     Kind("trajectory", "largest move", 32, {"vpmaxud": range(2, 3), "vpabsd": range(2, 3)}),
-    Kind("trajectory", "maps, up to 7 counts", 128, {"vmaxpd": ANY, "vperm[ti]2pd": range(32, 33)}),
-    Kind("trajectory", "maps, up to 15", 128, {"vmaxpd": ANY, "vperm[ti]2pd": range(16, 17)}),
-    Kind("trajectory", "maps, any move", 128, {"vmaxpd": ANY, "vcvttpd2qq": ANY}),
-    Kind("trajectory", "torques", 128, {"vcvtpd2ps": range(16, 17)}),
-    Kind("channels", "16 channels, up to 15", 64, {"vperm[ti]2pd": range(8, 9), "%k": NO}),
-    Kind("channels", "16 channels, any move", 64, {"vcvttpd2qq": range(8, 9), "vcvtdq2pd": ANY}),
+    Kind("trajectory", "maps, any move", 64, {POWER: EIGHT, "vfn?m": range(1, 41)}),
+    Kind(
+        "trajectory",
+        "lanes, any move",
+        64,
+        {"vfmadd": range(7, 8), "vmulpd": range(7, 8), LOOK_UP: NO},
+    ),
+    Kind("trajectory", "torques, any move", 128, {ROUND: SIXTEEN, "vfmadd": SIXTEEN, LOOK_UP: NO}),
+    Kind("channels", "16 channels, up to 7 counts", 64, {LOOK_UP: SIXTEEN, SIGN: NO, "%k": NO}),
+    Kind("channels", "16 channels, up to 15", 64, {LOOK_UP: SIXTEEN, SIGN: EIGHT, "%k": NO}),
+    Kind("channels", "16 channels, any move", 64, {POWER: EIGHT, "%k": NO}),
 )
 
 
