@@ -12,7 +12,9 @@
 
 typedef struct {
     double a[CHUNK], Fc[CHUNK], w0[CHUNK], F0[CHUNK], d[CHUNK];
+    double least_a;
     uint32_t small, tiny; /* least values of all channels */
+    bool is_uniform;      /* all have one a and one Fc */
 } chunk_t;
 
 typedef struct {
@@ -22,6 +24,7 @@ typedef struct {
     float *F;
     size_t count, stride, n;
     bool by_counts;
+    const void *table; /* of short moves of the first channel, for wide.h */
 } job_t;
 
 /** Largest measure of these ticks. Rows without a gap in memory count as one long row. */
@@ -256,27 +259,6 @@ DAHL_WIDE uint32_t largest_wide(const job_t *job, size_t first, size_t last, dah
     return most;
 }
 
-/** Return true if all channels have the same travel per count and Fc, so that one table serves them. */
-DAHL_INLINE bool is_uniform(const chunk_t *chunk, size_t count)
-{
-    for (size_t c = 1; c < count; c++) {
-        if (chunk->a[0] < chunk->a[c] || chunk->a[0] > chunk->a[c] || chunk->Fc[0] < chunk->Fc[c]
-            || chunk->Fc[0] > chunk->Fc[c]) {
-            return false;
-        }
-    }
-    return true;
-}
-
-DAHL_INLINE double least_a(const chunk_t *chunk, size_t count)
-{
-    double least = chunk->a[0];
-    for (size_t c = 1; c < count; c++) {
-        least = chunk->a[c] < least ? chunk->a[c] : least;
-    }
-    return least;
-}
-
 DAHL_WIDE form_t form_of_kernel(values_t values_of, dahl_wide_kernel_t kernel)
 {
     form_t form = {NULL, values_of, kernel, NULL};
@@ -292,14 +274,12 @@ DAHL_WIDE form_t form_of_maps(map_of_eight_t map_of, const dahl_wide_table_t *ta
 DAHL_WIDE void step_wide_counts(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
 {
     const uint32_t most = largest_wide(job, first, last, dahl_wide_counts);
-    const bool is_absolute = least_a(chunk, count) >= DAHL_ABSOLUTE_LEAST;
-    if (is_absolute && most <= DAHL_SIZES_MOST && job->n >= 16 && is_uniform(chunk, count)) { /* a table pays */
-        const dahl_wide_table_t table = dahl_wide_table(chunk->a[0], chunk->Fc[0]);
-        if (most <= DAHL_COUNTS_MOST) {
-            step_wide(chunk, job, count, first, last, form_of_maps(map_of_counts, &table));
-        } else {
-            step_wide(chunk, job, count, first, last, form_of_maps(map_of_sizes, &table));
-        }
+    const bool is_absolute = chunk->least_a >= DAHL_ABSOLUTE_LEAST;
+    const dahl_wide_table_t *table = is_absolute && chunk->is_uniform ? job->table : NULL;
+    if (table != NULL && most <= DAHL_COUNTS_MOST) {
+        step_wide(chunk, job, count, first, last, form_of_maps(map_of_counts, table));
+    } else if (table != NULL && most <= DAHL_SIZES_MOST) {
+        step_wide(chunk, job, count, first, last, form_of_maps(map_of_sizes, table));
     } else if (most <= chunk->tiny) {
         step_wide(chunk, job, count, first, last, form_of_kernel(counts_of, dahl_wide_tiny));
     } else if (most <= chunk->small) {
@@ -337,10 +317,18 @@ DAHL_INLINE void run_block(chunk_t *chunk, const job_t *job, size_t count, size_
     }
 }
 
+/** Without ==, against which -Wfloat-equal warns. */
+DAHL_INLINE bool is_same(double x, double y)
+{
+    return x >= y && x <= y;
+}
+
 DAHL_INLINE void read_params(chunk_t *chunk, const job_t *job, size_t count)
 {
     (void)memset(chunk, 0, sizeof *chunk);
     chunk->small = chunk->tiny = UINT32_MAX;
+    chunk->least_a = HUGE_VAL;
+    chunk->is_uniform = true;
     for (size_t c = 0; c < count; c++) {
         dahl_throughput_scale_t scale;
         (void)dahl_throughput_check(&job->params[c], job->by_counts, &scale);
@@ -348,6 +336,8 @@ DAHL_INLINE void read_params(chunk_t *chunk, const job_t *job, size_t count)
         chunk->Fc[c] = scale.Fc;
         chunk->small = scale.small < chunk->small ? scale.small : chunk->small;
         chunk->tiny = scale.tiny < chunk->tiny ? scale.tiny : chunk->tiny;
+        chunk->least_a = scale.a < chunk->least_a ? scale.a : chunk->least_a;
+        chunk->is_uniform = chunk->is_uniform && is_same(scale.a, chunk->a[0]) && is_same(scale.Fc, chunk->Fc[0]);
     }
 }
 
@@ -372,7 +362,24 @@ DAHL_INLINE void run_by_size(const job_t *job, steps_t steps)
     }
 }
 
-DAHL_VARIANTS(counts, job_t, run_by_size(job, step_wide_counts), run_by_size(job, step_counts), run_by_size(job, step_counts))
+#ifdef DAHL_AVX512
+#define TABLE_PAYS 16 /* ticks */
+
+DAHL_WIDE void run_wide_counts(const job_t *job)
+{
+    job_t with_table = *job;
+    dahl_wide_table_t table;
+    if (job->n >= TABLE_PAYS) {
+        dahl_throughput_scale_t scale;
+        (void)dahl_throughput_check(&job->params[0], true, &scale);
+        table = dahl_wide_table(scale.a, scale.Fc);
+        with_table.table = &table;
+    }
+    run_by_size(&with_table, step_wide_counts);
+}
+#endif
+
+DAHL_VARIANTS(counts, job_t, run_wide_counts(job), run_by_size(job, step_counts), run_by_size(job, step_counts))
 DAHL_VARIANTS(angles, job_t, run_by_size(job, step_wide_angles), run_by_size(job, step_angles), run_by_size(job, step_angles))
 
 static dahl_err_t check_all(const dahl_throughput_params_t *params, size_t channels, bool by_counts)
@@ -412,13 +419,13 @@ static dahl_err_t run_all(const job_t *all, void (*run_chunk)(const job_t *))
 dahl_err_t dahl_throughput_counts_channels(const dahl_throughput_params_t *params, dahl_state_t *states, size_t channels,
                                            const int32_t *dcounts, float *F, size_t n)
 {
-    job_t all = {params, states, dcounts, F, channels, channels, n, true};
+    job_t all = {params, states, dcounts, F, channels, channels, n, true, NULL};
     return run_all(&all, counts);
 }
 
 dahl_err_t dahl_throughput_channels(const dahl_throughput_params_t *params, dahl_state_t *states, size_t channels,
                                     const float *dtheta, float *F, size_t n)
 {
-    job_t all = {params, states, dtheta, F, channels, channels, n, false};
+    job_t all = {params, states, dtheta, F, channels, channels, n, false, NULL};
     return run_all(&all, angles);
 }
