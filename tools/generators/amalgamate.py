@@ -143,16 +143,15 @@ def amalgamate(names: list[str], folder: Path) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="amalgamate.sh", add_help=False)
-    parser.add_argument("--with", dest="names", default="", type=lambda text: text.split(","))
+    parser.add_argument("--with", dest="names", default=[], type=lambda text: text.split(","))
     parser.add_argument("-o", dest="folder", type=Path, required=True)
     options = parser.parse_args()
-    names = [name for name in options.names if name]
-    unknown = [name for name in names if name not in PARTS]
+    unknown = [name for name in options.names if name not in PARTS]
     if unknown:
         known = ", ".join(list(PARTS)[1:])
         print(f"error: --with has no part '{unknown[0]}'; it has {known}", file=sys.stderr)
         return 2
-    amalgamate(names, options.folder)
+    amalgamate(options.names, options.folder)
     return 0
 
 

@@ -91,9 +91,10 @@ def test_a_copy_in_the_repository_of_another_project_names_no_commit(tmp_path: P
     assert re.findall(r" \*   commit +(.*)", text) == ["unknown"]
 
 
-def test_an_unknown_part_is_named(tmp_path: Path) -> None:
-    said = run(TOOL, "--with", "parts,gear", "-o", tmp_path, code=2)
-    assert said.startswith("error: ") and "'gear'" in said and all(name in said for name in PARTS)
+@pytest.mark.parametrize(("names", "unknown"), [("parts,gear", "'gear'"), ("parts,", "''")])
+def test_an_unknown_part_is_named(names: str, unknown: str, tmp_path: Path) -> None:
+    said = run(TOOL, "--with", names, "-o", tmp_path, code=2)
+    assert said.startswith("error: ") and unknown in said and all(name in said for name in PARTS)
     assert not list(tmp_path.iterdir())
 
 
