@@ -78,16 +78,15 @@ DAHL_WIDE __m512i dahl_wide_roots(int from)
 }
 
 /**
- * e = 2^-(k + j/16 + f/16) of travels u >= 0 in units of ln 2/16, with whole k and j < 16. A sum with 2^52 has 16 k + j
- * as its last bits. Subtracting them from the bits of 2^-(j/16), 48 places up, divides by 2^k, since j is cancelled.
- * 1 - e errs by 2^-53, which is not small against a short travel: callers say why this does not sum up.
+ * e = 2^-(k + j/16 + f/16) of travels u >= 0 in units of ln 2/16, with whole k and j < 16 and f < 1. A sum with 2^52 has
+ * 16 k + j as its last bits. Subtracting them from the bits of 2^-(j/16), 48 places up, divides by 2^k, since j is
+ * cancelled. 1 - e errs by 2^-53, which is not small against a short travel: callers say why this does not sum up.
  */
 DAHL_WIDE __m512d dahl_wide_e(__m512d u)
 {
-    const __m512d big = dahl_wide_all(0x1p52);
     __m512d most = _mm512_min_pd(u, dahl_wide_all(DAHL_ALL * DAHL_ROOTS_OF_E));
-    __m512d sum = _mm512_add_round_pd(most, big, _MM_FROUND_TO_ZERO | _MM_FROUND_NO_EXC), f = most - (sum - big);
-    __m512i whole = _mm512_castpd_si512(sum);
+    __m512d floor = _mm512_floor_pd(most), f = most - floor;
+    __m512i whole = _mm512_castpd_si512(floor + 0x1p52);
     __m512i root = _mm512_permutex2var_epi64(dahl_wide_roots(0), whole, dahl_wide_roots(8));
     return _mm512_castsi512_pd(_mm512_sub_epi64(root, _mm512_slli_epi64(whole, 48))) * DAHL_ROOT_POWER(f);
 }

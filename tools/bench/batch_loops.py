@@ -35,7 +35,7 @@ class Kind:
 
 
 NO, EIGHT, SIXTEEN = range(1), range(8, 9), range(16, 17)
-LOOK_UP, SIGN, POWER, ROUND = "vperm[ti]2pd", "vpternlogq", "rz-sae", "vcvtpd2ps"
+LOOK_UP, SIGN, POWER, ROUND = "vperm[ti]2pd", "vpternlogq", "vrndscalepd", "vcvtpd2ps"
 KINDS = (
     Kind("trajectory", "lanes, up to 7 counts", 64, {LOOK_UP: SIXTEEN, SIGN: NO, ROUND: NO}),
     Kind("trajectory", "lanes, up to 15", 64, {LOOK_UP: SIXTEEN, SIGN: EIGHT, ROUND: NO}),

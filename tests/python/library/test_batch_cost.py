@@ -61,14 +61,14 @@ AVX512_LOOPS = {  # at most so many instructions for 64 ticks
     "lanes, up to 7 counts": 55,
     "lanes, up to 15": 72,
     "starts of lanes": 24,
-    "torques, up to 7 counts": 77,
+    "torques, up to 7 counts": 73,
     "torques, up to 15": 90,
     "largest move": 20,
-    "maps, any move": 235,
+    "maps, any move": 230,
     "lanes, any move": 32,
     "torques, any move": 48,
-    "16 channels, up to 7 counts": 65,
-    "16 channels, up to 15": 81,
+    "16 channels, up to 7 counts": 70,
+    "16 channels, up to 15": 88,
     "16 channels, any move": 224,
 }
 
