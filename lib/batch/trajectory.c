@@ -6,12 +6,14 @@
  * -# Compute d at the start of each group: the only serial part, one product for 8 ticks.
  * -# Compute d of every tick, and the torque.
  *
- * The compiler vectorizes steps 1 and 3. With AVX-512, trajectory_tiles.h does the same in registers.
+ * The compiler vectorizes steps 1 and 3. With AVX-512, trajectory_tiles.h does the same in registers. With AVX2,
+ * trajectory_segments.h takes the maps of counts from a table, unless moves are too long for it.
  */
 #include <stddef.h>
 #include <string.h>
 
 #include "throughput.h"
+#include "trajectory_segments.h"
 #include "trajectory_tiles.h"
 
 #define GROUP 8
@@ -24,7 +26,7 @@ typedef struct {
     const void *moves; /* int32_t or float */
     float *F;
     size_t n;
-    const void *table; /* of short moves, for trajectory_tiles.h */
+    void *table; /* of maps, for trajectory_tiles.h or trajectory_segments.h */
 } job_t;
 
 typedef struct {
@@ -158,6 +160,38 @@ DAHL_INLINE void run_angles(const job_t *job)
     run(job, angles_block);
 }
 
+#ifdef DAHL_FOUR
+typedef char the_segments_are_a_block[DAHL_SEGMENTS_TICKS == BLOCK ? 1 : -1];
+
+DAHL_FOUR double counts_segments(const job_t *job, double w0, const void *moves, float *F)
+{
+    dahl_pair_table_t *table = job->table;
+    dahl_place_t places[BLOCK];
+    dahl_pair_place_t pairs[BLOCK / 2]; /* the same distance between ticks */
+    int32_t most = dahl_map_places(places, pairs, moves, BLOCK / 16, 16);
+    if (!dahl_map_cover(&table->single, places, BLOCK, most)) {
+        return counts_block(job, w0, moves, F);
+    }
+    double Fc = table->single.Fc, W = Fc * w0, end;
+    if (dahl_pair_cover(table, most)) {
+        end = dahl_segments_run(&dahl_pair_center(table)->first.e, pairs, dahl_segment_pair_by_table, W, F);
+    } else {
+        end = dahl_segments_run(dahl_map_center(&table->single), places, dahl_segment_pair, W, F);
+    }
+    return (end - W) / Fc;
+}
+
+DAHL_FOUR void run_segments(const job_t *job)
+{
+    dahl_pair_table_t table;
+    job_t with_table = *job;
+    table.most = -1;
+    dahl_map_start(&table.single, job->scale->a, job->scale->Fc, job->n);
+    with_table.table = &table;
+    run(&with_table, counts_segments);
+}
+#endif
+
 #ifdef DAHL_AVX512
 typedef char the_tiles_are_a_block[DAHL_TILES_TICKS == BLOCK ? 1 : -1];
 
@@ -175,14 +209,14 @@ DAHL_WIDE double angles_tiles(const job_t *job, double w0, const void *moves, fl
 
 DAHL_WIDE void run_tiles_by_counts(const job_t *job)
 {
-    const dahl_wide_table_t table = dahl_wide_table(job->scale->a, job->scale->Fc);
+    dahl_wide_table_t table = dahl_wide_table(job->scale->a, job->scale->Fc);
     job_t with_table = *job;
     with_table.table = &table;
     run(&with_table, counts_tiles);
 }
 #endif
 
-DAHL_VARIANTS(counts, job_t, run_tiles_by_counts(job), run_counts(job), run_counts(job))
+DAHL_VARIANTS(counts, job_t, run_tiles_by_counts(job), run_segments(job), run_counts(job))
 DAHL_VARIANTS(angles, job_t, run(job, angles_tiles), run_angles(job), run_angles(job))
 
 dahl_err_t dahl_throughput_counts(const dahl_throughput_params_t *params, dahl_state_t *state, const int32_t *dcounts, float *F,

@@ -1,18 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * Eight moves in AVX-512 registers, for one trajectory (trajectory_tiles.h) and for channels (channels.c). A tick is a
- * map of the state, with e = 1 - g:
- * - d form, as throughput.h says: d -> e d + (s - w0) g.
- * - absolute form: the torque F -> e F + s g Fc. Maps do not depend on the state, so tables serve for a whole call. A
- *   tick with motion rounds F/Fc by at most 2^-52: 2^-54 for e, for c, and for each of two results of joined maps. The
- *   motion forgets a part a of the sum, which so stays within 2^-52/a, 2.4e-10 for DAHL_ABSOLUTE_LEAST.
+ * Eight moves in AVX-512 registers, for one trajectory (trajectory_tiles.h) and for channels (channels_wide.h): g by the
+ * polynomials of throughput.h, and the maps F -> e F + s g Fc of the torque by tables in registers or powers of 2.
  */
 #ifndef DAHL_BATCH_WIDE_H
 #define DAHL_BATCH_WIDE_H
 
 #include "throughput.h"
-
-#define DAHL_ABSOLUTE_LEAST 0x1p-20 /* travel per count */
 
 #ifdef DAHL_AVX512
 
@@ -91,7 +85,7 @@ DAHL_WIDE __m512d dahl_wide_e(__m512d u)
     return _mm512_castsi512_pd(_mm512_sub_epi64(root, _mm512_slli_epi64(whole, 48))) * DAHL_ROOT_POWER(f);
 }
 
-/** Absolute maps of up to 15 counts, and of -8 to 7 counts: permutations that read the lowest four bits of words. */
+/** Maps of up to 15 counts, and of -8 to 7 counts: permutations that read the lowest four bits of words. */
 typedef struct {
     dahl_map_t sizes[2], counts[2];
 } dahl_wide_table_t;
@@ -138,14 +132,14 @@ DAHL_WIDE __m512i dahl_wide_angles(__m512i moves)
 /** Return the largest measure of n moves. Two maxima take turns, since one would wait for itself. */
 DAHL_WIDE uint32_t dahl_wide_largest(const void *moves, size_t n, dahl_wide_measure_t measure)
 {
-    const int32_t *from = moves, *end = from + n;
+    const int32_t *from = moves;
     __m512i one = _mm512_setzero_si512(), other = one;
-    for (; end - from >= 32; from += 32) {
+    for (; n >= 32; n -= 32, from += 32) {
         one = _mm512_max_epu32(one, measure(_mm512_loadu_si512(from)));
         other = _mm512_max_epu32(other, measure(_mm512_loadu_si512(from + 16)));
     }
-    for (; from < end; from += 16) {
-        uint32_t used = end - from < 16 ? (1u << (end - from)) - 1u : 0xffffu;
+    for (; n != 0; n -= n < 16 ? n : 16, from += 16) {
+        uint32_t used = n < 16 ? (1u << n) - 1u : 0xffffu;
         one = _mm512_max_epu32(one, measure(_mm512_maskz_loadu_epi32((__mmask16)used, from)));
     }
     return _mm512_reduce_max_epu32(_mm512_max_epu32(one, other));
