@@ -126,14 +126,14 @@ DAHL_INLINE void run_by_size(const job_t *job, steps_t steps)
 }
 
 #ifdef DAHL_FOUR
-/** Only full chunks of channels with equal travel per count use the table. */
+/** Only full chunks of equal channels use the table. */
 DAHL_FOUR void step_counts_by_table(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
 {
     const size_t rows = last - first;
-    dahl_map_table_t *table = job->table;
+    dahl_map_table_t *table = job->grown;
     dahl_place_t places[BLOCK * CHUNK];
     if (first == 0) {
-        dahl_map_start(table, count == CHUNK && chunk->is_uniform ? chunk->a[0] : 0.0, 1.0, job->n * CHUNK);
+        dahl_map_start(table, count == CHUNK && chunk->is_uniform ? chunk->a[0] : 0.0, chunk->Fc[0], job->n * CHUNK);
     }
     if (table->limit > 0) {
         const int32_t *moves = (const int32_t *)job->moves + first * job->stride;
@@ -150,7 +150,7 @@ DAHL_FOUR void run_with_table(const job_t *job)
 {
     dahl_map_table_t table;
     job_t with_table = *job;
-    with_table.table = &table;
+    with_table.grown = &table;
     run_by_size(&with_table, step_counts_by_table);
 }
 #endif
@@ -212,13 +212,13 @@ static dahl_err_t run_all(const job_t *all, void (*run_chunk)(const job_t *))
 dahl_err_t dahl_throughput_counts_channels(const dahl_throughput_params_t *params, dahl_state_t *states, size_t channels,
                                            const int32_t *dcounts, float *F, size_t n)
 {
-    job_t all = {params, states, dcounts, F, channels, channels, n, true, NULL};
+    job_t all = {params, states, dcounts, F, channels, channels, n, true, NULL, NULL};
     return run_all(&all, counts);
 }
 
 dahl_err_t dahl_throughput_channels(const dahl_throughput_params_t *params, dahl_state_t *states, size_t channels,
                                     const float *dtheta, float *F, size_t n)
 {
-    job_t all = {params, states, dtheta, F, channels, channels, n, false, NULL};
+    job_t all = {params, states, dtheta, F, channels, channels, n, false, NULL, NULL};
     return run_all(&all, angles);
 }

@@ -22,7 +22,8 @@ typedef struct {
     float *F;
     size_t count, stride, n;
     bool by_counts;
-    void *table; /* of maps, for channels_table.h or channels_wide.h */
+    const void *table; /* of maps, for channels_wide.h */
+    void *grown;       /* table of maps, for channels_table.h */
 } job_t;
 
 /** Moves a chunk by a block of ticks. */

@@ -26,7 +26,8 @@ typedef struct {
     const void *moves; /* int32_t or float */
     float *F;
     size_t n;
-    void *table; /* of maps, for trajectory_tiles.h or trajectory_segments.h */
+    const void *table; /* of maps, for trajectory_tiles.h */
+    void *grown;       /* table of maps, for trajectory_segments.h */
 } job_t;
 
 typedef struct {
@@ -165,7 +166,7 @@ typedef char the_segments_are_a_block[DAHL_SEGMENTS_TICKS == BLOCK ? 1 : -1];
 
 DAHL_FOUR double counts_segments(const job_t *job, double w0, const void *moves, float *F)
 {
-    dahl_pair_table_t *table = job->table;
+    dahl_pair_table_t *table = job->grown;
     dahl_place_t places[BLOCK];
     dahl_pair_place_t pairs[BLOCK / 2]; /* the same distance between ticks */
     int32_t most = dahl_map_places(places, pairs, moves, BLOCK / 16, 16);
@@ -187,7 +188,7 @@ DAHL_FOUR void run_segments(const job_t *job)
     job_t with_table = *job;
     table.most = -1;
     dahl_map_start(&table.single, job->scale->a, job->scale->Fc, job->n);
-    with_table.table = &table;
+    with_table.grown = &table;
     run(&with_table, counts_segments);
 }
 #endif
@@ -209,7 +210,7 @@ DAHL_WIDE double angles_tiles(const job_t *job, double w0, const void *moves, fl
 
 DAHL_WIDE void run_tiles_by_counts(const job_t *job)
 {
-    dahl_wide_table_t table = dahl_wide_table(job->scale->a, job->scale->Fc);
+    const dahl_wide_table_t table = dahl_wide_table(job->scale->a, job->scale->Fc);
     job_t with_table = *job;
     with_table.table = &table;
     run(&with_table, counts_tiles);
@@ -226,7 +227,7 @@ dahl_err_t dahl_throughput_counts(const dahl_throughput_params_t *params, dahl_s
     dahl_err_t err = dahl_throughput_check(params, true, &scale);
     if (err == DAHL_OK && n != 0) {
         dahl_clamp_state(state);
-        job_t job = {&scale, state, dcounts, F, n, NULL};
+        job_t job = {&scale, state, dcounts, F, n, NULL, NULL};
         counts(&job);
     }
     return err;
@@ -238,7 +239,7 @@ dahl_err_t dahl_throughput(const dahl_throughput_params_t *params, dahl_state_t 
     dahl_err_t err = dahl_throughput_check(params, false, &scale);
     if (err == DAHL_OK && n != 0) {
         dahl_clamp_state(state);
-        job_t job = {&scale, state, dtheta, F, n, NULL};
+        job_t job = {&scale, state, dtheta, F, n, NULL, NULL};
         angles(&job);
     }
     return err;

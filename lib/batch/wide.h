@@ -133,14 +133,16 @@ DAHL_WIDE __m512i dahl_wide_angles(__m512i moves)
 DAHL_WIDE uint32_t dahl_wide_largest(const void *moves, size_t n, dahl_wide_measure_t measure)
 {
     const int32_t *from = moves;
+    const size_t pairs = n / 32;
     __m512i one = _mm512_setzero_si512(), other = one;
-    for (; n >= 32; n -= 32, from += 32) {
-        one = _mm512_max_epu32(one, measure(_mm512_loadu_si512(from)));
-        other = _mm512_max_epu32(other, measure(_mm512_loadu_si512(from + 16)));
+    DAHL_NO_UNROLL
+    for (size_t i = 0; i < pairs; i++) {
+        one = _mm512_max_epu32(one, measure(_mm512_loadu_si512(from + 32 * i)));
+        other = _mm512_max_epu32(other, measure(_mm512_loadu_si512(from + 32 * i + 16)));
     }
-    for (; n != 0; n -= n < 16 ? n : 16, from += 16) {
-        uint32_t used = n < 16 ? (1u << n) - 1u : 0xffffu;
-        one = _mm512_max_epu32(one, measure(_mm512_maskz_loadu_epi32((__mmask16)used, from)));
+    for (size_t i = 32 * pairs; i < n; i += 16) {
+        uint32_t used = n - i < 16 ? (1u << (n - i)) - 1u : 0xffffu;
+        one = _mm512_max_epu32(one, measure(_mm512_maskz_loadu_epi32((__mmask16)used, from + i)));
     }
     return _mm512_reduce_max_epu32(_mm512_max_epu32(one, other));
 }
