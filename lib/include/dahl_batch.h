@@ -80,7 +80,8 @@ void dahl_batch_velocity(const dahl_velocity_plan_t *plan, const int32_t *dcount
  * There is no plan: parameters are double, with the limits and error codes of dahl_prepare(). If a
  * call fails, it writes nothing. An infinite angle saturates; a NaN is no motion, as is a
  * subnormal one if the caller has set DAZ in MXCSR. States are those of the exact form. The error
- * holds for rounding to nearest. Stack, if optimized: 16 KiB.
+ * holds for rounding to nearest. Stack, if optimized: 16 KiB; with AVX2 by counts 65 KiB, for
+ * channels 22 KiB.
  */
 /** @{ */
 

@@ -4,9 +4,10 @@ tick to a copy.
 
 Usage: PYTHON tools/bench/batch_loops.py [ARCHIVE]    (build/host/lib/libdahl_batch.a)
 
-Prints, for each loop and 64 ticks: all instructions, those on 512-bit registers, and the cycles
-that llvm-mca-19 expects, if it is installed: of Zen 4, whose 512-bit instructions take two turns,
-and of Sapphire Rapids. A copy of 64 ticks has 8 instructions.
+Prints, for each loop and 64 ticks: all instructions, those on 512-bit registers, those that
+exchange lanes, and the cycles that llvm-mca-19 expects, if it is installed: of Zen 4, whose 512-bit
+instructions take two turns, and of Sapphire Rapids. A copy of 64 ticks has 8 instructions. Zen 5
+does at most four instructions on 512 bits in a cycle, and two of them may exchange lanes.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ class Kind:
 
 
 NO, EIGHT, SIXTEEN = range(1), range(8, 9), range(16, 17)
+EXCHANGE = r"^v(perm|align|pack|shuf[fi]\d|insert|extract|cvtpd2ps|cvtdq2pd|pmov)"
 LOOK_UP, SIGN, POWER, ROUND = "vperm[ti]2pd", "vpternlogq", "vrndscalepd", "vcvtpd2ps"
 KINDS = (
     Kind("trajectory", "lanes, up to 7 counts", 64, {LOOK_UP: SIXTEEN, SIGN: NO, ROUND: NO}),
@@ -88,8 +90,10 @@ def expected_cycles(loop: list[str], processor: str) -> float:
 
 
 def main(archive: Path) -> int:
-    print("| for 64 ticks | instructions | on 512 bits | " + " | ".join(PROCESSORS) + " |")
-    print("|---|---:|---:|" + "---:|" * len(PROCESSORS))
+    print(
+        "| for 64 ticks | instructions | on 512 bits | exchanges | " + " | ".join(PROCESSORS) + " |"
+    )
+    print("|---|---:|---:|---:|" + "---:|" * len(PROCESSORS))
     for kind in KINDS:
         matching = (loop for loop in loops(kind.form, archive) if is_kind(loop, kind))
         loop = next(matching, None)
@@ -97,7 +101,8 @@ def main(archive: Path) -> int:
             print(f"error: {archive}: no loop '{kind.title}' of {kind.form}.c", file=sys.stderr)
             return 1
         passes, wide = 64 / kind.ticks, sum("%zmm" in line for line in loop)
-        cells = [kind.title, f"{passes * len(loop):.0f}", f"{passes * wide:.0f}"]
+        exchanges = sum(bool(re.match(EXCHANGE, line)) for line in loop)
+        cells = [kind.title, *(f"{passes * count:.0f}" for count in (len(loop), wide, exchanges))]
         for name in PROCESSORS:
             has_mca = shutil.which(MCA)
             cells.append(f"{passes * expected_cycles(loop, name):.0f}" if has_mca else "-")
