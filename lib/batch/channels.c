@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/** Many channels: vectors run across the channels, so only the ticks are serial. A block of ticks computes only the motion
- * of w, which is then carried into the state. The compiler vectorizes this file; channels_wide.h does the same in AVX-512
- * registers, and channels_table.h takes maps from a table with AVX2. */
+/** Many channels: vectors run across the channels, so only the ticks are serial. A block of ticks returns the motion d of
+ * each w, which is then carried into the state. The compiler vectorizes the form of this file. With AVX-512,
+ * channels_wide.h replaces it; with AVX2, channels_table.h does if a table of maps can serve the block. */
 #include <stddef.h>
 #include <string.h>
 
@@ -38,7 +38,7 @@ DAHL_INLINE void step(chunk_t *chunk, const job_t *job, size_t count, size_t fir
             double w = chunk->w0[c] + chunk->d[c];
             double d = chunk->d[c] + (g - w * fabs(g));
             chunk->d[c] = d;
-            F[c] = (float)(chunk->Fc[c] * d + chunk->F0[c]);
+            F[c] = (float)(chunk->Fc[c] * d + chunk->W0[c]);
         }
     }
 }
@@ -71,7 +71,7 @@ DAHL_INLINE void run_block(chunk_t *chunk, const job_t *job, size_t count, size_
 {
     for (size_t c = 0; c < count; c++) {
         chunk->w0[c] = dahl_w_of(&job->states[c]);
-        chunk->F0[c] = chunk->Fc[c] * chunk->w0[c];
+        chunk->W0[c] = chunk->Fc[c] * chunk->w0[c];
         chunk->d[c] = 0.0;
     }
     steps(chunk, job, count, first, last);
@@ -130,7 +130,7 @@ DAHL_INLINE void run_by_size(const job_t *job, steps_t steps)
 DAHL_FOUR void step_counts_by_table(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
 {
     const size_t rows = last - first;
-    dahl_map_table_t *table = job->grown;
+    dahl_map_table_t *table = job->map_table;
     dahl_place_t places[BLOCK * CHUNK];
     if (first == 0) {
         dahl_map_start(table, count == CHUNK && chunk->is_uniform ? chunk->a[0] : 0.0, chunk->Fc[0], job->n * CHUNK);
@@ -150,7 +150,7 @@ DAHL_FOUR void run_with_table(const job_t *job)
 {
     dahl_map_table_t table;
     job_t with_table = *job;
-    with_table.grown = &table;
+    with_table.map_table = &table;
     run_by_size(&with_table, step_counts_by_table);
 }
 #endif
@@ -166,7 +166,7 @@ DAHL_WIDE void run_wide_counts(const job_t *job)
         dahl_throughput_scale_t scale;
         (void)dahl_throughput_check(&job->params[0], true, &scale);
         table = dahl_wide_table(scale.a, scale.Fc);
-        with_table.table = &table;
+        with_table.wide_table = &table;
     }
     run_by_size(&with_table, step_wide_counts);
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/** A chunk of channels, and a job for it: what the forms of channels.c share. */
+/** A chunk of channels and a job for it, which all forms of channels.c share. */
 #ifndef DAHL_BATCH_CHANNELS_H
 #define DAHL_BATCH_CHANNELS_H
 
@@ -9,7 +9,7 @@
 #define BLOCK 128 /* ticks before d is carried into the state */
 
 typedef struct {
-    double a[CHUNK], Fc[CHUNK], w0[CHUNK], F0[CHUNK], d[CHUNK];
+    double a[CHUNK], Fc[CHUNK], w0[CHUNK], W0[CHUNK], d[CHUNK]; /* W0 = Fc w0 */
     double least_a;
     uint32_t small, tiny; /* least values of all channels */
     bool is_uniform;      /* all have one a and one Fc */
@@ -22,8 +22,8 @@ typedef struct {
     float *F;
     size_t count, stride, n;
     bool by_counts;
-    const void *table; /* of maps, for channels_wide.h */
-    void *grown;       /* table of maps, for channels_table.h */
+    const void *wide_table; /* dahl_wide_table_t of channels_wide.h, or NULL */
+    void *map_table;        /* dahl_map_table_t of channels_table.h */
 } job_t;
 
 /** Moves a chunk by a block of ticks. */

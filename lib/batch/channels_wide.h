@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/** Channels in AVX-512 registers, eight in each: maps of the torque from tables or powers, or polynomials (wide.h). */
+/** Channels in AVX-512 registers, eight in each: maps of W from tables or powers, or polynomials (wide.h). */
 #ifndef DAHL_BATCH_CHANNELS_WIDE_H
 #define DAHL_BATCH_CHANNELS_WIDE_H
 
@@ -10,9 +10,9 @@
 
 #define TURNS 4 /* ticks of which the moves are read in turns: the latency of one exceeds the look-ahead of a processor */
 
-/** Eight channels in registers. The state is d, or the torque in the absolute form. */
+/** Eight channels in registers. The state is d, or W in the absolute form. */
 typedef struct {
-    __m512d a, w0, Fc, F0, state;
+    __m512d a, w0, Fc, W0, state;
     const dahl_wide_table_t *table;
     __mmask8 used;
     bool is_masked; /* a store with a mask is slower */
@@ -36,31 +36,31 @@ DAHL_WIDE __m512d angles_or_nan_of(__m256i moves)
     return dahl_wide_number(angles_of(moves));
 }
 
-/** Returns maps of the torque from the moves of a tick. */
-typedef dahl_map_t (*map_of_eight_t)(const eight_t *eight, __m256i moves);
+/** Returns maps of W from the moves of a tick. */
+typedef dahl_eight_maps_t (*map_of_eight_t)(const eight_t *eight, __m256i moves);
 
-DAHL_WIDE dahl_map_t map_of_counts(const eight_t *eight, __m256i moves)
+DAHL_WIDE dahl_eight_maps_t map_of_counts(const eight_t *eight, __m256i moves)
 {
     return dahl_wide_look_up(eight->table->counts, _mm512_cvtepi32_epi64(moves));
 }
 
-DAHL_WIDE dahl_map_t map_of_sizes(const eight_t *eight, __m256i moves)
+DAHL_WIDE dahl_eight_maps_t map_of_sizes(const eight_t *eight, __m256i moves)
 {
     __m512i counts = _mm512_cvtepi32_epi64(moves);
-    dahl_map_t map = dahl_wide_look_up(eight->table->sizes, _mm512_abs_epi64(counts));
+    dahl_eight_maps_t map = dahl_wide_look_up(eight->table->sizes, _mm512_abs_epi64(counts));
     map.c = dahl_wide_with_sign(map.c, counts);
     return map;
 }
 
-DAHL_WIDE dahl_map_t map_of_any_counts(const eight_t *eight, __m256i moves)
+DAHL_WIDE dahl_eight_maps_t map_of_any_counts(const eight_t *eight, __m256i moves)
 {
     __m512d x = counts_of(moves), e = dahl_wide_e(_mm512_abs_pd(x) * (eight->a * DAHL_ROOTS_OF_E));
     __m512d Fc = dahl_wide_with_sign(eight->Fc, _mm512_castpd_si512(x));
-    dahl_map_t map = {e, Fc - Fc * e};
+    dahl_eight_maps_t map = {e, Fc - Fc * e};
     return map;
 }
 
-/** What moves a block of ticks: maps of the torque, or a kernel. */
+/** How to step a block: by map_of with maps of W, else by a kernel of g. */
 typedef struct {
     map_of_eight_t map_of;
     values_t values_of;
@@ -68,10 +68,10 @@ typedef struct {
     const dahl_wide_table_t *table;
 } form_t;
 
-DAHL_WIDE __m512d first_state(const chunk_t *chunk, size_t from, const form_t *form)
+DAHL_WIDE __m512d start_of_eight(const chunk_t *chunk, size_t from, const form_t *form)
 {
     __m512d zero = _mm512_setzero_pd();
-    return form->map_of != NULL ? _mm512_loadu_pd(chunk->F0 + from) : zero;
+    return form->map_of != NULL ? _mm512_loadu_pd(chunk->W0 + from) : zero;
 }
 
 DAHL_WIDE eight_t load_eight(const chunk_t *chunk, size_t count, size_t from, const form_t *form)
@@ -79,8 +79,8 @@ DAHL_WIDE eight_t load_eight(const chunk_t *chunk, size_t count, size_t from, co
     eight_t eight = {_mm512_loadu_pd(chunk->a + from),
                      _mm512_loadu_pd(chunk->w0 + from),
                      _mm512_loadu_pd(chunk->Fc + from),
-                     _mm512_loadu_pd(chunk->F0 + from),
-                     first_state(chunk, from, form),
+                     _mm512_loadu_pd(chunk->W0 + from),
+                     start_of_eight(chunk, from, form),
                      form->table,
                      (__mmask8)(((1u << count) - 1u) >> from),
                      count != CHUNK};
@@ -92,29 +92,29 @@ DAHL_WIDE __m256i load_moves(const eight_t *eight, const int32_t *moves)
     return eight->is_masked ? _mm256_maskz_loadu_epi32(eight->used, moves) : _mm256_loadu_si256((const void *)moves);
 }
 
-/** The map of a tick, or g and g with signs for d -> d + (c - w e), which rounds less. */
-DAHL_WIDE dahl_map_t read_eight(const eight_t *eight, const form_t *form, const int32_t *moves)
+/** Return the maps of a tick. For a kernel, e is g, and c is g with signs: d + (c - w e) rounds less. */
+DAHL_WIDE dahl_eight_maps_t read_eight(const eight_t *eight, const form_t *form, const int32_t *moves)
 {
     __m256i read = load_moves(eight, moves);
     if (form->map_of != NULL) {
         return form->map_of(eight, read);
     }
     __m512d x = form->values_of(read), g = form->kernel(_mm512_abs_pd(x) * eight->a);
-    dahl_map_t g_and_sign = {g, dahl_wide_with_sign(g, _mm512_castpd_si512(x))};
+    dahl_eight_maps_t g_and_sign = {g, dahl_wide_with_sign(g, _mm512_castpd_si512(x))};
     return g_and_sign;
 }
 
-DAHL_WIDE void move_eight(eight_t *eight, const form_t *form, dahl_map_t move, float *F)
+DAHL_WIDE void move_eight(eight_t *eight, const form_t *form, dahl_eight_maps_t move, float *F)
 {
-    __m512d torque;
+    __m512d W;
     if (form->map_of != NULL) {
-        torque = eight->state = move.e * eight->state + move.c;
+        W = eight->state = move.e * eight->state + move.c;
     } else {
         __m512d w = eight->w0 + eight->state;
         eight->state += move.c - w * move.e;
-        torque = eight->Fc * eight->state + eight->F0;
+        W = eight->Fc * eight->state + eight->W0;
     }
-    __m256 torques = _mm512_cvtpd_ps(torque);
+    __m256 torques = _mm512_cvtpd_ps(W);
     if (eight->is_masked) {
         _mm256_mask_storeu_ps(F, eight->used, torques);
     } else {
@@ -124,7 +124,7 @@ DAHL_WIDE void move_eight(eight_t *eight, const form_t *form, dahl_map_t move, f
 
 DAHL_WIDE void step_turns(eight_t eights[2], const int32_t *moves, float *F, size_t stride, int turns, const form_t *form)
 {
-    dahl_map_t move[TURNS][2];
+    dahl_eight_maps_t move[TURNS][2];
     DAHL_UNROLL_8
     for (int t = 0; t < turns; t++) {
         DAHL_UNROLL_8
@@ -155,7 +155,7 @@ DAHL_WIDE void step_wide(chunk_t *chunk, const job_t *job, size_t count, size_t 
         step_turns(eights, moves + t * stride, F + t * stride, stride, 1, &form);
     }
     for (size_t i = 0; i < 2; i++) { /* the motion of w */
-        __m512d moved = eights[i].state - first_state(chunk, 8 * i, &form);
+        __m512d moved = eights[i].state - start_of_eight(chunk, 8 * i, &form);
         if (form.map_of != NULL) {
             moved = _mm512_maskz_div_pd(eights[i].used, moved, eights[i].Fc);
         }
@@ -190,10 +190,10 @@ DAHL_WIDE form_t form_of_maps(map_of_eight_t map_of, const dahl_wide_table_t *ta
     return form;
 }
 
-/** Use maps of the torque, if a is large enough. Return false if not, or if polynomials are faster. */
+/** Step by maps of W. Return false if a is too small for them, or if polynomials are faster. */
 DAHL_WIDE bool step_wide_maps(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last, uint32_t most)
 {
-    const dahl_wide_table_t *table = chunk->is_uniform ? job->table : NULL;
+    const dahl_wide_table_t *table = chunk->is_uniform ? job->wide_table : NULL;
     const bool is_short = table != NULL && most <= DAHL_SIZES_MOST;
     if (chunk->least_a < DAHL_ABSOLUTE_LEAST || (most <= chunk->small && !is_short)) {
         return false;

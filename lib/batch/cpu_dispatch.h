@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: MIT */
-/** One source for several instruction sets. DAHL_VARIANTS(name, type, run_avx512, run_avx2, run_plain) defines
+/** Forms for several instruction sets. DAHL_VARIANTS(name, type, run_avx512, run_avx2, run_plain) defines
  * name(const type *job), which selects one of the three calls by the processor. All functions that they call must be
- * DAHL_INLINE. If the compiler does not support this, only run_plain exists. */
+ * inlined: DAHL_INLINE, DAHL_FOUR (map_table.h) or DAHL_WIDE (wide.h). If the compiler does not support this, only
+ * run_plain exists. */
 #ifndef DAHL_CPU_DISPATCH_H
 #define DAHL_CPU_DISPATCH_H
 
-/** Before a short inner loop: use vectors, do not unroll it to single steps. */
+/* Before a loop. DAHL_AS_VECTORS: use vectors, do not unroll it to single steps. DAHL_UNROLL_8: unroll all of its at most 8
+ * passes, which keeps small arrays in registers. DAHL_NO_UNROLL: keep its passes apart. */
 #if defined(__GNUC__) && !defined(__clang__)
 #define DAHL_AS_VECTORS _Pragma("GCC unroll 1") _Pragma("GCC ivdep")
 #define DAHL_UNROLL_8 _Pragma("GCC unroll 8")

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * The maps W -> e W + Fc s g of ticks from a table in memory, for AVX2. An entry has e and c of a number of counts. To load
- * its 16 bytes costs less than a polynomial, or than permutations of registers.
+ * The maps W -> e W + c of ticks (throughput.h) from a table in memory, for AVX2. An entry has the map of a number of
+ * counts. To load its 16 bytes costs less than a polynomial, or than permutations of registers.
  * - Range: a travel of DAHL_MAP_ALL closes the gap within the error of g. If the table reaches it, larger moves are
  *   clamped to it, so such a table serves any move.
- * - Growth: a block with larger moves extends the table. An entry costs as much as some ticks, so only calls with
- *   DAHL_MAP_PAYS ticks for each entry do this.
+ * - Growth: a block with larger moves extends the table. An entry costs as much as some ticks, so the table of a call of n
+ *   ticks covers at most n/DAHL_MAP_PAYS counts.
  */
 #ifndef DAHL_BATCH_MAP_TABLE_H
 #define DAHL_BATCH_MAP_TABLE_H
@@ -14,7 +14,7 @@
 
 #include "throughput.h"
 
-#if defined(__GNUC__) && defined(__x86_64__)
+#ifdef DAHL_AVX2
 
 #include <immintrin.h>
 
@@ -24,16 +24,17 @@
 #define DAHL_MAP_ALL 24.0               /* travel: exp(-24) < 2^-34 */
 #define DAHL_PAIR_SIDE 32               /* pairs with the same first move */
 
+/** The map x -> e x + c of a tick, or of several in a row. */
 typedef struct {
     double e, c;
-} dahl_entry_t;
+} dahl_map_t;
 
 typedef struct {
     double a, Fc;
     int32_t most, limit; /* counts that the table covers, and may cover */
     bool closes;         /* the limit closes the gap, so larger moves may be clamped to it */
-    size_t pays;         /* entries that the ticks of this call pay for */
-    dahl_entry_t entries[2 * DAHL_MAP_MOST + 1] __attribute__((aligned(64)));
+    size_t pays;         /* most entries that the ticks of this call pay for */
+    dahl_map_t entries[2 * DAHL_MAP_MOST + 1] __attribute__((aligned(64)));
 } dahl_map_table_t;
 
 /** Four maps. */
@@ -99,10 +100,10 @@ DAHL_FOUR bool dahl_map_cover(dahl_map_table_t *table, dahl_place_t *places, siz
         most = table->limit;
         dahl_map_clamp(places, n, most);
     }
-    dahl_entry_t *center = table->entries + DAHL_MAP_MOST;
+    dahl_map_t *center = table->entries + DAHL_MAP_MOST;
     while (table->most < most) {
         double g = dahl_g_any(table->a * ++table->most);
-        dahl_entry_t forth = {1.0 - g, table->Fc * g}, back = {1.0 - g, table->Fc * -g};
+        dahl_map_t forth = {1.0 - g, table->Fc * g}, back = {1.0 - g, table->Fc * -g};
         center[table->most] = forth;
         center[-table->most] = back;
     }
@@ -114,7 +115,7 @@ DAHL_FOUR const double *dahl_map_center(const dahl_map_table_t *table)
     return &table->entries[DAHL_MAP_MOST].e;
 }
 
-/** Read four places at once: loads limit the speed. */
+/** Read four places at once, since loads limit the speed. */
 DAHL_FOUR uint64_t dahl_map_load(const dahl_place_t *places)
 {
     uint64_t four;
@@ -122,13 +123,13 @@ DAHL_FOUR uint64_t dahl_map_load(const dahl_place_t *places)
     return four;
 }
 
-/** Read entry number i of the four. */
+/** Read the entry at place number i of the four: its e and c. */
 DAHL_FOUR __m128d dahl_map_entry(const double *center, uint64_t four, int i)
 {
     return _mm_load_pd(center + (dahl_place_t)(four >> 16 * i));
 }
 
-/** Exchange the entries of four ticks to maps. */
+/** Transpose the entries of four ticks to maps. */
 DAHL_FOUR dahl_four_maps_t dahl_map_four(__m128d tick0, __m128d tick1, __m128d tick2, __m128d tick3)
 {
     __m256d even = _mm256_insertf128_pd(_mm256_castpd128_pd256(tick0), tick2, 1);

@@ -2,13 +2,14 @@
 /**
  * Throughput forms: the recurrence in double, many ticks or channels at a time. Other bits than the exact forms,
  * the same error bound for any motion:
- * - kernel: g(u) = u P(u), relative error 2.1e-10 (throughput_kernel.py; fewer terms for short travel), 2.3e-10 with the
- *   roots of wide.h. The error of F/Fc is at most twice that.
+ * - kernel: g(u) = u P(u), relative error 2.1e-10 (throughput_kernel.py; fewer terms for short travel). As 1 minus a power
+ *   of 2 (wide.h) it errs by 2.3e-10. The error of F/Fc is at most twice that.
  * - block: a block of ticks computes only d = w - w0, with w0 the state at its start. Rounding loses at most 2^-53
  *   (ticks of a block) u for each tick of travel u.
- * - absolute forms: a table of maps W -> e W + c of w or of the torque does not depend on the state. A tick without
- *   motion is exact. Any other rounds W/Fc at most 9 times by 2^-54: e, c, and joined maps. The motion since then forgets
- *   a part a of it, so the sum is at most 9 2^-54/a, which is .009 ulp for DAHL_ABSOLUTE_LEAST.
+ * - absolute form: W = Fc w is the torque as a double. Its map W -> e W + c does not depend on the state, so a table of
+ *   maps serves a whole call. A tick without motion is exact. Any other rounds W/Fc at most 9 times by 2^-54: e, c, and
+ *   joined maps. Each later tick with motion forgets at least a part a of this, so the sum is at most 9 2^-54/a, which
+ *   is .009 ulp for DAHL_ABSOLUTE_LEAST.
  * - carry: between blocks the state is w in Q62. Truncation to 2^-61 sums up to at most 2^-31, for a block of
  *   travel 2^-30: within 0.01 ulp.
  */
@@ -23,7 +24,7 @@
 #include "../model/bristle_update.h"
 #include "dahl_batch.h"
 
-#define DAHL_ABSOLUTE_LEAST 0x1p-20 /* travel per count */
+#define DAHL_ABSOLUTE_LEAST 0x1p-20 /* travel per count that the absolute form needs */
 #define DAHL_ALL 60.0 /* travel that closes the gap: 1 - 2^-k is 1 as a double; also clamps infinity */
 #define DAHL_LN2 0x1.62e42fefa39efp-1
 #define DAHL_LOG2E 0x1.71547652b82fep+0

@@ -6,8 +6,8 @@
  * -# Compute d at the start of each group: the only serial part, one product for 8 ticks.
  * -# Compute d of every tick, and the torque.
  *
- * The compiler vectorizes steps 1 and 3. With AVX-512, trajectory_tiles.h does the same in registers. With AVX2,
- * trajectory_segments.h takes the maps of counts from a table, unless moves are too long for it.
+ * The compiler vectorizes steps 1 and 3 of this form. With AVX-512, trajectory_tiles.h replaces it. With AVX2,
+ * trajectory_segments.h does, for counts that a table of maps covers.
  */
 #include <stddef.h>
 #include <string.h>
@@ -26,8 +26,8 @@ typedef struct {
     const void *moves; /* int32_t or float */
     float *F;
     size_t n;
-    const void *table; /* of maps, for trajectory_tiles.h */
-    void *grown;       /* table of maps, for trajectory_segments.h */
+    const void *wide_table; /* dahl_wide_table_t of trajectory_tiles.h */
+    void *pair_table;       /* dahl_pair_table_t of trajectory_segments.h */
 } job_t;
 
 typedef struct {
@@ -151,24 +151,14 @@ DAHL_INLINE void run(const job_t *job, block_t block)
     }
 }
 
-DAHL_INLINE void run_counts(const job_t *job)
-{
-    run(job, counts_block);
-}
-
-DAHL_INLINE void run_angles(const job_t *job)
-{
-    run(job, angles_block);
-}
-
 #ifdef DAHL_FOUR
 typedef char the_segments_are_a_block[DAHL_SEGMENTS_TICKS == BLOCK ? 1 : -1];
 
 DAHL_FOUR double counts_segments(const job_t *job, double w0, const void *moves, float *F)
 {
-    dahl_pair_table_t *table = job->grown;
+    dahl_pair_table_t *table = job->pair_table;
     dahl_place_t places[BLOCK];
-    dahl_pair_place_t pairs[BLOCK / 2]; /* the same distance between ticks */
+    dahl_pair_place_t pairs[BLOCK / 2]; /* 4 bytes for two ticks, as in places */
     int32_t most = dahl_map_places(places, pairs, moves, BLOCK / 16, 16);
     if (!dahl_map_cover(&table->single, places, BLOCK, most)) {
         return counts_block(job, w0, moves, F);
@@ -188,7 +178,7 @@ DAHL_FOUR void run_segments(const job_t *job)
     job_t with_table = *job;
     table.most = -1;
     dahl_map_start(&table.single, job->scale->a, job->scale->Fc, job->n);
-    with_table.grown = &table;
+    with_table.pair_table = &table;
     run(&with_table, counts_segments);
 }
 #endif
@@ -198,27 +188,27 @@ typedef char the_tiles_are_a_block[DAHL_TILES_TICKS == BLOCK ? 1 : -1];
 
 DAHL_WIDE double counts_tiles(const job_t *job, double w0, const void *moves, float *F)
 {
-    const dahl_tiles_job_t block = {job->scale, job->table, w0, moves, F};
-    return dahl_tiles_by_counts(&block);
+    const dahl_tiles_job_t block = {job->scale, w0, moves, F};
+    return dahl_tiles_by_counts(&block, job->wide_table);
 }
 
 DAHL_WIDE double angles_tiles(const job_t *job, double w0, const void *moves, float *F)
 {
-    const dahl_tiles_job_t block = {job->scale, NULL, w0, moves, F};
+    const dahl_tiles_job_t block = {job->scale, w0, moves, F};
     return dahl_tiles_by_angle(&block);
 }
 
-DAHL_WIDE void run_tiles_by_counts(const job_t *job)
+DAHL_WIDE void run_tiles(const job_t *job)
 {
     const dahl_wide_table_t table = dahl_wide_table(job->scale->a, job->scale->Fc);
     job_t with_table = *job;
-    with_table.table = &table;
+    with_table.wide_table = &table;
     run(&with_table, counts_tiles);
 }
 #endif
 
-DAHL_VARIANTS(counts, job_t, run_tiles_by_counts(job), run_segments(job), run_counts(job))
-DAHL_VARIANTS(angles, job_t, run(job, angles_tiles), run_angles(job), run_angles(job))
+DAHL_VARIANTS(counts, job_t, run_tiles(job), run_segments(job), run(job, counts_block))
+DAHL_VARIANTS(angles, job_t, run(job, angles_tiles), run(job, angles_block), run(job, angles_block))
 
 dahl_err_t dahl_throughput_counts(const dahl_throughput_params_t *params, dahl_state_t *state, const int32_t *dcounts, float *F,
                                   size_t n)

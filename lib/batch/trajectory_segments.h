@@ -20,8 +20,8 @@
 #define DAHL_SEGMENTS_TICKS (4 * DAHL_SEGMENT_STRIDE)
 #define DAHL_SEGMENT_LEAST_E 0x1p-200 /* floor at every fourth tick: products of e are no subnormal numbers */
 
-/** Of two ticks: e and c of the first, then e and c from the start of the segment to the second. Not a structure, which
- * GCC 12 would copy through integer registers. */
+/** Of two ticks in a row: e and c of the first, then e and c from the start of the segment to the second. Not a structure,
+ * which GCC 12 would copy through integer registers. */
 typedef struct {
     __m256d maps[DAHL_SEGMENT / 2][DAHL_SEGMENT_SETS][4];
 } dahl_segments_t;
@@ -30,7 +30,7 @@ typedef struct {
 
 /** Of two moves: the map of the first, and of both. */
 typedef struct {
-    dahl_entry_t first, both;
+    dahl_map_t first, both;
 } dahl_pair_t;
 
 /** A table of single moves, and one of pairs of few counts. It halves the loads. */
@@ -48,7 +48,7 @@ DAHL_FOUR dahl_pair_t *dahl_pair_center(dahl_pair_table_t *table)
 /** Make the pairs of all moves up to `most`, if the table of single moves covers them. Return false if this does not pay. */
 DAHL_FOUR bool dahl_pair_cover(dahl_pair_table_t *table, int32_t most)
 {
-    const dahl_entry_t *center = table->single.entries + DAHL_MAP_MOST;
+    const dahl_map_t *center = table->single.entries + DAHL_MAP_MOST;
     dahl_pair_t *pairs = dahl_pair_center(table);
     if (most <= table->most) {
         return true;
@@ -59,7 +59,7 @@ DAHL_FOUR bool dahl_pair_cover(dahl_pair_table_t *table, int32_t most)
     }
     for (int32_t i = -most; i <= most; i++) {
         for (int32_t k = -most; k <= most; k++) {
-            dahl_entry_t both = {center[k].e * center[i].e, center[k].e * center[i].c + center[k].c};
+            dahl_map_t both = {center[k].e * center[i].e, center[k].e * center[i].c + center[k].c};
             pairs[DAHL_PAIR_SIDE * i + k].first = center[i];
             pairs[DAHL_PAIR_SIDE * i + k].both = both;
         }
@@ -68,7 +68,7 @@ DAHL_FOUR bool dahl_pair_cover(dahl_pair_table_t *table, int32_t most)
     return true;
 }
 
-/** Exchange four pairs to the maps of their first ticks and of both. */
+/** Transpose four pairs to the maps of their first ticks and of both. */
 DAHL_FOUR void dahl_pair_exchange(const __m256d pair[4], dahl_four_maps_t *first, dahl_four_maps_t *both)
 {
     __m256d e01 = _mm256_unpacklo_pd(pair[0], pair[1]), e23 = _mm256_unpacklo_pd(pair[2], pair[3]);
@@ -80,7 +80,7 @@ DAHL_FOUR void dahl_pair_exchange(const __m256d pair[4], dahl_four_maps_t *first
 }
 
 /** The map `first`, then the map `then`. */
-DAHL_FOUR dahl_four_maps_t dahl_segment_join(dahl_four_maps_t first, dahl_four_maps_t then)
+DAHL_FOUR dahl_four_maps_t dahl_four_join(dahl_four_maps_t first, dahl_four_maps_t then)
 {
     dahl_four_maps_t both = {then.e * first.e, then.e * first.c + then.c};
     return both;
@@ -98,7 +98,7 @@ DAHL_FOUR void dahl_segment_pair(const double *center, const uint64_t places[4],
                            dahl_map_entry(center, places[2], 2 * k), dahl_map_entry(center, places[3], 2 * k));
     *both = dahl_map_four(dahl_map_entry(center, places[0], 2 * k + 1), dahl_map_entry(center, places[1], 2 * k + 1),
                           dahl_map_entry(center, places[2], 2 * k + 1), dahl_map_entry(center, places[3], 2 * k + 1));
-    *both = dahl_segment_join(*first, *both);
+    *both = dahl_four_join(*first, *both);
 }
 
 DAHL_FOUR void dahl_segment_pair_by_table(const double *center, const uint64_t places[4], int k, dahl_four_maps_t *first,
@@ -124,7 +124,7 @@ DAHL_FOUR void dahl_segments_read_four(dahl_segments_t *segments, const double *
         dahl_four_maps_t first, both;
         __m256d *to = segments->maps[t + (size_t)k][v];
         maps_of(center, places, k, &first, &both);
-        *maps = dahl_segment_join(*maps, both);
+        *maps = dahl_four_join(*maps, both);
         to[0] = first.e;
         to[1] = first.c;
         to[2] = maps->e;
@@ -158,7 +158,7 @@ DAHL_FOUR void dahl_segments_read(dahl_segments_t *segments, const double *cente
 /** Compute W at the start of each segment. Return W at the end. */
 DAHL_FOUR double dahl_segments_start(const dahl_four_maps_t maps[DAHL_SEGMENT_SETS], double W, __m256d start[DAHL_SEGMENT_SETS])
 {
-    dahl_four_maps_t lane = dahl_segment_join(maps[0], maps[1]);
+    dahl_four_maps_t lane = dahl_four_join(maps[0], maps[1]);
     double from[4];
     for (int i = 0; i < 4; i++) {
         from[i] = W;

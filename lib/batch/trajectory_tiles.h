@@ -9,8 +9,8 @@
  * -# Join the lanes. This gives the state at the start of each lane.
  * -# Apply the maps of the ticks, and write the torques.
  *
- * The maps of short moves come from a table, twice: a look-up costs less than a store. Moves packed to bytes are its
- * places. Other maps are made before, into memory.
+ * The maps of short moves are looked up in a table, both in the first and the last pass: a look-up costs less than a store.
+ * Moves packed to bytes are its places. The maps of other moves are made before the passes and stored.
  */
 #ifndef DAHL_BATCH_TRAJECTORY_TILES_H
 #define DAHL_BATCH_TRAJECTORY_TILES_H
@@ -29,7 +29,6 @@
 /** A block of moves from w, and where its torques go. */
 typedef struct {
     const dahl_throughput_scale_t *scale;
-    const dahl_wide_table_t *table;
     double w;
     const int32_t *moves; /* or bits of angles */
     float *F;
@@ -39,18 +38,18 @@ typedef struct {
 typedef struct {
     const dahl_wide_table_t *table;
     __m512i bytes[DAHL_TILES]; /* byte k of 64-bit word i: tick k of lane i */
-    dahl_map_t maps[DAHL_TILES][DAHL_LANES];
+    dahl_eight_maps_t maps[DAHL_TILES][DAHL_LANES];
 } dahl_tiles_t;
 
 /** Returns the maps of tick k of the lanes of a tile. */
-typedef dahl_map_t (*dahl_tile_maps_t)(const dahl_tiles_t *tiles, int tile, unsigned k);
+typedef dahl_eight_maps_t (*dahl_tile_maps_t)(const dahl_tiles_t *tiles, int tile, unsigned k);
 
 /** Returns the torques of states. */
 typedef __m256 (*dahl_tile_torques_t)(const dahl_tiles_job_t *job, __m512d state);
 
-DAHL_WIDE dahl_map_t dahl_tile_join(dahl_map_t first, dahl_map_t then)
+DAHL_WIDE dahl_eight_maps_t dahl_eight_join(dahl_eight_maps_t first, dahl_eight_maps_t then)
 {
-    dahl_map_t both = {then.e * first.e, then.e * first.c + then.c};
+    dahl_eight_maps_t both = {then.e * first.e, then.e * first.c + then.c};
     return both;
 }
 
@@ -64,10 +63,10 @@ DAHL_WIDE __m512d dahl_tile_up(__m512d x, __m512d first, int lanes)
 }
 
 /** Join the map of each lane to that of the lane 1, 2 or 4 below it, if there is one. */
-DAHL_WIDE dahl_map_t dahl_tile_join_lanes(dahl_map_t map, int lanes)
+DAHL_WIDE dahl_eight_maps_t dahl_tile_join_lanes(dahl_eight_maps_t map, int lanes)
 {
-    dahl_map_t below = {dahl_tile_up(map.e, dahl_wide_all(1.0), lanes), dahl_tile_up(map.c, _mm512_setzero_pd(), lanes)};
-    return dahl_tile_join(below, map);
+    dahl_eight_maps_t below = {dahl_tile_up(map.e, dahl_wide_all(1.0), lanes), dahl_tile_up(map.c, _mm512_setzero_pd(), lanes)};
+    return dahl_eight_join(below, map);
 }
 
 /** Store a tile, from F[k] with tick k of each lane. */
@@ -92,25 +91,25 @@ DAHL_WIDE void dahl_tile_store(const __m256 F[DAHL_LANES], float *to)
     _mm512_storeu_si512(to + 48, _mm512_permutex2var_epi64(high[0], last, high[1]));
 }
 
-DAHL_WIDE void dahl_tiles_join(dahl_map_t lanes[DAHL_TILES], const dahl_tiles_t *tiles, dahl_tile_maps_t map_of)
+DAHL_WIDE void dahl_tiles_join(dahl_eight_maps_t lanes[DAHL_TILES], const dahl_tiles_t *tiles, dahl_tile_maps_t map_of)
 {
     DAHL_NO_UNROLL
     for (int t = 0; t < DAHL_TILES; t++) {
-        dahl_map_t pair[4];
+        dahl_eight_maps_t pair[4];
         DAHL_UNROLL_8
         for (unsigned m = 0; m < 4; m++) {
-            pair[m] = dahl_tile_join(map_of(tiles, t, 2 * m), map_of(tiles, t, 2 * m + 1));
+            pair[m] = dahl_eight_join(map_of(tiles, t, 2 * m), map_of(tiles, t, 2 * m + 1));
         }
-        lanes[t] = dahl_tile_join(dahl_tile_join(pair[0], pair[1]), dahl_tile_join(pair[2], pair[3]));
+        lanes[t] = dahl_eight_join(dahl_eight_join(pair[0], pair[1]), dahl_eight_join(pair[2], pair[3]));
     }
 }
 
 /** Return the state at the end, from that at the start, in all lanes. */
-DAHL_WIDE __m512d dahl_tiles_start(__m512d starts[DAHL_TILES], const dahl_map_t lanes[DAHL_TILES], __m512d state)
+DAHL_WIDE __m512d dahl_tiles_start(__m512d starts[DAHL_TILES], const dahl_eight_maps_t lanes[DAHL_TILES], __m512d state)
 {
     DAHL_NO_UNROLL
     for (int t = 0; t < DAHL_TILES; t++) {
-        dahl_map_t map = {_mm512_max_pd(lanes[t].e, dahl_wide_all(DAHL_LEAST_E)), lanes[t].c};
+        dahl_eight_maps_t map = {_mm512_max_pd(lanes[t].e, dahl_wide_all(DAHL_LEAST_E)), lanes[t].c};
         map = dahl_tile_join_lanes(map, 1);
         map = dahl_tile_join_lanes(map, 2);
         map = dahl_tile_join_lanes(map, 4);
@@ -132,7 +131,7 @@ DAHL_WIDE void dahl_tiles_write(const dahl_tiles_job_t *job, const __m512d start
         for (unsigned k = 0; k < DAHL_LANES; k++) {
             DAHL_UNROLL_8
             for (int i = 0; i < DAHL_TURNS; i++) {
-                dahl_map_t map = map_of(tiles, t + i, k);
+                dahl_eight_maps_t map = map_of(tiles, t + i, k);
                 state[i] = map.e * state[i] + map.c;
                 F[i][k] = torques_of(job, state[i]);
             }
@@ -147,7 +146,7 @@ DAHL_WIDE void dahl_tiles_write(const dahl_tiles_job_t *job, const __m512d start
 DAHL_WIDE double dahl_tiles_run(const dahl_tiles_job_t *job, double state, const dahl_tiles_t *tiles, dahl_tile_maps_t map_of,
                                 dahl_tile_torques_t torques_of)
 {
-    dahl_map_t lanes[DAHL_TILES];
+    dahl_eight_maps_t lanes[DAHL_TILES];
     __m512d starts[DAHL_TILES];
     dahl_tiles_join(lanes, tiles, map_of);
     __m512d end = dahl_tiles_start(starts, lanes, dahl_wide_all(state));
@@ -155,40 +154,40 @@ DAHL_WIDE double dahl_tiles_run(const dahl_tiles_job_t *job, double state, const
     return _mm512_cvtsd_f64(end);
 }
 
-/** d form: state d. */
+/** The state is d. */
 DAHL_WIDE __m256 dahl_tile_torques_of_d(const dahl_tiles_job_t *job, __m512d d)
 {
     return _mm512_cvtpd_ps(job->scale->Fc * d + dahl_wide_all(job->scale->Fc * job->w));
 }
 
-/** Absolute form. */
-DAHL_WIDE __m256 dahl_tile_torques(const dahl_tiles_job_t *job, __m512d F)
+/** The state is W. */
+DAHL_WIDE __m256 dahl_tile_torques_of_W(const dahl_tiles_job_t *job, __m512d W)
 {
     (void)job;
-    return _mm512_cvtpd_ps(F);
+    return _mm512_cvtpd_ps(W);
 }
 
-/** Run the absolute form. Return the motion of w. */
+/** Run the absolute form, with maps of W. Return the motion of w. */
 DAHL_WIDE double dahl_tiles_run_absolute(const dahl_tiles_job_t *job, const dahl_tiles_t *tiles, dahl_tile_maps_t map_of)
 {
     const double Fc = job->scale->Fc, from = Fc * job->w;
-    return (dahl_tiles_run(job, from, tiles, map_of, dahl_tile_torques) - from) / Fc;
+    return (dahl_tiles_run(job, from, tiles, map_of, dahl_tile_torques_of_W) - from) / Fc;
 }
 
-DAHL_WIDE dahl_map_t dahl_tile_counts_map(const dahl_tiles_t *tiles, int t, unsigned k)
+DAHL_WIDE dahl_eight_maps_t dahl_tile_counts_map(const dahl_tiles_t *tiles, int t, unsigned k)
 {
     return dahl_wide_look_up(tiles->table->counts, _mm512_srli_epi64(tiles->bytes[t], 8 * k));
 }
 
-DAHL_WIDE dahl_map_t dahl_tile_sizes_map(const dahl_tiles_t *tiles, int t, unsigned k)
+DAHL_WIDE dahl_eight_maps_t dahl_tile_sizes_map(const dahl_tiles_t *tiles, int t, unsigned k)
 {
     __m512i places = _mm512_srli_epi64(_mm512_abs_epi8(tiles->bytes[t]), 8 * k);
-    dahl_map_t map = dahl_wide_look_up(tiles->table->sizes, places);
+    dahl_eight_maps_t map = dahl_wide_look_up(tiles->table->sizes, places);
     map.c = dahl_wide_with_sign(map.c, _mm512_slli_epi64(tiles->bytes[t], 56 - 8 * k));
     return map;
 }
 
-DAHL_WIDE dahl_map_t dahl_tile_made_map(const dahl_tiles_t *tiles, int t, unsigned k)
+DAHL_WIDE dahl_eight_maps_t dahl_tile_made_map(const dahl_tiles_t *tiles, int t, unsigned k)
 {
     return tiles->maps[t][k];
 }
@@ -252,37 +251,37 @@ DAHL_WIDE void dahl_tile_load(const int32_t *from, __m512i pairs[4])
     pairs[3] = _mm512_shuffle_i64x2(ab23, cd23, 0xee);
 }
 
-/** Returns the maps of moves x, from w0 in the d form, else for Fc. */
-typedef dahl_map_t (*dahl_tile_kernel_t)(const dahl_tiles_job_t *job, __m512d x);
+/** Returns the maps of moves x: of d in a block that starts at w, or of W. */
+typedef dahl_eight_maps_t (*dahl_tile_kernel_t)(const dahl_tiles_job_t *job, __m512d x);
 
 #define DAHL_TILE_KERNEL(kernel)                                                                                               \
-    DAHL_WIDE dahl_map_t dahl_tile_##kernel(const dahl_tiles_job_t *job, __m512d x)                                            \
+    DAHL_WIDE dahl_eight_maps_t dahl_tile_##kernel(const dahl_tiles_job_t *job, __m512d x)                                     \
     {                                                                                                                          \
         __m512d g = dahl_wide_##kernel(_mm512_abs_pd(x) * job->scale->a);                                                      \
-        dahl_map_t map = {1.0 - g, dahl_wide_with_sign(g, _mm512_castpd_si512(x)) - job->w * g};                               \
+        dahl_eight_maps_t map = {1.0 - g, dahl_wide_with_sign(g, _mm512_castpd_si512(x)) - job->w * g};                        \
         return map;                                                                                                            \
     }
 DAHL_TILE_KERNEL(tiny)
 DAHL_TILE_KERNEL(small)
 
-/** Moves of any length, in the d form. A block has one longer than ln 2, which halves the errors of all others. */
-DAHL_WIDE dahl_map_t dahl_tile_any(const dahl_tiles_job_t *job, __m512d x)
+/** Maps of d for moves of any length. The block has one longer than ln 2, which halves the errors of all others. */
+DAHL_WIDE dahl_eight_maps_t dahl_tile_any(const dahl_tiles_job_t *job, __m512d x)
 {
     __m512d e = dahl_wide_e(_mm512_abs_pd(x) * (job->scale->a * DAHL_ROOTS_OF_E)), g = 1.0 - e;
-    dahl_map_t map = {e, dahl_wide_with_sign(g, _mm512_castpd_si512(x)) - job->w * g};
+    dahl_eight_maps_t map = {e, dahl_wide_with_sign(g, _mm512_castpd_si512(x)) - job->w * g};
     return map;
 }
 
-/** The same in the absolute form, which has errors of 2^-53 anyway. */
-DAHL_WIDE dahl_map_t dahl_tile_any_absolute(const dahl_tiles_job_t *job, __m512d x)
+/** The same for maps of W, which err by 2^-53 anyway. */
+DAHL_WIDE dahl_eight_maps_t dahl_tile_any_absolute(const dahl_tiles_job_t *job, __m512d x)
 {
     __m512d e = dahl_wide_e(_mm512_abs_pd(x) * (job->scale->a * DAHL_ROOTS_OF_E));
     __m512d Fc = dahl_wide_with_sign(dahl_wide_all(job->scale->Fc), _mm512_castpd_si512(x));
-    dahl_map_t map = {e, Fc - Fc * e};
+    dahl_eight_maps_t map = {e, Fc - Fc * e};
     return map;
 }
 
-/** Make the maps of a block. The registers of a tile take turns. */
+/** Make the maps of a block and store them. */
 DAHL_WIDE void dahl_tiles_make(dahl_tiles_t *tiles, const dahl_tiles_job_t *job, dahl_tile_values_t values,
                                dahl_tile_kernel_t kernel)
 {
@@ -302,19 +301,20 @@ DAHL_WIDE void dahl_tiles_make(dahl_tiles_t *tiles, const dahl_tiles_job_t *job,
     }
 }
 
-DAHL_WIDE double dahl_tiles_by(const dahl_tiles_job_t *job, dahl_tiles_t *tiles, dahl_tile_values_t values,
+/** Run the form of d. Return the motion of w. */
+DAHL_WIDE double dahl_tiles_run_d(const dahl_tiles_job_t *job, dahl_tiles_t *tiles, dahl_tile_values_t values,
                                dahl_tile_kernel_t kernel)
 {
     dahl_tiles_make(tiles, job, values, kernel);
     return dahl_tiles_run(job, 0.0, tiles, dahl_tile_made_map, dahl_tile_torques_of_d);
 }
 
-/** Process a block. Return the motion of w. */
-DAHL_WIDE double dahl_tiles_by_counts(const dahl_tiles_job_t *job)
+/** Process a block of counts. Return the motion of w. */
+DAHL_WIDE double dahl_tiles_by_counts(const dahl_tiles_job_t *job, const dahl_wide_table_t *table)
 {
     const bool is_absolute = job->scale->a >= DAHL_ABSOLUTE_LEAST;
     dahl_tiles_t tiles;
-    tiles.table = job->table;
+    tiles.table = table;
     uint32_t most = is_absolute ? dahl_tiles_pack(&tiles, job->moves) : UINT32_MAX;
     if (most == DAHL_COUNTS_MOST) {
         return dahl_tiles_run_absolute(job, &tiles, dahl_tile_counts_map);
@@ -324,23 +324,24 @@ DAHL_WIDE double dahl_tiles_by_counts(const dahl_tiles_job_t *job)
     }
     most = dahl_wide_largest(job->moves, DAHL_TILES_TICKS, dahl_wide_counts);
     if (most <= job->scale->small) {
-        return most <= job->scale->tiny ? dahl_tiles_by(job, &tiles, dahl_tile_counts, dahl_tile_tiny)
-                                        : dahl_tiles_by(job, &tiles, dahl_tile_counts, dahl_tile_small);
+        return most <= job->scale->tiny ? dahl_tiles_run_d(job, &tiles, dahl_tile_counts, dahl_tile_tiny)
+                                        : dahl_tiles_run_d(job, &tiles, dahl_tile_counts, dahl_tile_small);
     }
     if (is_absolute) {
         dahl_tiles_make(&tiles, job, dahl_tile_counts, dahl_tile_any_absolute);
         return dahl_tiles_run_absolute(job, &tiles, dahl_tile_made_map);
     }
-    return dahl_tiles_by(job, &tiles, dahl_tile_counts, dahl_tile_any);
+    return dahl_tiles_run_d(job, &tiles, dahl_tile_counts, dahl_tile_any);
 }
 
+/** Process a block of angles. Return the motion of w. */
 DAHL_WIDE double dahl_tiles_by_angle(const dahl_tiles_job_t *job)
 {
     dahl_tiles_t tiles;
     uint32_t most = dahl_wide_largest(job->moves, DAHL_TILES_TICKS, dahl_wide_angles);
-    return most <= job->scale->tiny    ? dahl_tiles_by(job, &tiles, dahl_tile_angles, dahl_tile_tiny)
-           : most <= job->scale->small ? dahl_tiles_by(job, &tiles, dahl_tile_angles, dahl_tile_small)
-                                       : dahl_tiles_by(job, &tiles, dahl_tile_angles_or_nan, dahl_tile_any);
+    return most <= job->scale->tiny    ? dahl_tiles_run_d(job, &tiles, dahl_tile_angles, dahl_tile_tiny)
+           : most <= job->scale->small ? dahl_tiles_run_d(job, &tiles, dahl_tile_angles, dahl_tile_small)
+                                       : dahl_tiles_run_d(job, &tiles, dahl_tile_angles_or_nan, dahl_tile_any);
 }
 
 #endif

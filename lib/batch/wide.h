@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * Eight moves in AVX-512 registers, for one trajectory (trajectory_tiles.h) and for channels (channels_wide.h): g by the
- * polynomials of throughput.h, and the maps F -> e F + s g Fc of the torque by tables in registers or powers of 2.
+ * polynomials of throughput.h, and the maps W -> e W + c of its absolute form by tables in registers or powers of 2.
  */
 #ifndef DAHL_BATCH_WIDE_H
 #define DAHL_BATCH_WIDE_H
@@ -15,10 +15,10 @@
 #define DAHL_WIDE DAHL_AVX512 DAHL_INLINE /* a function that uses 512-bit registers */
 #define DAHL_NAN_CLASS 0x81               /* quiet and signalling NaN for fpclass */
 
-/** The map x -> e x + c of a tick, or of several in a row. */
+/** Eight maps x -> e x + c, each of a tick, or of several in a row. */
 typedef struct {
     __m512d e, c;
-} dahl_map_t;
+} dahl_eight_maps_t;
 
 /** Returns g of travels u >= 0. */
 typedef __m512d (*dahl_wide_kernel_t)(__m512d u);
@@ -87,15 +87,15 @@ DAHL_WIDE __m512d dahl_wide_e(__m512d u)
 
 /** Maps of up to 15 counts, and of -8 to 7 counts: permutations that read the lowest four bits of words. */
 typedef struct {
-    dahl_map_t sizes[2], counts[2];
+    dahl_eight_maps_t sizes[2], counts[2];
 } dahl_wide_table_t;
 
 #define DAHL_SIZES_MOST 15u
 #define DAHL_COUNTS_MOST 7u
 
-DAHL_WIDE dahl_map_t dahl_wide_look_up(const dahl_map_t table[2], __m512i places)
+DAHL_WIDE dahl_eight_maps_t dahl_wide_look_up(const dahl_eight_maps_t table[2], __m512i places)
 {
-    dahl_map_t map = {_mm512_permutex2var_pd(table[0].e, places, table[1].e),
+    dahl_eight_maps_t map = {_mm512_permutex2var_pd(table[0].e, places, table[1].e),
                       _mm512_permutex2var_pd(table[0].c, places, table[1].c)};
     return map;
 }
