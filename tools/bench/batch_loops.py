@@ -6,8 +6,7 @@ Usage: PYTHON tools/bench/batch_loops.py [ARCHIVE]    (build/host/lib/libdahl_ba
 
 Prints, for each loop and 64 ticks: all instructions, those on 512-bit registers, those that
 exchange lanes, and the cycles that llvm-mca-19 expects, if it is installed: of Zen 4, whose 512-bit
-instructions take two turns, and of Sapphire Rapids. A copy of 64 ticks has 8 instructions. Zen 5
-does at most four instructions on 512 bits in a cycle, and two of them may exchange lanes.
+instructions take two turns, and of Sapphire Rapids. docs/decisions/04-two-batches.md reads them.
 """
 
 from __future__ import annotations
@@ -32,30 +31,24 @@ class Kind:
     form: str
     title: str
     ticks: int
-    has: dict[str, range]
+    has: dict[str, int]
 
 
-NO, EIGHT, SIXTEEN = range(1), range(8, 9), range(16, 17)
 EXCHANGE = r"^v(perm|align|pack|shuf[fi]\d|insert|extract|cvtpd2ps|cvtdq2pd|pmov)"
 LOOK_UP, SIGN, POWER, ROUND = "vperm[ti]2pd", "vpternlogq", "vrndscalepd", "vcvtpd2ps"
 KINDS = (
-    Kind("trajectory", "lanes, up to 7 counts", 64, {LOOK_UP: SIXTEEN, SIGN: NO, ROUND: NO}),
-    Kind("trajectory", "lanes, up to 15", 64, {LOOK_UP: SIXTEEN, SIGN: EIGHT, ROUND: NO}),
-    Kind("trajectory", "starts of lanes", 64, {"vmaxpd": range(1, 2)}),
-    Kind("trajectory", "torques, up to 7 counts", 128, {LOOK_UP: range(32, 33), SIGN: NO}),
-    Kind("trajectory", "torques, up to 15", 128, {LOOK_UP: range(32, 33), SIGN: SIXTEEN}),
-    Kind("trajectory", "largest move", 32, {"vpmaxud": range(2, 3), "vpabsd": range(2, 3)}),
-    Kind("trajectory", "maps, any move", 64, {POWER: EIGHT, "vfn?m": range(1, 41)}),
-    Kind(
-        "trajectory",
-        "lanes, any move",
-        64,
-        {"vfmadd": range(7, 8), "vmulpd": range(7, 8), LOOK_UP: NO},
-    ),
-    Kind("trajectory", "torques, any move", 128, {ROUND: SIXTEEN, "vfmadd": SIXTEEN, LOOK_UP: NO}),
-    Kind("channels", "16 channels, up to 7 counts", 64, {LOOK_UP: SIXTEEN, SIGN: NO, "%k": NO}),
-    Kind("channels", "16 channels, up to 15", 64, {LOOK_UP: SIXTEEN, SIGN: EIGHT, "%k": NO}),
-    Kind("channels", "16 channels, any move", 64, {POWER: EIGHT, "%k": NO}),
+    Kind("trajectory", "lanes, up to 7 counts", 64, {LOOK_UP: 16, SIGN: 0, ROUND: 0}),
+    Kind("trajectory", "lanes, up to 15", 64, {LOOK_UP: 16, SIGN: 8, ROUND: 0}),
+    Kind("trajectory", "starts of lanes", 64, {"vmaxpd": 1}),
+    Kind("trajectory", "torques, up to 7 counts", 128, {LOOK_UP: 32, SIGN: 0}),
+    Kind("trajectory", "torques, up to 15", 128, {LOOK_UP: 32, SIGN: 16}),
+    Kind("trajectory", "largest move", 32, {"vpmaxud": 2, "vpabsd": 2}),
+    Kind("trajectory", "maps, any move", 64, {POWER: 8, "vfn?m": 40}),
+    Kind("trajectory", "lanes, any move", 64, {"vfmadd": 7, "vmulpd": 7, LOOK_UP: 0}),
+    Kind("trajectory", "torques, any move", 128, {ROUND: 16, "vfmadd": 16, LOOK_UP: 0}),
+    Kind("channels", "16 channels, up to 7 counts", 64, {LOOK_UP: 16, SIGN: 0, "%k": 0}),
+    Kind("channels", "16 channels, up to 15", 64, {LOOK_UP: 16, SIGN: 8, "%k": 0}),
+    Kind("channels", "16 channels, any move", 64, {POWER: 8, "%k": 0}),
 )
 
 
@@ -77,7 +70,7 @@ def loops(form: str, archive: Path) -> Iterator[list[str]]:
 
 def is_kind(loop: list[str], kind: Kind) -> bool:
     found = {word: sum(bool(re.search(word, line)) for line in loop) for word in kind.has}
-    return all(found[word] in wanted for word, wanted in kind.has.items())
+    return found == kind.has
 
 
 def expected_cycles(loop: list[str], processor: str) -> float:
@@ -90,10 +83,9 @@ def expected_cycles(loop: list[str], processor: str) -> float:
 
 
 def main(archive: Path) -> int:
-    print(
-        "| for 64 ticks | instructions | on 512 bits | exchanges | " + " | ".join(PROCESSORS) + " |"
-    )
-    print("|---|---:|---:|---:|" + "---:|" * len(PROCESSORS))
+    columns = ("for 64 ticks", "instructions", "on 512 bits", "exchanges of lanes", *PROCESSORS)
+    print("| " + " | ".join(columns) + " |")
+    print("|---" + "|---:" * (len(columns) - 1) + "|")
     for kind in KINDS:
         matching = (loop for loop in loops(kind.form, archive) if is_kind(loop, kind))
         loop = next(matching, None)
