@@ -54,10 +54,7 @@ DAHL_WIDE dahl_eight_maps_t map_of_sizes(const eight_t *eight, __m256i moves)
 
 DAHL_WIDE dahl_eight_maps_t map_of_any_counts(const eight_t *eight, __m256i moves)
 {
-    __m512d x = counts_of(moves), e = dahl_wide_e(_mm512_abs_pd(x) * (eight->a * DAHL_ROOTS_OF_E));
-    __m512d Fc = dahl_wide_with_sign(eight->Fc, _mm512_castpd_si512(x));
-    dahl_eight_maps_t map = {e, Fc - Fc * e};
-    return map;
+    return dahl_wide_map_of_any(counts_of(moves), eight->a * DAHL_ROOTS_OF_E, eight->Fc);
 }
 
 /** How to step a block: by map_of with maps of W, else by a kernel of g. */

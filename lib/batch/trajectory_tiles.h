@@ -275,10 +275,7 @@ DAHL_WIDE dahl_eight_maps_t dahl_tile_any(const dahl_tiles_job_t *job, __m512d x
 /** The same for maps of W, which err by 2^-53 anyway. */
 DAHL_WIDE dahl_eight_maps_t dahl_tile_any_absolute(const dahl_tiles_job_t *job, __m512d x)
 {
-    __m512d e = dahl_wide_e(_mm512_abs_pd(x) * (job->scale->a * DAHL_ROOTS_OF_E));
-    __m512d Fc = dahl_wide_with_sign(dahl_wide_all(job->scale->Fc), _mm512_castpd_si512(x));
-    dahl_eight_maps_t map = {e, Fc - Fc * e};
-    return map;
+    return dahl_wide_map_of_any(x, dahl_wide_all(job->scale->a * DAHL_ROOTS_OF_E), dahl_wide_all(job->scale->Fc));
 }
 
 /** Make the maps of a block and store them. */

@@ -100,6 +100,14 @@ DAHL_WIDE dahl_eight_maps_t dahl_wide_look_up(const dahl_eight_maps_t table[2], 
     return map;
 }
 
+/** Maps of W for x counts of any number, with travels of `roots` per count in units of ln 2/16. */
+DAHL_WIDE dahl_eight_maps_t dahl_wide_map_of_any(__m512d x, __m512d roots, __m512d Fc)
+{
+    __m512d e = dahl_wide_e(_mm512_abs_pd(x) * roots), c = dahl_wide_with_sign(Fc, _mm512_castpd_si512(x));
+    dahl_eight_maps_t map = {e, c - c * e};
+    return map;
+}
+
 DAHL_WIDE dahl_wide_table_t dahl_wide_table(double a, double Fc)
 {
     const __m512d eight = _mm512_setr_pd(0, 1, 2, 3, 4, 5, 6, 7);
