@@ -42,6 +42,13 @@ typedef struct {
     __m256d e, c;
 } dahl_four_maps_t;
 
+/** The maps `first`, then the maps `then`. */
+DAHL_FOUR dahl_four_maps_t dahl_four_join(dahl_four_maps_t first, dahl_four_maps_t then)
+{
+    dahl_four_maps_t both = {then.e * first.e, then.e * first.c + then.c};
+    return both;
+}
+
 /** Distance of an entry from the center of the table, in doubles: 2 n, or saturated. */
 typedef int16_t dahl_place_t;
 

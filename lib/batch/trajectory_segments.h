@@ -79,13 +79,6 @@ DAHL_FOUR void dahl_pair_exchange(const __m256d pair[4], dahl_four_maps_t *first
     both->c = _mm256_permute2f128_pd(c01, c23, 0x31);
 }
 
-/** The map `first`, then the map `then`. */
-DAHL_FOUR dahl_four_maps_t dahl_four_join(dahl_four_maps_t first, dahl_four_maps_t then)
-{
-    dahl_four_maps_t both = {then.e * first.e, then.e * first.c + then.c};
-    return both;
-}
-
 /** Makes the maps of two ticks of each lane: of the first tick, and of both. Pair k of four ticks, with their places in a
  * table. */
 typedef void (*dahl_pair_maps_t)(const double *center, const uint64_t places[4], int k, dahl_four_maps_t *first,

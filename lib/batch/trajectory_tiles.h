@@ -47,12 +47,6 @@ typedef dahl_eight_maps_t (*dahl_tile_maps_t)(const dahl_tiles_t *tiles, int til
 /** Returns the torques of states. */
 typedef __m256 (*dahl_tile_torques_t)(const dahl_tiles_job_t *job, __m512d state);
 
-DAHL_WIDE dahl_eight_maps_t dahl_eight_join(dahl_eight_maps_t first, dahl_eight_maps_t then)
-{
-    dahl_eight_maps_t both = {then.e * first.e, then.e * first.c + then.c};
-    return both;
-}
-
 /** Shift the lanes up by 1, 2 or 4, and fill with those of `first`. */
 DAHL_WIDE __m512d dahl_tile_up(__m512d x, __m512d first, int lanes)
 {

@@ -20,6 +20,13 @@ typedef struct {
     __m512d e, c;
 } dahl_eight_maps_t;
 
+/** The maps `first`, then the maps `then`. */
+DAHL_WIDE dahl_eight_maps_t dahl_eight_join(dahl_eight_maps_t first, dahl_eight_maps_t then)
+{
+    dahl_eight_maps_t both = {then.e * first.e, then.e * first.c + then.c};
+    return both;
+}
+
 /** Returns g of travels u >= 0. */
 typedef __m512d (*dahl_wide_kernel_t)(__m512d u);
 
