@@ -20,7 +20,7 @@
 
 #define DAHL_FOUR DAHL_AVX2 DAHL_INLINE /* a function that uses 256-bit registers */
 #define DAHL_MAP_MOST 511               /* counts; 16 KiB */
-#define DAHL_MAP_PAYS 4                 /* ticks of a call for each entry */
+#define DAHL_MAP_PAYS 4                 /* ticks of a call for each count in the table, or pair */
 #define DAHL_MAP_ALL 24.0               /* travel: exp(-24) < 2^-34 */
 #define DAHL_PAIR_SIDE 32               /* pairs with the same first move */
 
@@ -33,7 +33,7 @@ typedef struct {
     double a, Fc;
     int32_t most, limit; /* counts that the table covers, and may cover */
     bool closes;         /* the limit closes the gap, so larger moves may be clamped to it */
-    size_t pays;         /* most entries that the ticks of this call pay for */
+    size_t pays;         /* counts or pairs that the ticks of this call pay for */
     dahl_map_t entries[2 * DAHL_MAP_MOST + 1] __attribute__((aligned(64)));
 } dahl_map_table_t;
 

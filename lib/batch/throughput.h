@@ -8,8 +8,8 @@
  *   (ticks of a block) u for each tick of travel u.
  * - absolute form: W = Fc w is the torque as a double. Its map W -> e W + c does not depend on the state, so a table of
  *   maps serves a whole call. A tick without motion is exact. Any other rounds W/Fc at most 9 times by 2^-54: e, c, and
- *   joined maps. Each later tick with motion forgets at least a part a of this, so the sum is at most 9 2^-54/a, which
- *   is .009 ulp for DAHL_ABSOLUTE_LEAST.
+ *   joined maps. Each later tick with motion forgets at least a part a of this, so the sum is at most 9 2^-54/a, with a the
+ *   travel per count: .009 ulp for DAHL_ABSOLUTE_LEAST.
  * - carry: between blocks the state is w in Q62. Truncation to 2^-61 sums up to at most 2^-31, for a block of
  *   travel 2^-30: within 0.01 ulp.
  */

@@ -294,7 +294,7 @@ DAHL_WIDE void dahl_tiles_make(dahl_tiles_t *tiles, const dahl_tiles_job_t *job,
 
 /** Run the form of d. Return the motion of w. */
 DAHL_WIDE double dahl_tiles_run_d(const dahl_tiles_job_t *job, dahl_tiles_t *tiles, dahl_tile_values_t values,
-                               dahl_tile_kernel_t kernel)
+                                  dahl_tile_kernel_t kernel)
 {
     dahl_tiles_make(tiles, job, values, kernel);
     return dahl_tiles_run(job, 0.0, tiles, dahl_tile_made_map, dahl_tile_torques_of_d);

@@ -103,7 +103,7 @@ typedef struct {
 DAHL_WIDE dahl_eight_maps_t dahl_wide_look_up(const dahl_eight_maps_t table[2], __m512i places)
 {
     dahl_eight_maps_t map = {_mm512_permutex2var_pd(table[0].e, places, table[1].e),
-                      _mm512_permutex2var_pd(table[0].c, places, table[1].c)};
+                             _mm512_permutex2var_pd(table[0].c, places, table[1].c)};
     return map;
 }
 
