@@ -137,7 +137,7 @@ DAHL_FOUR void step_counts_by_table(chunk_t *chunk, const job_t *job, size_t cou
     }
     if (table->limit > 0) {
         const int32_t *moves = (const int32_t *)job->moves + first * job->stride;
-        int32_t most = dahl_map_places(places, NULL, moves, rows, job->stride);
+        int32_t most = places_of(places, moves, rows, job->stride);
         if (dahl_map_cover(table, places, rows * CHUNK, most)) {
             step_by_table(chunk, job, places, first, last);
             return;

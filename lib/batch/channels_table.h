@@ -8,6 +8,16 @@
 
 #ifdef DAHL_FOUR
 
+/** Convert rows of 16 moves to places. Return the largest |n|, or at least INT16_MAX. */
+DAHL_FOUR int32_t places_of(dahl_place_t *places, const int32_t *moves, size_t rows, size_t stride)
+{
+    __m256i most = _mm256_setzero_si256();
+    for (size_t row = 0; row < rows; row++) {
+        (void)dahl_map_pack(places + CHUNK * row, moves + stride * row, &most);
+    }
+    return dahl_map_largest(most);
+}
+
 /** Step 16 channels with the maps of a table. */
 DAHL_FOUR void step_by_table(chunk_t *chunk, const job_t *job, const dahl_place_t *places, size_t first, size_t last)
 {

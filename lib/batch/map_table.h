@@ -22,7 +22,6 @@
 #define DAHL_MAP_MOST 511               /* counts; 16 KiB */
 #define DAHL_MAP_PAYS 4                 /* ticks of a call for each count in the table, or pair */
 #define DAHL_MAP_ALL 24.0               /* travel: exp(-24) < 2^-34 */
-#define DAHL_PAIR_SIDE 32               /* pairs with the same first move */
 
 /** The map x -> e x + c of a tick, or of several in a row. */
 typedef struct {
@@ -52,24 +51,19 @@ DAHL_FOUR dahl_four_maps_t dahl_four_join(dahl_four_maps_t first, dahl_four_maps
 /** Distance of an entry from the center of the table, in doubles: 2 n, or saturated. */
 typedef int16_t dahl_place_t;
 
-/** Distance of a pair of moves from the center of a table of pairs (trajectory_segments.h), in doubles. */
-typedef int32_t dahl_pair_place_t;
-
-/** Convert rows of 16 moves to places, and to places of pairs if not NULL. Return the largest |n|, or at least INT16_MAX. */
-DAHL_FOUR int32_t dahl_map_places(dahl_place_t *places, dahl_pair_place_t *pairs, const int32_t *moves, size_t rows,
-                                  size_t stride)
+/** Pack 16 moves to places, and keep the largest |n| of each lane. Return the moves, saturated. */
+DAHL_FOUR __m256i dahl_map_pack(dahl_place_t places[16], const int32_t moves[16], __m256i *most)
 {
-    const __m256i weights = _mm256_set1_epi32(4 << 16 | 4 * DAHL_PAIR_SIDE);
-    __m256i most = _mm256_setzero_si256();
-    for (size_t row = 0; row < rows; row++, moves += stride) {
-        __m256i first = _mm256_loadu_si256((const void *)moves), last = _mm256_loadu_si256((const void *)(moves + 8));
-        __m256i all = _mm256_permute4x64_epi64(_mm256_packs_epi32(first, last), 0xd8);
-        most = _mm256_max_epu16(most, _mm256_abs_epi16(all));
-        _mm256_storeu_si256((void *)(places + 16 * row), _mm256_adds_epi16(all, all));
-        if (pairs != NULL) {
-            _mm256_storeu_si256((void *)(pairs + 8 * row), _mm256_madd_epi16(all, weights));
-        }
-    }
+    __m256i first = _mm256_loadu_si256((const void *)moves), last = _mm256_loadu_si256((const void *)(moves + 8));
+    __m256i all = _mm256_permute4x64_epi64(_mm256_packs_epi32(first, last), 0xd8);
+    *most = _mm256_max_epu16(*most, _mm256_abs_epi16(all));
+    _mm256_storeu_si256((void *)places, _mm256_adds_epi16(all, all));
+    return all;
+}
+
+/** Return the largest lane: of saturated moves at least INT16_MAX. */
+DAHL_FOUR int32_t dahl_map_largest(__m256i most)
+{
     __m128i eight = _mm_max_epu16(_mm256_castsi256_si128(most), _mm256_extracti128_si256(most, 1));
     return 0xffff - _mm_extract_epi16(_mm_minpos_epu16(_mm_xor_si128(eight, _mm_set1_epi16(-1))), 0);
 }

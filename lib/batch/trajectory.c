@@ -159,7 +159,7 @@ DAHL_FOUR double counts_segments(const job_t *job, double w0, const void *moves,
     dahl_pair_table_t *table = job->pair_table;
     dahl_place_t places[BLOCK];
     dahl_pair_place_t pairs[BLOCK / 2]; /* 4 bytes for two ticks, as in places */
-    int32_t most = dahl_map_places(places, pairs, moves, BLOCK / 16, 16);
+    int32_t most = dahl_pair_places(places, pairs, moves);
     if (!dahl_map_cover(&table->single, places, BLOCK, most)) {
         return counts_block(job, w0, moves, F);
     }

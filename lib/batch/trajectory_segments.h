@@ -27,6 +27,10 @@ typedef struct {
 } dahl_segments_t;
 
 #define DAHL_PAIR_MOST 15 /* counts */
+#define DAHL_PAIR_SIDE 32 /* pairs with the same first move */
+
+/** Distance of a pair of moves from the center of the table of pairs, in doubles. */
+typedef int32_t dahl_pair_place_t;
 
 /** Of two moves: the map of the first, and of both. */
 typedef struct {
@@ -43,6 +47,18 @@ typedef struct {
 DAHL_FOUR dahl_pair_t *dahl_pair_center(dahl_pair_table_t *table)
 {
     return table->pairs + DAHL_PAIR_SIDE / 2 * (DAHL_PAIR_SIDE + 1);
+}
+
+/** Convert a block of moves to places, and to those of pairs. Return the largest |n|, or at least INT16_MAX. */
+DAHL_FOUR int32_t dahl_pair_places(dahl_place_t *places, dahl_pair_place_t *pairs, const int32_t *moves)
+{
+    const __m256i weights = _mm256_set1_epi32(4 << 16 | 4 * DAHL_PAIR_SIDE);
+    __m256i most = _mm256_setzero_si256();
+    for (size_t t = 0; t < DAHL_SEGMENTS_TICKS; t += 16) {
+        __m256i all = dahl_map_pack(places + t, moves + t, &most);
+        _mm256_storeu_si256((void *)(pairs + t / 2), _mm256_madd_epi16(all, weights));
+    }
+    return dahl_map_largest(most);
 }
 
 /** Make the pairs of all moves up to `most`, if the table of single moves covers them. Return false if this does not pay. */

@@ -137,16 +137,20 @@ static const int64_t foreign[] = {((int64_t)1 << 62) + ((int64_t)1 << 31) - 1, (
                                   -((int64_t)1 << 62) - ((int64_t)1 << 31),    -((int64_t)1 << 62) - ((int64_t)1 << 31) - 1,
                                   INT64_MAX,                                   INT64_MIN};
 
-/* Channels of one plan, of one plan but for a softer one, or each with another travel and Fc; some with a foreign state. */
+/* Channels of one plan, of one plan but for one that is softer or has twice the torque, or each with another travel and Fc; some
+ * with a foreign state. */
 static void make_channels(motion_t *m, size_t count)
 {
-    const uint32_t kind = motion_random(m) % 3u, softer = motion_random(m) % MANY, travel = motion_random(m) % TRAVELS;
+    const uint32_t kind = motion_random(m) % 4u, other = motion_random(m) % MANY, travel = motion_random(m) % TRAVELS;
     const size_t kinds = sizeof foreign / sizeof foreign[0], first = motion_random(m) % kinds;
     const int is_foreign = motion_random(m) % 4u == 0;
     for (size_t c = 0; c < count; c++) {
         const double u = kind == 2 ? travels[c % TRAVELS] * (1.0 + 0.01 * (double)c) : travels[travel];
         dahl_params_t p = params_for(u, kind == 2 ? 0.5f + 0.37f * (float)c : 1.7f);
-        p.sigma0 *= kind == 1 && c == softer ? 0.8f : 1.0f;
+        if (c == other) {
+            p.sigma0 *= kind == 1 ? 0.8f : kind == 3 ? 2.0f : 1.0f;
+            p.Fc *= kind == 3 ? 2.0f : 1.0f;
+        }
         set_channel(c, &p);
         channels.start[c].w = is_foreign ? foreign[(first + c) % kinds] : 0;
     }
