@@ -264,6 +264,19 @@ static void test_bad_angles_in_a_batch_are_as_in_single_steps(void)
     }
 }
 
+/* A NaN among short angles must not select a form for long ones, whose g errs by 2^-54 each tick. */
+static void test_a_nan_does_not_spoil_short_angles(void)
+{
+    const dahl_throughput_params_t p = {1.0 + 0x1p-24, 1.0, 1.0};
+    dahl_state_t state = {0};
+    for (int t = 0; t < 512; t++) {
+        angles[t] = t == 300 ? NAN : 0x1p-30f;
+    }
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&p, &state, angles, G, 512));
+    const long double w = -expm1l(-511 * 0x1p-30L * p.sigma0);
+    TEST_ASSERT_TRUE(fabsl((long double)state.w * 0x1p-62L - w) < 1e-9L * w);
+}
+
 static void test_a_plan_of_zeros_gives_no_torque(void)
 {
     static const unsigned exact[] = {0, ANGLE, ONE, ONE + ANGLE};
