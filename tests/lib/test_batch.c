@@ -137,16 +137,18 @@ static const int64_t foreign[] = {((int64_t)1 << 62) + ((int64_t)1 << 31) - 1, (
                                   -((int64_t)1 << 62) - ((int64_t)1 << 31),    -((int64_t)1 << 62) - ((int64_t)1 << 31) - 1,
                                   INT64_MAX,                                   INT64_MIN};
 
-/* Channels of one plan, of one plan but for a softer one, or each with another travel and Fc; some with a foreign state. */
+/* Channels of one plan, of one plan but for a softer or a weaker one (with the same travel), or each with another travel
+ * and Fc; some with a foreign state. */
 static void make_channels(motion_t *m, size_t count)
 {
-    const uint32_t kind = motion_random(m) % 3u, softer = motion_random(m) % MANY, travel = motion_random(m) % TRAVELS;
+    const uint32_t kind = motion_random(m) % 4u, other = motion_random(m) % MANY, travel = motion_random(m) % TRAVELS;
     const size_t kinds = sizeof foreign / sizeof foreign[0], first = motion_random(m) % kinds;
     const int is_foreign = motion_random(m) % 4u == 0;
     for (size_t c = 0; c < count; c++) {
         const double u = kind == 2 ? travels[c % TRAVELS] * (1.0 + 0.01 * (double)c) : travels[travel];
         dahl_params_t p = params_for(u, kind == 2 ? 0.5f + 0.37f * (float)c : 1.7f);
-        p.sigma0 *= kind == 1 && c == softer ? 0.8f : 1.0f;
+        p.sigma0 *= c != other ? 1.0f : kind == 1 ? 0.8f : kind == 3 ? 0.5f : 1.0f;
+        p.Fc *= kind == 3 && c == other ? 0.5f : 1.0f;
         set_channel(c, &p);
         channels.start[c].w = is_foreign ? foreign[(first + c) % kinds] : 0;
     }
@@ -275,6 +277,25 @@ static void test_a_nan_does_not_spoil_short_angles(void)
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&p, &state, angles, G, 512));
     const long double w = -expm1l(-511 * 0x1p-30L * p.sigma0);
     TEST_ASSERT_TRUE(fabsl((long double)state.w * 0x1p-62L - w) < 1e-9L * w);
+}
+
+/* The least travel must not go through maps of the torque, which round e by 2^-54, even if another channel jumps. */
+static void test_the_least_travel_from_saturation_is_accurate(void)
+{
+    static const int32_t last[] = {1, INT32_MAX};
+    const dahl_throughput_params_t p = {1.0 + 0x1p-24, 1.0, 0x1p-30};
+    const int64_t one = (int64_t)1 << 62;
+    for (unsigned i = 0; i < 4; i++) {
+        const unsigned form = i % 2 ? FAST : FAST + ONE;
+        for (int t = 0; t < 16 * 512; t++) {
+            channels.wide[t % 16] = p;
+            channels.batch[t % 16].w = -one;
+            moves[t] = form == FAST && t % 16 == 15 ? last[i / 2] : 1;
+        }
+        run(form, 16, 512, G);
+        const long double moved = -2 * expm1l(-512 * 0x1p-30L * p.sigma0);
+        TEST_ASSERT_TRUE(fabsl((long double)(channels.batch[0].w + one) * 0x1p-62L - moved) < 1e-9L * moved);
+    }
 }
 
 static void test_a_plan_of_zeros_gives_no_torque(void)
