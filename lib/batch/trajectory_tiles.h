@@ -26,6 +26,9 @@
 #define DAHL_TILES_TICKS (DAHL_TILES * DAHL_TILE_TICKS)
 #define DAHL_LEAST_E 0x1p-64 /* of a lane: no product of eight lanes, Fc and a state is a subnormal number (see dahl_w_of) */
 
+/* Measure of an infinite angle. That of NaN is larger, and hides whether an angle is long. */
+#define DAHL_INFINITE 0x7f800000u
+
 /** A block of moves from w, and where its torques go. */
 typedef struct {
     const dahl_throughput_scale_t *scale;
@@ -257,9 +260,10 @@ typedef dahl_eight_maps_t (*dahl_tile_kernel_t)(const dahl_tiles_job_t *job, __m
     }
 DAHL_TILE_KERNEL(tiny)
 DAHL_TILE_KERNEL(small)
+DAHL_TILE_KERNEL(any)
 
-/** Maps of d for moves of any length. The block has one longer than ln 2, which halves the errors of all others. */
-DAHL_WIDE dahl_eight_maps_t dahl_tile_any(const dahl_tiles_job_t *job, __m512d x)
+/** Maps of d for moves of any length. The block must have one longer than ln 2, which halves the errors of all others. */
+DAHL_WIDE dahl_eight_maps_t dahl_tile_halving(const dahl_tiles_job_t *job, __m512d x)
 {
     __m512d e = dahl_wide_e(_mm512_abs_pd(x) * (job->scale->a * DAHL_ROOTS_OF_E)), g = 1.0 - e;
     dahl_eight_maps_t map = {e, dahl_wide_with_sign(g, _mm512_castpd_si512(x)) - job->w * g};
@@ -322,7 +326,7 @@ DAHL_WIDE double dahl_tiles_by_counts(const dahl_tiles_job_t *job, const dahl_wi
         dahl_tiles_make(&tiles, job, dahl_tile_counts, dahl_tile_any_absolute);
         return dahl_tiles_run_absolute(job, &tiles, dahl_tile_made_map);
     }
-    return dahl_tiles_run_d(job, &tiles, dahl_tile_counts, dahl_tile_any);
+    return dahl_tiles_run_d(job, &tiles, dahl_tile_counts, dahl_tile_halving);
 }
 
 /** Process a block of angles. Return the motion of w. */
@@ -332,6 +336,7 @@ DAHL_WIDE double dahl_tiles_by_angle(const dahl_tiles_job_t *job)
     uint32_t most = dahl_wide_largest(job->moves, DAHL_TILES_TICKS, dahl_wide_angles);
     return most <= job->scale->tiny    ? dahl_tiles_run_d(job, &tiles, dahl_tile_angles, dahl_tile_tiny)
            : most <= job->scale->small ? dahl_tiles_run_d(job, &tiles, dahl_tile_angles, dahl_tile_small)
+           : most <= DAHL_INFINITE     ? dahl_tiles_run_d(job, &tiles, dahl_tile_angles, dahl_tile_halving)
                                        : dahl_tiles_run_d(job, &tiles, dahl_tile_angles_or_nan, dahl_tile_any);
 }
 

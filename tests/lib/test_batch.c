@@ -268,6 +268,38 @@ static void test_bad_angles_in_a_batch_are_as_in_single_steps(void)
     }
 }
 
+/* A NaN among short angles must not select a form for long ones, whose g errs by 2^-54 each tick. */
+static void test_a_nan_does_not_spoil_short_angles(void)
+{
+    const dahl_throughput_params_t p = {1.0 + 0x1p-24, 1.0, 1.0};
+    dahl_state_t state = {0};
+    for (int t = 0; t < 512; t++) {
+        angles[t] = t == 300 ? NAN : 0x1p-30f;
+    }
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&p, &state, angles, G, 512));
+    const long double w = -expm1l(-511 * 0x1p-30L * p.sigma0);
+    TEST_ASSERT_TRUE(fabsl((long double)state.w * 0x1p-62L - w) < 1e-9L * w);
+}
+
+/* The least travel must not go through maps of the torque, which round e by 2^-54, even if another channel jumps. */
+static void test_the_least_travel_from_saturation_is_accurate(void)
+{
+    static const int32_t last[] = {1, INT32_MAX};
+    const dahl_throughput_params_t p = {1.0 + 0x1p-24, 1.0, 0x1p-30};
+    const int64_t one = (int64_t)1 << 62;
+    for (unsigned i = 0; i < 4; i++) {
+        const unsigned form = i % 2 ? FAST : FAST + ONE;
+        for (int t = 0; t < 16 * 512; t++) {
+            channels.wide[t % 16] = p;
+            channels.batch[t % 16].w = -one;
+            moves[t] = form == FAST && t % 16 == 15 ? last[i / 2] : 1;
+        }
+        run(form, 16, 512, G);
+        const long double moved = -2 * expm1l(-512 * 0x1p-30L * p.sigma0);
+        TEST_ASSERT_TRUE(fabsl((long double)(channels.batch[0].w + one) * 0x1p-62L - moved) < 1e-9L * moved);
+    }
+}
+
 static void test_a_plan_of_zeros_gives_no_torque(void)
 {
     static const unsigned exact[] = {0, ANGLE, ONE, ONE + ANGLE};
