@@ -74,7 +74,9 @@ void dahl_batch_velocity(const dahl_velocity_plan_t *plan, const int32_t *dcount
 
 /**
  * @name Throughput
- * The same recurrence in double, with vectors; the bits depend on the processor. Error for any n:
+ * The same recurrence in double, with vectors. Each call selects AVX-512, AVX2 or plain code by the
+ * processor, so the bits depend on it. Channels run in groups of 16: fill a group, or use single
+ * trajectories for a few. Error for any n:
  * #DAHL_ULP_COUNTS ulp of Fc by counts, and by angle if each |u| is 0 or at least 2^-30.
  *
  * There is no plan: parameters are double, with the limits and error codes of dahl_prepare(). If a

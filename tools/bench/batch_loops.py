@@ -83,6 +83,9 @@ def expected_cycles(loop: list[str], processor: str) -> float:
 
 
 def main(archive: Path) -> int:
+    if not archive.exists():
+        print(f"error: no {archive}: run tools/bench.sh host first", file=sys.stderr)
+        return 1
     columns = ("for 64 ticks", "instructions", "on 512 bits", "exchanges of lanes", *PROCESSORS)
     print("| " + " | ".join(columns) + " |")
     print("|---" + "|---:" * (len(columns) - 1) + "|")

@@ -23,8 +23,8 @@ class Throughput(parameters.Counts, Copied):
     millions of ticks (dahl_throughput_params_t).
 
     The model, limits and 0.52 ulp of Fc are those of Friction, but not the bits: computed in
-    double, in vectors, 4 (AVX2) to 28 times (AVX-512) as fast. It is immutable and prepares
-    no plan, so new parameters for every call cost no time.
+    double, in vectors, by counts about 20 times as fast with AVX2 or AVX-512 (docs/speed.md). It
+    is immutable and prepares no plan, so new parameters for every call cost no time.
 
     >>> dahl.Throughput(100.0, 0.5, 2 * 3.14159265 / 16384).run_counts([3])
     array([0.10277178], dtype=float32)
