@@ -155,6 +155,8 @@ def test_a_program_ends_with_its_parent_even_if_that_is_killed() -> None:
     words = [sys.executable, "-c", START_CHILD]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as parent:
         child = int(parent.stdout.readline())
+        comm = Path(f"/proc/{child}/comm")
+        wait_until(lambda: comm.read_text() == "sleep\n")  # now it would know of the end
         parent.kill()
     wait_until(lambda: not is_running(child))
 
