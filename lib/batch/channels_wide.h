@@ -205,31 +205,31 @@ DAHL_WIDE bool step_wide_maps(chunk_t *chunk, const job_t *job, size_t count, si
     return true;
 }
 
+/** Step by the kernel for moves of up to `most`. any_values_of reads moves that may be NaN. */
+DAHL_WIDE void step_wide_kernels(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last, uint32_t most,
+                                 values_t values_of, values_t any_values_of)
+{
+    if (most <= chunk->tiny) {
+        step_wide(chunk, job, count, first, last, form_of_kernel(values_of, dahl_wide_tiny));
+    } else if (most <= chunk->small) {
+        step_wide(chunk, job, count, first, last, form_of_kernel(values_of, dahl_wide_small));
+    } else {
+        step_wide(chunk, job, count, first, last, form_of_kernel(any_values_of, dahl_wide_any));
+    }
+}
+
 DAHL_WIDE void step_wide_counts(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
 {
     const uint32_t most = largest_wide(job, first, last, dahl_wide_counts);
-    if (step_wide_maps(chunk, job, count, first, last, most)) {
-        return;
-    }
-    if (most <= chunk->tiny) {
-        step_wide(chunk, job, count, first, last, form_of_kernel(counts_of, dahl_wide_tiny));
-    } else if (most <= chunk->small) {
-        step_wide(chunk, job, count, first, last, form_of_kernel(counts_of, dahl_wide_small));
-    } else {
-        step_wide(chunk, job, count, first, last, form_of_kernel(counts_of, dahl_wide_any));
+    if (!step_wide_maps(chunk, job, count, first, last, most)) {
+        step_wide_kernels(chunk, job, count, first, last, most, counts_of, counts_of);
     }
 }
 
 DAHL_WIDE void step_wide_angles(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
 {
     const uint32_t most = largest_wide(job, first, last, dahl_wide_angles);
-    if (most <= chunk->tiny) {
-        step_wide(chunk, job, count, first, last, form_of_kernel(angles_of, dahl_wide_tiny));
-    } else if (most <= chunk->small) {
-        step_wide(chunk, job, count, first, last, form_of_kernel(angles_of, dahl_wide_small));
-    } else {
-        step_wide(chunk, job, count, first, last, form_of_kernel(angles_or_nan_of, dahl_wide_any));
-    }
+    step_wide_kernels(chunk, job, count, first, last, most, angles_of, angles_or_nan_of);
 }
 
 #endif
